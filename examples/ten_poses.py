@@ -19,7 +19,7 @@ def largest_differences() -> dict[str, float]:
     """Largest difference of each reaction over the poses, relative to its size there [-]."""
     fourbar = bm.Graph.load(FILE).compile()
     exact = fourbar.run(at=POSES, want=REACTIONS, friction="newton")
-    three = fourbar.run(at=POSES, want=REACTIONS, friction=bm.Successive(iterations=3))
+    three = fourbar.run(at=POSES, want=REACTIONS, friction=bm.friction.Successive(iterations=3))
     return {
         name: float(np.max(np.abs(three[name] - exact[name]) / np.abs(exact[name])))
         for name in REACTIONS

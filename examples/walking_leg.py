@@ -16,7 +16,7 @@ def corner(near: float, far: float, base: float) -> complex:
 
 # The links are as long as Jansen's "holy numbers", in centimetres.
 hip, foot = bm.Marker(at=corner(0.401, 0.558, 0.415)), bm.Marker(at=corner(0.490, 0.657, 0.367))
-g = bm.Graph("walking_leg", drive={"crank": bm.ConstantRate(rate=-2.0)})
+g = bm.Graph("walking_leg", drive={"crank": bm.motion.ConstantRate(rate=-2.0)})
 g.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "P": (-0.380, -0.078)}))
 g.add("crank", bm.Crank(length=0.150))
 g.add("upper", bm.RRR(l_i=0.500, l_j=0.415, branch=-1, links={"j": bm.Link(markers={"hip": hip})}))

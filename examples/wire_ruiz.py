@@ -8,7 +8,7 @@ import math
 
 import blockmech as bm
 
-PIN = bm.Coulomb(coefficient=0.4, radius=0.0075)
+PIN = bm.friction.Coulomb(coefficient=0.4, radius=0.0075)
 PINS = dict.fromkeys("BCD", PIN)
 S = cmath.rect(2.5, math.pi / 6)  # corner of the coupler, a plate B-C-S
 CRANK = {"crank": bm.Link(mass=4.8, inertia=1.7, cm=(1.0, 0.0))}
@@ -18,7 +18,7 @@ ROCKER = bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0.0))
 
 def fourbar() -> bm.Graph:
     """Crank AB, plate BCS with a load at S, rocker DC with a couple; friction in all pins."""
-    g = bm.Graph("ruiz_fourbar", drive={"crank": bm.ConstantRate(rate=10.0)})
+    g = bm.Graph("ruiz_fourbar", drive={"crank": bm.motion.ConstantRate(rate=10.0)})
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
     g.add("crank", bm.Crank(length=2.0, links=CRANK, friction={"A": PIN}))
     g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, links={"i": PLATE, "j": ROCKER}, friction=PINS))

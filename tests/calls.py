@@ -177,7 +177,7 @@ def _study_of_motions(s: Subject) -> Any:
 
 
 def _tolerance(s: Subject) -> Any:
-    scatter = {address: bm.normal(x, 1e-3 * abs(x)) for address, x in s.numbers.items()}
+    scatter = {address: bm.dist.Normal(x, 1e-3 * abs(x)) for address, x in s.numbers.items()}
     return s.mechanism.tolerance(scatter, s.output, **s.places, count=20)
 
 

@@ -19,10 +19,12 @@ RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
 
 def test_a_setting_is_refused_whatever_was_planned_before() -> None:
     mechanism = RUIZ.compile()
-    mechanism.run(at=1.0, want="crank.drive", friction=bm.Successive(iterations=1))
+    mechanism.run(at=1.0, want="crank.drive", friction=bm.friction.Successive(iterations=1))
     for wrong in (True, 1.0):
         with pytest.raises(bm.RequestError, match="iterations"):
-            mechanism.run(at=1.0, want="crank.drive", friction=bm.Successive(iterations=wrong))
+            mechanism.run(
+                at=1.0, want="crank.drive", friction=bm.friction.Successive(iterations=wrong)
+            )
 
 
 def test_numbers_without_names_are_told_theirs() -> None:

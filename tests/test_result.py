@@ -172,7 +172,7 @@ def test_comparison_of_different_samples_is_refused():
 
 @EACH_ENGINE
 def test_rerun_gives_other_outputs_of_the_same_run(engine):
-    settings = {"friction": bm.Successive(iterations=2)}
+    settings = {"friction": bm.friction.Successive(iterations=2)}
     run = ruiz().run(at=[1.0, 2.0], want="crank.drive", engine=engine, **settings)
     again = run.rerun("dyad.C.reaction", "crank.drive")
     assert again.settings == run.settings
@@ -336,12 +336,12 @@ def winch(rate=3.0, useful=True, start=0.0, end=6.0):
     """A rough crank of 1 m that works against a force turning with it."""
     g = bm.Graph("winch")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    law = bm.Coulomb(coefficient=COEFFICIENT, radius=RADIUS)
+    law = bm.friction.Coulomb(coefficient=COEFFICIENT, radius=RADIUS)
     g.add("crank", bm.Crank(length=1.0, friction={"A": law}))
     against = -math.copysign(FORCE, rate)
     g.add("work", bm.Force(force=(0.0, against), axes="link", useful=useful))
     wire(g, "frame.A crank.A", "crank.B work.at")
-    g.drive("crank", bm.ConstantRate(rate=rate, start=start, end=end))
+    g.drive("crank", bm.motion.ConstantRate(rate=rate, start=start, end=end))
     return g
 
 

@@ -108,7 +108,7 @@ def test_friction_couples_have_the_size_of_coulomb_and_oppose_the_slip():
 @EACH_ENGINE
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_iterates_of_successive_approximations_are_the_papers(engine, k):
-    r = run(engine, friction=bm.Successive(iterations=k))
+    r = run(engine, friction=bm.friction.Successive(iterations=k))
     wanted = [row["iterates"][k] for row in ROWS]
     assert [w["k"] for w in wanted] == [k] * len(ROWS)
     for joint, name in JOINTS.items():
@@ -120,8 +120,8 @@ def test_iterates_of_successive_approximations_are_the_papers(engine, k):
 
 @EACH_ENGINE
 def test_three_iterations_reach_a_thousandth_of_a_newton(engine):
-    second = run(engine, friction=bm.Successive(iterations=2))
-    third = run(engine, friction=bm.Successive(iterations=3))
+    second = run(engine, friction=bm.friction.Successive(iterations=2))
+    third = run(engine, friction=bm.friction.Successive(iterations=3))
     stopped = run(engine, friction="successive")
     for name in JOINTS.values():
         change = np.abs(third[f"{name}.reaction"]) - np.abs(second[f"{name}.reaction"])
@@ -132,7 +132,7 @@ def test_three_iterations_reach_a_thousandth_of_a_newton(engine):
 
 def test_successive_approximations_tend_to_newtons_answer():
     newton = run()
-    loose, tight = (run(friction=bm.Successive(tolerance=x)) for x in (STOP, 0.0))
+    loose, tight = (run(friction=bm.friction.Successive(tolerance=x)) for x in (STOP, 0.0))
     for name in JOINTS.values():
         exact = newton[f"{name}.reaction"]
         assert np.max(np.abs(loose[f"{name}.reaction"] - exact)) < STOP
@@ -142,7 +142,7 @@ def test_successive_approximations_tend_to_newtons_answer():
 def test_contraction_of_the_paper_s_linkage_is_small_and_reported():
     # numerics: P = 0.0026 to 0.0050 over the turn; rho of the iteration is below P
     newton = run().quality.contraction["dyad"]
-    observed = run(friction=bm.Successive(iterations=3)).quality.contraction["dyad"]
+    observed = run(friction=bm.friction.Successive(iterations=3)).quality.contraction["dyad"]
     assert np.all((newton > 0.002) & (newton < 0.006))
     assert np.all(observed <= newton)
 

@@ -41,9 +41,9 @@ def motion(result, driver="crank"):
 
 
 WANT = ["*.q", "*.rate", "*.acceleration"]
-STEADY = bm.ConstantRate(rate=10.0, start=1.0, end=3.0)
-SPEEDING = bm.RateAcceleration(rate=2.0, acceleration=3.0, start=1.0, end=3.0)
-TABLE = bm.Table(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 5.0], interpolation="linear")
+STEADY = bm.motion.ConstantRate(rate=10.0, start=1.0, end=3.0)
+SPEEDING = bm.motion.RateAcceleration(rate=2.0, acceleration=3.0, start=1.0, end=3.0)
+TABLE = bm.motion.Table(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 5.0], interpolation="linear")
 
 
 # ---- by coordinate -----------------------------------------------------------------------
@@ -103,14 +103,14 @@ def test_each_driver_gets_its_own_row():
 
 
 def test_several_drivers_run_through_their_ranges_together():
-    g = pair(STEADY, bm.ConstantRate(rate=1.0, start=0.0, end=8.0))
+    g = pair(STEADY, bm.motion.ConstantRate(rate=1.0, start=0.0, end=8.0))
     r = g.run(samples=5, want=WANT)
     assert r["left.q"].tolist() == [1.0, 1.5, 2.0, 2.5, 3.0]
     assert r["right.q"].tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
 
 
 def test_laws_of_coordinate_and_of_time_meet_in_time():
-    g = pair(STEADY, bm.Harmonic(amplitude=1.0, frequency=0.5))
+    g = pair(STEADY, bm.motion.Harmonic(amplitude=1.0, frequency=0.5))
     r = g.run(samples=3, want=WANT)
     assert r.time.tolist() == [0.0, 1.0, 2.0]  # the longer of 0.2 s and 2 s
     assert r["left.q"].tolist() == [1.0, 11.0, 21.0]
@@ -120,7 +120,7 @@ def test_laws_of_coordinate_and_of_time_meet_in_time():
 
 
 def test_default_is_the_laws_range_with_361_samples():
-    r = turning(bm.ConstantRate(rate=10.0)).run(want=WANT)
+    r = turning(bm.motion.ConstantRate(rate=10.0)).run(want=WANT)
     assert r.n == 361
     assert r["crank.q"][0] == 0.0
     assert r["crank.q"][-1] == 2 * math.pi
@@ -248,7 +248,7 @@ def test_range_without_a_law_is_refused_for_every_driver_that_has_none():
 
 
 def test_law_that_never_gets_there_is_refused():
-    braking = bm.RateAcceleration(rate=2.0, acceleration=-1.0, start=0.0, end=9.0)
+    braking = bm.motion.RateAcceleration(rate=2.0, acceleration=-1.0, start=0.0, end=9.0)
     with pytest.raises(bm.RequestError, match="never gets to sample 2"):
         turning(braking).run(at=[0.0, 2.0, 2.5])
     with pytest.raises(bm.RequestError, match="never gets to sample 0"):
@@ -271,11 +271,11 @@ def test_mechanism_without_drivers_has_one_pose_and_takes_no_coordinates():
 
 SETTINGS = [
     ({"friction": "x"}, "unknown-method", 'no friction method "x"'),
-    ({"friction": bm.Successive(tolerance=-1.0)}, "bad-value", "got -1"),
-    ({"friction": bm.Successive(tolerance=math.nan)}, "bad-value", "got nan"),
-    ({"friction": bm.Successive(tolerance=math.inf)}, "bad-value", "got inf"),
-    ({"friction": bm.Successive(iterations=0)}, "bad-value", "at least 1, got 0"),
-    ({"friction": bm.Successive(iterations=2.5)}, "bad-value", "whole number"),
+    ({"friction": bm.friction.Successive(tolerance=-1.0)}, "bad-value", "got -1"),
+    ({"friction": bm.friction.Successive(tolerance=math.nan)}, "bad-value", "got nan"),
+    ({"friction": bm.friction.Successive(tolerance=math.inf)}, "bad-value", "got inf"),
+    ({"friction": bm.friction.Successive(iterations=0)}, "bad-value", "at least 1, got 0"),
+    ({"friction": bm.friction.Successive(iterations=2.5)}, "bad-value", "whole number"),
     ({"engine": "x"}, "unknown-engine", "engines: auto, scalar, numpy"),
     ({"precision": "x"}, "unknown-engine", "complex64, complex128, clongdouble"),
     ({"engine": "scalar", "precision": "complex64"}, "unknown-engine", 'engine "scalar"'),
@@ -294,9 +294,9 @@ SETTINGS = [
     ({"friction": ["none"]}, "unknown-method", "friction: "),
     ({"static": "false"}, "bad-value", "static: "),
     ({"static": None}, "bad-value", "static: "),
-    ({"friction": bm.Successive(iterations=math.nan)}, "bad-value", "iterations: "),
-    ({"friction": bm.Successive(iterations=True)}, "bad-value", "iterations: "),
-    ({"friction": bm.Successive(tolerance="1e-3")}, "bad-value", "tolerance: "),
+    ({"friction": bm.friction.Successive(iterations=math.nan)}, "bad-value", "iterations: "),
+    ({"friction": bm.friction.Successive(iterations=True)}, "bad-value", "iterations: "),
+    ({"friction": bm.friction.Successive(tolerance="1e-3")}, "bad-value", "tolerance: "),
     ({"at": np.ma.array([1.0, 2.0], mask=[False, True])}, "bad-request", "at[crank]: "),
     ({"samples": 2**63, "at": None}, "bad-request", "samples: "),
     ({"chunk": True}, "bad-value", "chunk: "),
@@ -314,7 +314,7 @@ def test_wrong_setting_gets_one_clear_sentence(settings, code, said):
 
 def test_all_wrong_settings_are_told_at_once():
     with pytest.raises(bm.RequestError) as caught:
-        ruiz().run(at=1.0, friction=bm.Successive(tolerance=-1.0, iterations=0))
+        ruiz().run(at=1.0, friction=bm.friction.Successive(tolerance=-1.0, iterations=0))
     assert [p.where for p in caught.value.problems] == ["tolerance", "iterations"]
     with pytest.raises(bm.RequestError) as caught:
         ruiz().run(at=1.0, want=["a.b", "crank.drive", "c.d"])

@@ -24,14 +24,14 @@ CONSTRUCTORS = """import numpy as np
 import blockmech as bm
 
 links = {"i": bm.Link(mass=1.0, cm=(3.0, 0.0), markers={"S": (1.0, 2.0)})}
-drive = {"crank": bm.ConstantRate(rate=10.0, start=0.0, end=1.0)}
+drive = {"crank": bm.motion.ConstantRate(rate=10.0, start=0.0, end=1.0)}
 g = bm.Graph("typed", gravity=(0.0, -9.81), drive=drive)
 pivot = bm.Marker(at=(5.5, 0.0), dir=(0.0, 1.0))
 g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": pivot, "E": 1 + 2j, "F": [1.0, 2.0]}))
 g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, branch=-1, links=links))
 g.add("weight", bm.Force(force=(0.0, -1000.0)))
 place: complex = pivot.at.z
-times = bm.Table(times=np.linspace(0.0, 1.0, 5), values=[0.0, 1.0, 2.0, 3.0, 4.0])
+times = bm.motion.Table(times=np.linspace(0.0, 1.0, 5), values=[0.0, 1.0, 2.0, 3.0, 4.0])
 """
 RIGHT = (
     'g.run(at=range(3), want="crank.drive", friction="single")',

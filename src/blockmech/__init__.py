@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from blockmech.ground.garbage import grown_old, uncollected
 
 with uncollected():  # all that is made here is kept
+    from blockmech import friction as friction
     from blockmech import signals as signals
     from blockmech.blocks import (
         PRP,
@@ -25,19 +26,6 @@ with uncollected():  # all that is made here is kept
         SlideDrive,
     )
     from blockmech.builders import Graph, Linkage, read
-    from blockmech.friction.laws import (
-        Coulomb,
-        Dahl,
-        ElastoPlastic,
-        FrictionLaw,
-        Hydrodynamic,
-        LuGre,
-        Preload,
-        RollingBearing,
-        Stiction,
-        Stribeck,
-        Viscous,
-    )
     from blockmech.ground.errors import (
         AssemblyError,
         BlockmechError,
@@ -51,28 +39,20 @@ with uncollected():  # all that is made here is kept
     )
     from blockmech.ground.values import Link, Marker
     from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
-    from blockmech.model.laws_of_motion import (
-        ConstantRate,
-        Cycloidal,
-        Harmonic,
-        RateAcceleration,
-        Table,
-    )
+    from blockmech.model import laws_of_motion as motion
     from blockmech.model.subgraph import Subgraph
-    from blockmech.studies.sampling import normal, uniform
-    from blockmech.typing import Successive
 
     grown_old()
 
 if TYPE_CHECKING:
     from blockmech import design, draw, studio, synthesis
     from blockmech.couplings.kinds import Belt, Cam, Gear, Geneva, Rack, Ratio
-    from blockmech.design import shapes
     from blockmech.dynamics.motion_outputs import SimulationResult
     from blockmech.dynamics.request import Until, Watch
     from blockmech.exchange.writing import write
     from blockmech.mechanism import Mechanism
     from blockmech.result.result import Result
+    from blockmech.studies import distributions as dist
 
 __all__ = [
     "PRP",
@@ -84,72 +64,62 @@ __all__ = [
     "Belt",
     "BlockmechError",
     "Cam",
-    "ConstantRate",
-    "Coulomb",
     "Couple",
     "Crank",
-    "Cycloidal",
     "Cylinder",
-    "Dahl",
-    "ElastoPlastic",
     "Force",
     "FormatError",
     "Frame",
     "FrictionError",
-    "FrictionLaw",
     "Gear",
     "GeneralGroup",
     "Geneva",
     "Graph",
     "GraphError",
-    "Harmonic",
-    "Hydrodynamic",
     "Link",
     "Linkage",
-    "LuGre",
     "Marker",
     "Mechanism",
     "MissingEngineError",
     "Motor",
-    "Preload",
     "Problem",
     "Rack",
-    "RateAcceleration",
     "Ratio",
     "RequestError",
     "Result",
-    "RollingBearing",
     "SimulationResult",
     "SingularError",
     "SlideDrive",
     "Spring",
-    "Stiction",
-    "Stribeck",
     "Subgraph",
-    "Successive",
-    "Table",
     "Thrust",
     "TorsionSpring",
     "Until",
-    "Viscous",
     "Watch",
     "__version__",
     "design",
+    "dist",
     "draw",
+    "friction",
     "laws",
-    "normal",
+    "motion",
     "read",
-    "shapes",
     "signals",
     "studio",
     "synthesis",
-    "uniform",
     "write",
 ]
 
 __version__ = "0.1.0"
 
-_LATER = {  # loaded when they are first asked for
+_NAMESPACES = {  # loaded when they are first asked for, as are the names below
+    "design": "blockmech.design",
+    "dist": "blockmech.studies.distributions",
+    "draw": "blockmech.draw",
+    "studio": "blockmech.studio",
+    "synthesis": "blockmech.synthesis",
+}
+_LATER = {
     **dict.fromkeys(
         ("Belt", "Cam", "Gear", "Geneva", "Rack", "Ratio"), "blockmech.couplings.kinds"
     ),
@@ -165,10 +135,8 @@ _LATER = {  # loaded when they are first asked for
 if not TYPE_CHECKING:  # which tells of names that are not there by itself
 
     def __getattr__(name: str) -> Any:
-        if name in ("design", "draw", "studio", "synthesis"):
-            return import_module(f"blockmech.{name}")
-        if name == "shapes":
-            return import_module("blockmech.design.shapes")
+        if name in _NAMESPACES:
+            return import_module(_NAMESPACES[name])
         if name in _LATER:
             return getattr(import_module(_LATER[name]), name)
         raise AttributeError(f"module 'blockmech' has no attribute {name!r}")

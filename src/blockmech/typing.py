@@ -49,7 +49,8 @@ class Successive:
 
     >>> import blockmech as bm
     >>> mech = bm.read("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
-    >>> mech.run(friction=bm.Successive(iterations=3), want="crank.drive")  # doctest: +SKIP
+    >>> method = bm.friction.Successive(iterations=3)
+    >>> mech.run(friction=method, want="crank.drive")  # doctest: +SKIP
     """
 
     tolerance: float | None = None

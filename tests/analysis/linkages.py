@@ -29,7 +29,7 @@ def short_fourbar(name: str = "short", crank: str = "crank", bar: bm.Link | None
 
     With B = 2 (cos q, sin q) and D = (5.5, 0), |BD|^2 = 34.25 - 22 cos q <= 25.
     """
-    g = Graph(name, drive={crank: bm.ConstantRate(rate=1.0)})
+    g = Graph(name, drive={crank: bm.motion.ConstantRate(rate=1.0)})
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
     g.add(crank, bm.Crank(length=2.0))
     links = {"i": bar, "j": bar} if bar else {}

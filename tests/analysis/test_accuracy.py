@@ -34,7 +34,7 @@ def reference(name: str):
     """The turned mechanism in the widest numbers, friction by 60 successive approximations."""
     mech = mechanism(name)
     samples = make_samples(mech.drivers, mech.scene, samples=SAMPLES)
-    settings = {"want": WANT, "static": False, "friction": bm.Successive(iterations=60)}
+    settings = {"want": WANT, "static": False, "friction": bm.friction.Successive(iterations=60)}
     other = rotated_run(mech, samples, "clongdouble", settings)
     unsure = {f.sample for f in other.quality.flags}
     good = [i for i in range(SAMPLES) if i not in unsure and other.quality.status[i] == "ok"]
@@ -184,7 +184,11 @@ def test_the_choice_stands_in_the_json() -> None:
 
 @pytest.mark.parametrize(
     "setting",
-    [{"friction": "none"}, {"friction": bm.Successive(iterations=3)}, {"precision": "complex64"}],
+    [
+        {"friction": "none"},
+        {"friction": bm.friction.Successive(iterations=3)},
+        {"precision": "complex64"},
+    ],
 )
 def test_an_accuracy_and_a_setting_that_it_chooses_exclude_each_other(setting) -> None:
     with pytest.raises(bm.RequestError, match="give the accuracy or the setting"):

@@ -67,8 +67,8 @@ def test_offset_slider_crank_obeys_the_stroke_formula_and_returns_quickly(seed):
 
 
 def test_crank_that_runs_backwards_swaps_stroke_and_return():
-    forward = bm.ConstantRate(rate=2.0)
-    backward = bm.ConstantRate(rate=-2.0, start=0.0, end=-TURN)
+    forward = bm.motion.ConstantRate(rate=2.0)
+    backward = bm.motion.ConstantRate(rate=-2.0, start=0.0, end=-TURN)
     one = slider_crank(1.0, 3.0, 0.8, forward).compile().stroke("dyad.C.p")
     other = slider_crank(1.0, 3.0, 0.8, backward).compile().stroke("dyad.C.p")
     place = 2 * PLACE * 4.0 / (1.0 - 1 / 3)
@@ -165,7 +165,7 @@ def scotch_yoke():
     g.add("crank", bm.Crank(length=0.4))
     g.add("dyad", bm.RPP(beta=math.pi / 2))
     wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
-    g.drive("crank", bm.ConstantRate(rate=5.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=5.0))
     return g.compile()
 
 
@@ -218,7 +218,7 @@ def test_full_turning_link_has_no_extreme_of_its_angle_inside():
 
 
 def test_rates_grow_without_bound_towards_a_dead_centre():
-    law = bm.ConstantRate(rate=10.0)
+    law = bm.motion.ConstantRate(rate=10.0)
     found = slider_crank(1.0, 3.0, 2.5, law).compile().extremes("dyad.i.omega")
     assert {found.minimum.value, found.maximum.value} == {-math.inf, math.inf}
     end = slider_crank(1.0, 3.0, 2.5).compile().limits().arcs[0].end.q
@@ -227,7 +227,7 @@ def test_rates_grow_without_bound_towards_a_dead_centre():
 
 
 def test_extremes_are_followed_in_time_where_the_law_is_one_of_time():
-    law = bm.Harmonic(amplitude=1.0, frequency=2.0)
+    law = bm.motion.Harmonic(amplitude=1.0, frequency=2.0)
     g = slider_crank(1.0, 3.0, 0.0, law)
     found = g.compile().extremes("crank.rate")
     assert abs(found.maximum.value - 4 * math.pi) <= 8 * EPS * 4 * math.pi
@@ -240,8 +240,8 @@ def test_extremes_are_followed_in_time_where_the_law_is_one_of_time():
 
 def test_two_drivers_are_followed_along_their_laws():
     g = fivebar()
-    g.drive("left", bm.ConstantRate(rate=1.0, start=0.0, end=1.0))
-    g.drive("right", bm.ConstantRate(rate=2.0, start=0.0, end=2.0))
+    g.drive("left", bm.motion.ConstantRate(rate=1.0, start=0.0, end=1.0))
+    g.drive("right", bm.motion.ConstantRate(rate=2.0, start=0.0, end=2.0))
     found = g.compile().extremes("right.B.p.y")
     assert abs(found.maximum.value - 1.0) <= 4 * EPS
     assert abs(found.maximum.at["right.q"] - math.pi / 2) <= 2 * PLACE
@@ -249,7 +249,7 @@ def test_two_drivers_are_followed_along_their_laws():
 
 
 def test_mechanical_advantage_is_useful_force_over_driving_moment():
-    g = slider_crank(0.1, 0.35, 0.0, bm.ConstantRate(rate=2.0))
+    g = slider_crank(0.1, 0.35, 0.0, bm.motion.ConstantRate(rate=2.0))
     g.add("work", bm.Force(force=(-800.0, 0.0), useful=True))
     g.connect("dyad.C", "work.at")
     mechanism = g.compile()
@@ -279,7 +279,7 @@ def test_rounding_about_zero_is_not_taken_for_a_motion():
     g.add("crank", bm.Crank(length=0.4))
     g.add("dyad", bm.RPP(beta=math.pi / 2, links={"j": across}))
     wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
-    g.drive("crank", bm.ConstantRate(rate=5.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=5.0))
     found = g.compile().extremes("dyad.j.angle")
     assert found.turns == ()
     omega = g.compile().extremes("dyad.j.omega")
@@ -320,7 +320,7 @@ def test_wrong_requests_are_named(ask, name, found):
 
 
 def test_stroke_of_what_grows_without_bound_is_refused():
-    law = bm.ConstantRate(rate=10.0)
+    law = bm.motion.ConstantRate(rate=10.0)
     with pytest.raises(bm.RequestError, match="grows without bound"):
         stroke(slider_crank(1.0, 3.0, 2.5, law).compile(), "dyad.i.omega")
 
@@ -347,6 +347,6 @@ def test_result_with_many_rates_cannot_be_followed():
 
 def test_an_extreme_is_at_a_place_that_the_mechanism_reaches():
     """The angle of a slider is its guide's, also where the rod is too short for the guide."""
-    law = bm.ConstantRate(rate=1.0, start=0.6, end=3.0)
+    law = bm.motion.ConstantRate(rate=1.0, start=0.6, end=3.0)
     found = extremes(slider_crank(crank=2.0, rod=1.0, law=law).compile(), "dyad.j.angle")
     assert found.minimum.at["crank.q"] >= math.pi - math.asin(0.5)

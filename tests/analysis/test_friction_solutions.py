@@ -190,7 +190,7 @@ def test_a_pose_that_jams_has_none_and_that_is_proved():
 
 def test_a_pose_that_does_not_close_is_no_pose():
     g = bm.Graph("short")
-    law = bm.Coulomb(coefficient=0.2, radius=0.05)
+    law = bm.friction.Coulomb(coefficient=0.2, radius=0.05)
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (3.0, 0.0)}))
     g.add("crank", bm.Crank(length=1.0))
     g.add("dyad", bm.RRR(l_i=1.5, l_j=1.5, friction=dict.fromkeys("BCD", law)))

@@ -309,7 +309,7 @@ def test_other_drivers_are_held():
 
 def test_other_drivers_begin_where_their_laws_do():
     g = fivebar()
-    g.drive("right", bm.ConstantRate(rate=1.0, start=math.pi))
+    g.drive("right", bm.motion.ConstantRate(rate=1.0, start=math.pi))
     assert g.compile().limits("left").held == {"right": math.pi}
     g = fivebar()
     g.start("right", q=2.0)

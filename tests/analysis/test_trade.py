@@ -76,7 +76,7 @@ def test_more_successive_approximations_give_smaller_errors() -> None:
 
 
 def test_successive_approximations_contract_at_the_measured_rate() -> None:
-    run = ruiz().compile().run(samples=501, friction=bm.Successive(iterations=4))
+    run = ruiz().compile().run(samples=501, friction=bm.friction.Successive(iterations=4))
     rho = float(np.nanmax(run.quality.contraction["dyad"]))
     two, three, four = (p.error for p in of(friction(), "successive")[:3])
     # The worst sample of an error need not be the one that contracts worst; the rate is

@@ -64,7 +64,7 @@ def test_every_pair_link_load_block_and_drive_has_its_row():
 
 def test_single_correction_is_balanced_too():
     # one correction leaves Coulomb's law behind, not the balance of any link
-    for settings in ({"friction": "single"}, {"friction": bm.Successive(iterations=2)}):
+    for settings in ({"friction": "single"}, {"friction": bm.friction.Successive(iterations=2)}):
         assert ruiz(radius=0.3).compile().verify(**settings).ok
 
 
@@ -103,7 +103,7 @@ def into_the_pin():
     g.add("dyad", bm.RRR(l_i=1.3, l_j=0.8, branch=-1))
     g.add("push", bm.Force(force=PUSH))
     wire(g, "frame.D dyad.B", "frame.A crank.A", "crank.B dyad.D", "dyad.B push.at")
-    g.drive("crank", bm.ConstantRate(rate=3.0, start=0.0, end=2 * np.pi))
+    g.drive("crank", bm.motion.ConstantRate(rate=3.0, start=0.0, end=2 * np.pi))
     return g
 
 
@@ -116,7 +116,7 @@ def strut():
     g.add("dyad", bm.RRR(l_i=1.1, l_j=0.9, links=links))
     g.add("push", bm.Force(force=(100.0, 0.0), axes="link"))
     wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D", "dyad.P push.at")
-    g.drive("crank", bm.ConstantRate(rate=3.0, start=0.3, end=1.2))
+    g.drive("crank", bm.motion.ConstantRate(rate=3.0, start=0.3, end=1.2))
     return g
 
 
@@ -126,13 +126,13 @@ def wheel():
     g.add("frame", bm.Frame(markers={"A": (0.7, 0.4)}))
     g.add("wheel", bm.Crank(links={"crank": bm.Link(mass=20.0, cm=(1e-9, 0.0))}))
     wire(g, "frame.A wheel.A")
-    g.drive("wheel", bm.ConstantRate(rate=3.0, start=0.0, end=2 * np.pi))
+    g.drive("wheel", bm.motion.ConstantRate(rate=3.0, start=0.0, end=2 * np.pi))
     return g
 
 
 def rough_pivot():
     """A pin of 1e14 m: its friction and the drive that overcomes it leave rounding of both."""
-    graph, pin = ruiz(radius=0.0), bm.Coulomb(coefficient=0.4, radius=1e14)
+    graph, pin = ruiz(radius=0.0), bm.friction.Coulomb(coefficient=0.4, radius=1e14)
     graph.blocks["crank"] = changed(graph.blocks["crank"], friction={"A": pin})
     return graph
 
@@ -140,7 +140,7 @@ def rough_pivot():
 def slowest():
     """Driven at the smallest rate there is."""
     graph = ruiz()
-    graph.drive("crank", bm.ConstantRate(rate=5e-324))
+    graph.drive("crank", bm.motion.ConstantRate(rate=5e-324))
     return graph
 
 
@@ -300,7 +300,7 @@ def slides_from_rest(way):
     """A slider with dry friction on an incline, at rest, which does not hold."""
     g = bm.Graph("incline", gravity=(0.0, -9.81))
     g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=way * 0.5)}))
-    rub, own = {"S": bm.Coulomb(coefficient=0.3)}, {"slider": bm.Link(mass=3.0)}
+    rub, own = {"S": bm.friction.Coulomb(coefficient=0.3)}, {"slider": bm.Link(mass=3.0)}
     g.add("s", bm.SlideDrive(links=own, friction=rub))
     g.connect("frame.G", "s.S")
     g.start("s", q=0.0)

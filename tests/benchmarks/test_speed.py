@@ -126,7 +126,9 @@ def test_an_accuracy_against_the_method_that_it_chooses() -> None:
         found = mech.run(accuracy=1e-6, on_gap="mark").accuracy
         assert found is not None
         k, name = found.iterations, found.friction
-        setting: dict[str, Any] = {"friction": name if k is None else bm.Successive(iterations=k)}
+        setting: dict[str, Any] = {
+            "friction": name if k is None else bm.friction.Successive(iterations=k)
+        }
         calls = [{"accuracy": 1e-6}, setting | {"precision": found.precision, "engine": "auto"}]
         times: list[list[float]] = [[], []]
         for _ in range(40):  # the worst of many ratios is the noisiest

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import blockmech as bm
 
-PIN = bm.Coulomb(coefficient=0.2, radius=0.005)
-LONG_SHOE = bm.Coulomb(coefficient=0.12, guide_length=0.15)
+PIN = bm.friction.Coulomb(coefficient=0.2, radius=0.005)
+LONG_SHOE = bm.friction.Coulomb(coefficient=0.12, guide_length=0.15)
 
 
 def wired(name, blocks, wires, gravity=(0.4, -9.81)):

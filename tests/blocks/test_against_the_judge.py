@@ -46,7 +46,7 @@ ROUGH = [
 @pytest.mark.parametrize(("name", "dyad", "mu", "more"), ROUGH, ids=[name for name, *_ in ROUGH])
 def test_short_rough_guides_jam_where_the_judge_finds_no_solution(name, dyad, mu, more):
     graph = bm.Graph.load(GRAPHS / f"{name}.json")
-    block, shoe = graph.blocks[dyad], bm.Coulomb(coefficient=mu, guide_length=0.03)
+    block, shoe = graph.blocks[dyad], bm.friction.Coulomb(coefficient=mu, guide_length=0.03)
     rough = {joint: shoe for joint, declared in block.joints.items() if declared.kind == "P"}
     graph.blocks[dyad] = changed(block, friction=rough, **more)
     counts = Counter()

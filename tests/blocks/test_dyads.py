@@ -185,7 +185,7 @@ def test_couple_of_a_slider_on_the_pinned_link_keeps_its_digits_under_large_load
 
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_iterates_of_a_rough_guide_are_those_of_the_papers_steps(k):
-    mech = slider_crank(friction={"S": bm.Coulomb(coefficient=0.6)}).compile()
+    mech = slider_crank(friction={"S": bm.friction.Coulomb(coefficient=0.6)}).compile()
     q = np.array([0.4, 1.3, 2.6])
     smooth = mech.run(at=q, rates=RATE, friction="none")
     beta = np.arcsin(R * np.sin(q) / L)
@@ -193,13 +193,13 @@ def test_iterates_of_a_rough_guide_are_those_of_the_papers_steps(k):
     for _ in range(k):  # N = N_smooth - T tan(beta)
         N = smooth["dyad.S.N"] - T * np.tan(beta)
         T = -0.6 * np.abs(N) * np.sign(smooth["dyad.S.slip"])
-    method = {"friction": "single" if k == 1 else bm.Successive(iterations=k)}
+    method = {"friction": "single" if k == 1 else bm.friction.Successive(iterations=k)}
     run = mech.run(at=q, rates=RATE, on_gap="mark", **method)
     assert np.abs(run["dyad.S.friction"] / T - 1).max() <= 1e-12
 
 
 def test_slider_at_rest_has_no_friction_and_says_within_which_limits():
-    graph = slider_crank(0.07, friction={"S": bm.Coulomb(coefficient=0.2)})
+    graph = slider_crank(0.07, friction={"S": bm.friction.Coulomb(coefficient=0.2)})
     stop = math.asin(0.07 / (L + R))  # crank and rod in line
     run = graph.run(at=[stop, 1.0], rates=RATE)
     flags = [f for f in run.quality.flags if f.code == "zero-relative-speed"]
@@ -211,7 +211,7 @@ def test_slider_at_rest_has_no_friction_and_says_within_which_limits():
 
 def test_crank_pin_on_the_guide_is_not_taken_for_a_pin_at_rest():
     """There every length of the dyad is zero for a moment."""
-    graph = scotch_yoke(R, friction={"B": bm.Coulomb(coefficient=0.2, radius=0.01)})
+    graph = scotch_yoke(R, friction={"B": bm.friction.Coulomb(coefficient=0.2, radius=0.01)})
     run = graph.run(at=[0.0, 1e-13, 1.0], rates=RATE)
     wanted = 0.2 * 0.01 * np.abs(run["dyad.B.reaction"])  # the yoke's block turns back
     assert np.abs(run["dyad.B.friction"] / wanted - 1).max() <= ROUNDING

@@ -38,7 +38,7 @@ def fivebar(tmp_path: Path) -> Path:
 @pytest.fixture
 def slide(tmp_path: Path) -> Path:
     """A file of a slider alone, driven along the frame's x axis."""
-    g = bm.Graph("slide", drive={"table": bm.ConstantRate(rate=1.0)})
+    g = bm.Graph("slide", drive={"table": bm.motion.ConstantRate(rate=1.0)})
     g.add("frame", bm.Frame(markers={"S": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
     g.add("table", bm.SlideDrive(links={"slider": bm.Link(mass=2.0)}))
     g.connect("frame.S", "table.S")

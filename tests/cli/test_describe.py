@@ -73,7 +73,7 @@ def test_some_outputs_as_data(call, ruiz):
 def test_every_quantity_is_said_in_words_and_none_that_there_is_not():
     graphs = [mechanism(path.stem) for path in GRAPHS.glob("*.json")]
     linkages = [bm.Linkage.load(path).compile() for path in JOINTS.glob("*.json")]
-    law = bm.LuGre(static=0.2, kinetic=0.1, stribeck_speed=1.0, stiffness=1e3, radius=0.01)
+    law = bm.friction.LuGre(static=0.2, kinetic=0.1, stribeck_speed=1.0, stiffness=1e3, radius=0.01)
     bristles = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     more = {"friction": {"B": law}, "clearance": {"B": 1e-5}}
     bristles.blocks["dyad"] = bristles.blocks["dyad"].model_copy(update=more)

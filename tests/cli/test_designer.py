@@ -218,7 +218,7 @@ def test_tables_keep_the_order_asked_for_and_name_friction_where_there_is_some()
     ],
 )
 def test_missing_inertia_is_one_note_where_a_force_is_asked(links: Any, note: str) -> None:
-    g = bm.Graph("fourbar", drive={"crank": bm.ConstantRate(rate=1.0)})
+    g = bm.Graph("fourbar", drive={"crank": bm.motion.ConstantRate(rate=1.0)})
     g.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0)}))
     g.add("crank", bm.Crank(length=2.0))
     g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, **links))

@@ -126,7 +126,7 @@ def test_ctrl_c_ends_without_a_traceback(ruiz, tmp_path):
 
 
 def test_old_consoles_get_a_question_mark_for_letters_they_lack(tmp_path):
-    g = bm.Graph("größe_𝛼", drive={"кривошип": bm.ConstantRate(rate=1.0)})
+    g = bm.Graph("größe_𝛼", drive={"кривошип": bm.motion.ConstantRate(rate=1.0)})
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     g.add("кривошип", bm.Crank(length=1.0))
     g.connect("frame.A", "кривошип.A")

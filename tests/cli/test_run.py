@@ -53,11 +53,11 @@ REQUESTS = [
     (["--friction", "single"], {"friction": "single"}),
     (
         ["--friction", "successive", "--iterations", "2"],
-        {"friction": bm.Successive(iterations=2)},
+        {"friction": bm.friction.Successive(iterations=2)},
     ),
     (
         ["--friction", "successive", "--tolerance", "1e-9"],
-        {"friction": bm.Successive(tolerance=1e-9)},
+        {"friction": bm.friction.Successive(tolerance=1e-9)},
     ),
     (["--friction", "successive"], {"friction": "successive"}),
     (["--want", "crank.drive,*.reaction"], {"want": ["crank.drive", "*.reaction"]}),

@@ -687,7 +687,7 @@ def test_cams_without_one_closed_profile_are_refused(change):
 
 def test_a_belt_under_tension_moves_with_friction_by_both_integrators():
     g = cranks(bm.Belt(driver="one", driven="two", radii=(0.1, 0.16), preload=300.0))
-    rub = bm.Coulomb(coefficient=0.1, radius=0.02)
+    rub = bm.friction.Coulomb(coefficient=0.1, radius=0.02)
     g.blocks["two"] = g.blocks["two"].model_copy(update={"friction": {"A": rub}})
     mech = g.compile()
     ask = {"start": {"one": (0.2, 9.0)}, "want": "*"}

@@ -41,7 +41,7 @@ def machine(markers, mesh, blocks, gravity=(0.0, 0.0)):
 
 def gears(load=0.0, motor=0.0, eta=ETA, rub=0.0, cm=0.0, **more):
     """A pinion of 20 teeth and a wheel of 40, 60 mm from it, maybe with its mass aside."""
-    friction = {"A": bm.Coulomb(coefficient=rub, radius=0.01)} if rub else {}
+    friction = {"A": bm.friction.Coulomb(coefficient=rub, radius=0.01)} if rub else {}
     wheel = bm.Link(mass=0.5 if cm else 0.0, inertia=3e-4, cm=(cm, 0.0))
     more = {"teeth": (20, 40), "pressure_angle": 0.3} | more
     return machine(
@@ -387,7 +387,7 @@ def test_an_efficiency_of_one_is_no_friction():
 def test_studies_and_derivatives_know_it():
     """d/d eta of load / (2 eta)."""
     g = gears(2.0)
-    g.drive("pinion", bm.ConstantRate(rate=3.0))
+    g.drive("pinion", bm.motion.ConstantRate(rate=3.0))
     mech = g.compile()
     study = mech.study({"mesh.efficiency": [0.5, 0.8, 1.0]}, times=[0.0], want="max(pinion.drive)")
     assert study["max(pinion.drive)"] == pytest.approx([2.0, 1.25, 1.0], rel=ROUNDING)

@@ -27,7 +27,7 @@ PIN = 50.9339292628981  # [N] of the planet, where teeth push along the tangent
 def planetary(angle=ANGLE, rub=0.0):
     """Module 2 mm, 24, 18 and 60 teeth; the carrier leads, so that all is linear from it."""
     g = bm.Graph("planetary")
-    friction = {"A": bm.Coulomb(coefficient=rub, radius=0.005)} if rub else {}
+    friction = {"A": bm.friction.Coulomb(coefficient=rub, radius=0.005)} if rub else {}
     g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
     g.add("carrier", bm.Crank(length=0.042, links={"crank": bm.Link(inertia=3e-4)}))
     wheel = bm.Link(mass=0.3, inertia=1e-5)
@@ -54,7 +54,7 @@ def pair(teeth, rub=0.0, sense=1, **gear):
     g = bm.Graph("pair", gravity=(0.0, -9.81))
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (0.5, 0.1)}))
     heavy = {"crank": bm.Link(mass=1.2, inertia=0.1, cm=(0.1, 0.05))}
-    friction = {"A": bm.Coulomb(coefficient=rub, radius=0.05)} if rub else {}
+    friction = {"A": bm.friction.Coulomb(coefficient=rub, radius=0.05)} if rub else {}
     g.add("one", bm.Crank(links=heavy, friction=friction))
     g.add("two", bm.Crank(links=heavy, friction=friction, sign=sense))
     g.connect("frame.A", "one.A")

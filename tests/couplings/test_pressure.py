@@ -20,7 +20,7 @@ ANGLE, MU, ROUND_PIN, G = 0.35, 0.3, 0.01, 9.81
 CENTRES = 0.05 + 0.02j
 TEETH = (20, 41)
 ONE, TWO = (1.0, 2e-3, 0.0), (2.0, 3e-2, 0.06)  # mass, inertia, centre of mass along the link
-FRICTION = {"A": bm.Coulomb(coefficient=MU, radius=ROUND_PIN)}
+FRICTION = {"A": bm.friction.Coulomb(coefficient=MU, radius=ROUND_PIN)}
 
 
 def wheels(load, motor=0.0, internal=False):

@@ -36,7 +36,7 @@ def cyclic() -> Graph:
 def fourbar(rocker: float = 3.0) -> Graph:
     """A four-bar without mass and load; a short rocker cannot follow the whole turn."""
     g = linkages.fourbar(2.0, 6.0, rocker, 5.5)
-    g.drive("crank", bm.ConstantRate(rate=10.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=10.0))
     return g
 
 
@@ -48,7 +48,7 @@ def slider_crank(slider: str = "later") -> Graph:
     g.add("rod", bm.RRP(l=0.3, branch=1, slider=slider, links={"j": bm.Link(mass=1.5)}))
     g.add("gas", bm.Force(force=(-500.0, 0.0)))
     wire(g, "frame.O crank.A", "crank.B rod.B", "frame.G rod.S", "rod.j gas.at")
-    g.drive("crank", bm.ConstantRate(rate=10.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=10.0))
     return g
 
 
@@ -59,7 +59,7 @@ def quick_return() -> Graph:
     g.add("crank", bm.Crank(length=0.15))
     g.add("lever", bm.RPR(branch=-1, slider="i", links={"j": bm.Link(markers={"T": (0.6, 0.0)})}))
     wire(g, "frame.O crank.A", "crank.B lever.B", "frame.P lever.D")
-    g.drive("crank", bm.ConstantRate(rate=1.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=1.0))
     return g
 
 
@@ -73,7 +73,7 @@ def rocking_slide() -> Graph:
     g.add("couple", bm.Couple(moment=3.0))
     wire(g, "frame.S ram.S", "ram.S dyad.B", "frame.D dyad.D")
     wire(g, "dyad.E spring.b", "frame.S spring.a", "dyad.j couple.on")
-    g.drive("ram", bm.Harmonic(mean=0.6, amplitude=0.5, frequency=1.0, phase=math.pi / 2))
+    g.drive("ram", bm.motion.Harmonic(mean=0.6, amplitude=0.5, frequency=1.0, phase=math.pi / 2))
     return g
 
 

@@ -11,7 +11,7 @@ CASES = {
     "curves": ({"dyad.l_i": np.linspace(4.0, 6.5, 11)}, {}),
     "maps": ({"dyad.l_i": np.linspace(4.0, 6.5, 5), "dyad.l_j": [2.5, 3.0, 3.5]}, {}),
     "scatter": (
-        {"dyad.l_i": bm.normal(6.0, 0.2), "frame.D.x": bm.uniform(5.0, 6.0)},
+        {"dyad.l_i": bm.dist.Normal(6.0, 0.2), "frame.D.x": bm.dist.Uniform(5.0, 6.0)},
         {"count": 40},
     ),
 }

@@ -243,7 +243,7 @@ def test_stops_of_any_joint_hold_where_others_lead():
 
 def test_joint_friction_goes_along():
     """Its work is what the energy loses, and pairs rub by their law in every chart."""
-    law = {"friction": bm.Coulomb(coefficient=0.1, radius=0.005)}
+    law = {"friction": bm.friction.Coulomb(coefficient=0.1, radius=0.005)}
     mechanism = hanging(A=law, B=law, C=law, D=law).compile()
     want = ["mechanism.*_energy", "joint.B.*", "driver.motor.drive"]
     result = mechanism.simulate("time=0.5", want=want)

@@ -31,7 +31,7 @@ def arms(count, arm):
     g = bm.Graph("arms", gravity=(0.0, -G))
     g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
     link = bm.Link(mass=1.0, inertia=0.02, cm=(0.2, 0.0))
-    pin = {"A": bm.Coulomb(coefficient=0.5, radius=2 * arm)}
+    pin = {"A": bm.friction.Coulomb(coefficient=0.5, radius=2 * arm)}
     last = "frame.O"
     for i in range(count):
         g.add(f"arm{i}", bm.Crank(length=0.4, links={"crank": link}, friction=pin))
@@ -53,7 +53,7 @@ def fourbar(arm, beside=False):
     g = bm.Graph("fourbar", gravity=(0.0, -G))
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (0.4, 0.0), "E": (3.0, 0.0)}))
     rod = bm.Link(mass=1.0, inertia=0.02, cm=(0.2, 0.0))
-    pins = {joint: bm.Coulomb(coefficient=0.5, radius=2 * arm) for joint in "ABCD"}
+    pins = {joint: bm.friction.Coulomb(coefficient=0.5, radius=2 * arm) for joint in "ABCD"}
     crank = bm.Link(mass=2.0, inertia=0.1, cm=(0.05, 0.0))
     g.add("crank", bm.Crank(length=0.1, links={"crank": crank}, friction={"A": pins["A"]}))
     dyad = {joint: pins[joint] for joint in "BCD"}
@@ -193,13 +193,13 @@ def test_a_slope_holds_to_rounding_with_any_number_of_drivers(beside, short, res
     g = bm.Graph("slope", gravity=(0.0, -G))
     places = {"G": bm.Marker(at=(0.0, 0.0), angle=slope), "O": (5.0, 0.0)}
     g.add("frame", bm.Frame(markers=places))
-    rough = {"S": bm.Coulomb(coefficient=0.3 * (1 - short))}
+    rough = {"S": bm.friction.Coulomb(coefficient=0.3 * (1 - short))}
     body = bm.Link(mass=3.0)
     g.add("slider", bm.SlideDrive(links={"slider": body}, friction=rough))
     g.connect("frame.G", "slider.S")
     if beside:
         hanging = bm.Link(mass=1.0, cm=(0.0, -0.5))
-        dry_pin = {"A": bm.Coulomb(coefficient=0.3, radius=0.02)}
+        dry_pin = {"A": bm.friction.Coulomb(coefficient=0.3, radius=0.02)}
         g.add("other", bm.Crank(length=0.5, links={"crank": hanging}, friction=dry_pin))
         g.connect("frame.O", "other.A")
     mech, still = g.compile(), np.zeros(1 + beside)

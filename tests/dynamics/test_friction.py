@@ -74,7 +74,7 @@ def test_before_a_dead_centre_friction_ends_the_motion_by_both_integrators():
     rod = bm.Link(mass=1.0, inertia=0.08, cm=(0.5, 0.0))
     body = bm.Link(mass=2.0, inertia=0.1, markers={"P": (0.0, 0.0)})
     graph.add("frame", frame)
-    friction = {"S": bm.Coulomb(coefficient=0.2)}
+    friction = {"S": bm.friction.Coulomb(coefficient=0.2)}
     graph.add("slider", bm.SlideDrive(links={"slider": body}, friction=friction))
     graph.add("dyad", bm.RRR(l_i=1.0, l_j=0.8, branch=1, links={"i": rod, "j": rod}))
     for a, b in (("frame.G", "slider.S"), ("slider.P", "dyad.B"), ("frame.A", "dyad.D")):
@@ -132,7 +132,7 @@ def test_what_friction_all_but_holds_is_known_to_the_rounding_of_what_cancels(me
     mu, slope = mpf("0.1"), math.atan(0.1) * (1 + 1e-9)
     graph = bm.Graph("plane", gravity=(0.0, -G))
     graph.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=slope)}))
-    friction = {"S": bm.Coulomb(coefficient=float(mu))}
+    friction = {"S": bm.friction.Coulomb(coefficient=float(mu))}
     graph.add("slider", bm.SlideDrive(links={"slider": bm.Link(mass=2.0)}, friction=friction))
     graph.connect("frame.G", "slider.S")
     motion = graph.compile().simulate("time=2", start={"slider": (0.0, 0.0)}, method=method).motion
@@ -171,7 +171,7 @@ def test_where_no_acceleration_satisfies_coulombs_law_the_state_is_named(method)
     ("settings", "found"),
     [
         ({"friction": "single"}, -2.94478095),
-        ({"friction": bm.Successive(iterations=3)}, -2.94476213),
+        ({"friction": bm.friction.Successive(iterations=3)}, -2.94476213),
         ({"friction": "newton"}, -2.94476213),
     ],
 )
@@ -183,7 +183,7 @@ def test_friction_in_motion_is_solved_by_the_methods_of_a_run(settings, found):
             .motion
         )
         assert motion.q_end == pytest.approx(found, abs=1e-8)
-    wrong = bm.Successive(iterations=0)
+    wrong = bm.friction.Successive(iterations=0)
     with pytest.raises(RequestError, match="at least 1, got 0"):
         pendulum().simulate("time=1", start={"crank": (0.5, 0.0)}, friction=wrong)
 
@@ -198,7 +198,7 @@ def pistons(number):
     rod = bm.Link(mass=0.6 / number, inertia=0.003 / number, cm=(0.15, 0.0))
     links, rough = (
         {"i": rod, "j": bm.Link(mass=0.9 / number)},
-        bm.Coulomb(coefficient=0.2, radius=0.03),
+        bm.friction.Coulomb(coefficient=0.2, radius=0.03),
     )
     for k in range(number):
         group = bm.RRP(l=0.3, h=0.0, branch=1, links=links, friction={"C": rough})
@@ -251,7 +251,7 @@ def test_a_balanced_wheel_slows_down_evenly():
     """Its pin carries the weight alone: a load that does not change has no kink."""
     graph = bm.Graph("wheel", gravity=(0.0, -G))
     graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    wheel, pin = bm.Link(mass=2.0, inertia=0.5), bm.Coulomb(coefficient=0.2, radius=0.05)
+    wheel, pin = bm.Link(mass=2.0, inertia=0.5), bm.friction.Coulomb(coefficient=0.2, radius=0.05)
     graph.add("crank", bm.Crank(length=0.1, links={"crank": wheel}, friction={"A": pin}))
     graph.connect("frame.A", "crank.A")
     motion = graph.compile().simulate("standstill", start={"crank": (0.0, 5.0)}).motion

@@ -46,7 +46,7 @@ SWINGS = 28
 
 
 def law():
-    return bm.Stribeck(**STRIBECK, radius=0.05)
+    return bm.friction.Stribeck(**STRIBECK, radius=0.05)
 
 
 @pytest.mark.parametrize(("method", "engine"), WAYS)
@@ -102,7 +102,7 @@ def test_the_first_acceleration_is_the_root_of_the_quadratic(q):
 @pytest.mark.parametrize(("method", "engine"), WAYS)
 def test_a_wheel_on_a_viscous_pin_slows_down_exponentially(method, engine):
     t = np.array([0.1, 0.5] if method == "radau" else [0.5, 2.0])
-    moved = wheel(bm.Viscous(damping=0.2)).compile().simulate(
+    moved = wheel(bm.friction.Viscous(damping=0.2)).compile().simulate(
         f"time={t[-1]}", start={"crank": (0.3, 5.0)}, times=t, method=method, engine=engine,
         accuracy=1e-11, want=["crank.q", "crank.rate"],
     )  # fmt: skip
@@ -115,9 +115,11 @@ def test_a_wheel_on_a_viscous_pin_slows_down_exponentially(method, engine):
 
 def test_a_massless_link_drags_too():
     """What turns with a wheel and weighs nothing still drags in its pins: for run and motion."""
-    g = wheel(bm.Viscous(damping=0.0))
+    g = wheel(bm.friction.Viscous(damping=0.0))
     g.blocks["frame"] = bm.Frame(markers={"A": (0.0, 0.0), "D": (3.0, 0.0)})
-    g.add("rod", bm.RRR(l_i=3.0, l_j=1.0, branch=1, friction={"D": bm.Viscous(damping=0.2)}))
+    g.add(
+        "rod", bm.RRR(l_i=3.0, l_j=1.0, branch=1, friction={"D": bm.friction.Viscous(damping=0.2)})
+    )
     g.connect("crank.B", "rod.B")
     g.connect("frame.D", "rod.D")
     mech = g.compile()
@@ -130,7 +132,7 @@ def test_a_massless_link_drags_too():
 
 @pytest.mark.parametrize("method", ["dop853"])
 def test_a_preload_brakes_evenly_and_holds(method):
-    motion = wheel(bm.Preload(resistance=0.5)).compile().simulate(
+    motion = wheel(bm.friction.Preload(resistance=0.5)).compile().simulate(
         "time=9", start={"crank": (0.0, 3.0)}, method=method, want=()
     ).motion  # fmt: skip
     assert motion.q_end == pytest.approx(9.0 / 2 / 1.5, rel=1e-9)
@@ -140,13 +142,13 @@ def test_a_preload_brakes_evenly_and_holds(method):
 
 
 def test_static_friction_holds_up_to_its_own_limit_and_kinetic_friction_slows():
-    pin = bm.Stiction(static=0.4, kinetic=0.1, radius=0.1)
+    pin = bm.friction.Stiction(static=0.4, kinetic=0.1, radius=0.1)
     mech = pendulum(pin)
     for q, holds in ((0.07, True), (0.0815, False)):  # 0.5 sin q against 0.4 * 0.1
         motion = mech.simulate("time=1", start={"crank": (q + HANGING, 0.0)}, want=()).motion
         assert (motion.q_end == q + HANGING) is holds
     found = mech.simulate("swings=1", start={"crank": (1.0 + HANGING, 0.0)}, want=()).motion
-    weak = pendulum(bm.Coulomb(coefficient=0.1, radius=0.1))
+    weak = pendulum(bm.friction.Coulomb(coefficient=0.1, radius=0.1))
     plain = weak.simulate("swings=1", start={"crank": (1.0 + HANGING, 0.0)}, want=()).motion
     assert found.q_end == pytest.approx(plain.q_end, abs=1e-13)
 
@@ -154,7 +156,7 @@ def test_static_friction_holds_up_to_its_own_limit_and_kinetic_friction_slows():
 # -- stick-slip ------------------------------------------------------------------------------
 
 MASS, STIFF, PULLED = 1.0, 40.0, 0.02  # [kg], [N/m], [m/s] of the spring's other end
-CURVE = bm.Stribeck(static=0.3, kinetic=0.15, stribeck_speed=0.03, viscous=0.05)
+CURVE = bm.friction.Stribeck(static=0.3, kinetic=0.15, stribeck_speed=0.03, viscous=0.05)
 
 
 def slider():

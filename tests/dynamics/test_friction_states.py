@@ -26,7 +26,9 @@ PIN = 0.05
 
 def lugre(stiffness=1e3, **more):
     damping = 0.03 * math.sqrt(stiffness)
-    return bm.LuGre(**CURVE, stiffness=stiffness, damping=damping, **{"radius": PIN, **more})
+    return bm.friction.LuGre(
+        **CURVE, stiffness=stiffness, damping=damping, **{"radius": PIN, **more}
+    )
 
 
 # -- motion ----------------------------------------------------------------------------------
@@ -85,7 +87,7 @@ def rubbed(law, mu, slipping, t_end, z0=0.0, stop=-math.inf, restitution=0.0):
     return y
 
 
-DAHL = bm.Dahl(kinetic=0.2, stiffness=200.0, radius=PIN)
+DAHL = bm.friction.Dahl(kinetic=0.2, stiffness=200.0, radius=PIN)
 
 
 @kept(inspect.getsource(rubbed), DAHL, PIN, G)
@@ -120,7 +122,9 @@ def test_a_deflection_goes_on_through_blows(method):
     assert moved["crank.A.deflection"][0] == pytest.approx(wanted[2], abs=1e-10)
 
 
-ELASTO_PLASTIC = bm.ElastoPlastic(**CURVE, stiffness=200.0, damping=0.3, breakaway=0.08, radius=PIN)
+ELASTO_PLASTIC = bm.friction.ElastoPlastic(
+    **CURVE, stiffness=200.0, damping=0.3, breakaway=0.08, radius=PIN
+)
 
 
 @kept(inspect.getsource(rubbed), ELASTO_PLASTIC, PIN, G)
@@ -153,7 +157,7 @@ def test_an_elasto_plastic_pendulum():
 
 def test_stiff_bristles_are_integrated_by_a_stiff_method_and_tend_to_stribecks_law():
     start = {"crank": (2.0 + HANGING, 0.0)}
-    curve = bm.Stribeck(**CURVE, radius=PIN)
+    curve = bm.friction.Stribeck(**CURVE, radius=PIN)
     limit = pendulum(curve).simulate("time=0.5", start=start, times=[0.5], want="crank.q")
     off = []
     for stiffness in (1e3, 1e7):
@@ -188,7 +192,7 @@ def block(law, spring=0.0, pull=None):
 
 def test_what_friction_takes_is_heat_and_what_the_bristles_store():
     """Under a load that is constant the bristles are springs: half their stiffness by z^2."""
-    mech = block(bm.Dahl(kinetic=0.2, stiffness=50.0), spring=30.0)
+    mech = block(bm.friction.Dahl(kinetic=0.2, stiffness=50.0), spring=30.0)
     t = np.linspace(0.0, 1.2, 1201)
     moved = mech.simulate("time=1.2", start={"block": (0.4, 0.0)}, times=t, want="*")
     stored, taken = moved["block.S.stored_power"], moved["block.S.friction_power"]
@@ -218,7 +222,7 @@ def test_small_oscillating_loads_make_a_pair_creep_by_lugre_and_not_by_elasto_pl
         "damping": 30.0,
     }
     drift = {}
-    for law in (bm.LuGre(**curve), bm.ElastoPlastic(**curve, breakaway=0.25)):
+    for law in (bm.friction.LuGre(**curve), bm.friction.ElastoPlastic(**curve, breakaway=0.25)):
         moved = block(law, pull=pull).simulate(
             "time=12", start={"block": (0.0, 0.0)}, times=[10.0, 11.0, 12.0], want="block.q"
         )
@@ -273,7 +277,7 @@ def test_a_harmonic_motion_has_the_periodic_deflection():
     """Bristles that are not bent through in a swing still come back to where they were."""
     for amplitude in (0.3, 2e-4):
         law = lugre()
-        mech = driven(law, bm.Harmonic(amplitude=amplitude, frequency=0.5))
+        mech = driven(law, bm.motion.Harmonic(amplitude=amplitude, frequency=0.5))
         times = np.array([0.0, 0.3, 1.1, 2.0])
         z = mech.run(times=times, want="crank.A.deflection")["crank.A.deflection"]
         assert z[0] == pytest.approx(z[-1], abs=1e-11 * abs(z).max() + 1e-16)
@@ -297,7 +301,7 @@ def driven(law, motion):
 
 def test_a_motion_that_does_not_repeat_itself_begins_with_straight_bristles():
     law = lugre()
-    mech = driven(law, bm.Cycloidal(start=0.0, end=1e-3, time=1.0))
+    mech = driven(law, bm.motion.Cycloidal(start=0.0, end=1e-3, time=1.0))
     t = np.array([0.4, 0.7, 1.0, 5.0])
     z = mech.run(times=t, want="crank.A.deflection")["crank.A.deflection"]
 
@@ -311,8 +315,8 @@ def test_a_motion_that_does_not_repeat_itself_begins_with_straight_bristles():
 
 def test_slip_at_one_rate_is_on_the_steady_curve():
     """At a constant rate, and where rates are given sample by sample, it is Stribeck's law."""
-    crank = driven(lugre(), bm.ConstantRate(rate=0.4))
-    same = driven(bm.Stribeck(**CURVE, radius=PIN), bm.ConstantRate(rate=0.4))
+    crank = driven(lugre(), bm.motion.ConstantRate(rate=0.4))
+    same = driven(bm.friction.Stribeck(**CURVE, radius=PIN), bm.motion.ConstantRate(rate=0.4))
     want = "crank.drive"
     assert crank.run(samples=9, want=want)[want] == pytest.approx(
         same.run(samples=9, want=want)[want], rel=1e-9

@@ -282,7 +282,7 @@ def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
 
 def test_joint_friction_is_followed_through_a_blow_in_which_slips_reverse():
     g = bm.Graph.load(GRAPHS / "hammer.json")
-    rub = bm.Coulomb(coefficient=0.1, radius=0.01)
+    rub = bm.friction.Coulomb(coefficient=0.1, radius=0.01)
     g.blocks["hammer"] = g.blocks["hammer"].model_copy(update={"friction": {"A": rub}})
     mech = g.compile()
     motions = [mech.simulate("time=1.5", method=m).motion for m in ("dop853", "radau")]
@@ -297,7 +297,7 @@ def test_joint_friction_of_a_blow_that_stops_all_follows_its_impulses():
     g = bm.Graph("rod")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     rod = bm.Link(mass=mass, inertia=inertia, cm=(d, 0.0))
-    rub = {"A": bm.Coulomb(coefficient=mu, radius=r)}
+    rub = {"A": bm.friction.Coulomb(coefficient=mu, radius=r)}
     g.add("rod", bm.Crank(links={"crank": rod}, friction=rub))
     g.connect("frame.A", "rod.A")
     g.start("rod", q=0.0, rate=3.0)
@@ -321,7 +321,7 @@ def test_who_starts_at_rest_against_a_stop_is_told_of_no_blow():
     g = bm.Graph("rod", gravity=(0.0, -9.81))
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     rod = bm.Link(mass=1.0, inertia=0.02, cm=(0.25, 0.0))
-    rub = {"A": bm.Coulomb(coefficient=0.3, radius=0.02)}
+    rub = {"A": bm.friction.Coulomb(coefficient=0.3, radius=0.02)}
     g.add("rod", bm.Crank(length=0.5, links={"crank": rod}, friction=rub))
     g.connect("frame.A", "rod.A")
     g.start("rod", q=-0.4, rate=0.0)
@@ -336,7 +336,7 @@ def test_one_driver_rubs_on_the_way_in_and_on_the_way_out():
     mass, d, inertia, mu, r, e = 2.0, 0.3, 0.1, 0.2, 0.05, 0.6
     g = bm.Graph("rod")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    rub = {"A": bm.Coulomb(coefficient=mu, radius=r)}
+    rub = {"A": bm.friction.Coulomb(coefficient=mu, radius=r)}
     rod = bm.Link(mass=mass, inertia=inertia, cm=(d, 0.0))
     g.add("rod", bm.Crank(length=1.0, links={"crank": rod}, friction=rub))
     g.connect("frame.A", "rod.A")
@@ -410,9 +410,11 @@ def test_of_several_stops_those_push_that_must():
         assert set(chosen) == set(np.flatnonzero(P > 1e-12).tolist())
 
 
-@pytest.mark.parametrize("pins", [{}, {"A": bm.Coulomb(coefficient=0.1, radius=0.01)}])
+@pytest.mark.parametrize("pins", [{}, {"A": bm.friction.Coulomb(coefficient=0.1, radius=0.01)}])
 def test_a_push_rubs_in_pairs_that_nothing_else_loads(pins):
-    oiled = bm.Stribeck(static=0.6, kinetic=0.5, stribeck_speed=0.5, viscous=0.01, radius=0.02)
+    oiled = bm.friction.Stribeck(
+        static=0.6, kinetic=0.5, stribeck_speed=0.5, viscous=0.01, radius=0.02
+    )
 
     def blow(mass):
         g = bm.Graph("press", gravity=(0.0, -9.81))
@@ -441,7 +443,7 @@ def test_a_push_rubs_in_pairs_that_nothing_else_loads(pins):
 def test_a_blow_through_teeth_that_lose_power_tells_all_friction():
     g = bm.Graph("pair")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "B": (0.15, 0.0)}))
-    rub = {"A": bm.Coulomb(coefficient=0.2, radius=0.02)}
+    rub = {"A": bm.friction.Coulomb(coefficient=0.2, radius=0.02)}
     for name, inertia in (("one", 0.01), ("two", 0.04)):
         g.add(name, bm.Crank(links={"crank": bm.Link(inertia=inertia)}, friction=rub))
         g.connect(f"frame.{'A' if name == 'one' else 'B'}", f"{name}.A")

@@ -8,8 +8,8 @@ import pytest
 import blockmech as bm
 from blockmech import laws, signals
 
-SINE = bm.Harmonic(amplitude=1.0, frequency=0.7)
-CYCLOID = bm.Cycloidal(start=0.0, end=1.0, time=1.0)
+SINE = bm.motion.Harmonic(amplitude=1.0, frequency=0.7)
+CYCLOID = bm.motion.Cycloidal(start=0.0, end=1.0, time=1.0)
 WANT = ["*.q", "*.rate", "*.drive", "*.friction"]
 FINE = np.linspace(0.0, 1.2, 601)
 
@@ -20,7 +20,7 @@ def arm(law=None, friction=(0.0, 0.0), b=0.3, gravity=9.81, stop=None):
     g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
     for name, mu in zip("ab", friction, strict=True):
         link = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
-        rub = {"A": bm.Coulomb(coefficient=mu, radius=0.05)} if mu else {}
+        rub = {"A": bm.friction.Coulomb(coefficient=mu, radius=0.05)} if mu else {}
         g.add(name, bm.Crank(length=1.0, links={"crank": link}, friction=rub))
     g.connect("frame.O", "a.A")
     g.connect("a.B", "b.A")
@@ -53,7 +53,7 @@ def at_time(name, t, **then):
 
 
 def test_one_arm_is_prescribed_and_the_other_free():
-    m = arm(bm.ConstantRate(rate=5.0)).compile()
+    m = arm(bm.motion.ConstantRate(rate=5.0)).compile()
     r = m.simulate("time=1", prescribed=["a"], want=WANT, accuracy=1e-11)
     assert r["a.q"][-1] == pytest.approx(5.0, abs=1e-14)
     # explicit integration to 1e-12, of the equation written out by hand
@@ -70,13 +70,13 @@ def test_one_arm_is_prescribed_and_the_other_free():
 
 
 def test_a_law_that_a_motion_does_not_use_is_a_note():
-    m = arm(bm.ConstantRate(rate=5.0)).compile()
+    m = arm(bm.motion.ConstantRate(rate=5.0)).compile()
     (note,) = m.simulate("time=0.1", start={"a": (0.0, 5.0)}).motion.notes
     assert note == "the law of motion of a is not used: prescribed=['a'] lets the motion follow it"
     (note,) = m.simulate("time=0.1", locked={"a": 0.0}).motion.notes
     assert "law of motion of a" in note
     g = bm.Graph.load("graphs/watt_sixbar.json")
-    g.drive("crank", bm.ConstantRate(rate=1.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=1.0))
     notes = g.compile().simulate("standstill").motion.notes
     assert notes == ("the law of motion of crank is not used: the loads alone move it",)
 
@@ -109,7 +109,7 @@ def test_the_free_motion_as_a_law_needs_no_drive():
     g.start("a", q=0.4, rate=3.0)
     free = g.compile().simulate("time=1", locked={"b": 0.0}, want=WANT)
     assert free["a.q"] == pytest.approx(0.4 + 3.0 * np.linspace(0, 1, 201), abs=1e-12)
-    g.drive("a", bm.ConstantRate(rate=3.0, start=0.4, end=1.0))
+    g.drive("a", bm.motion.ConstantRate(rate=3.0, start=0.4, end=1.0))
     both = g.compile().simulate("time=1", prescribed=["a"], locked={"b": 0.0}, want=WANT)
     assert np.abs(both["a.drive"]).max() < 1e-13
     assert both["b.drive"] == pytest.approx(free["b.drive"], abs=1e-11)
@@ -128,7 +128,9 @@ def test_the_drive_that_follows_a_free_motion_vanishes_with_the_steps_of_its_tab
     off = []
     for n in (31, 61):
         t = np.linspace(0.0, 0.6, n)
-        law = bm.Table(times=t, values=free.simulate(times=t, want=["a.q"], accuracy=1e-11)["a.q"])
+        law = bm.motion.Table(
+            times=t, values=free.simulate(times=t, want=["a.q"], accuracy=1e-11)["a.q"]
+        )
         r = arm(law).compile().simulate(times=[0.3, 0.6], prescribed=["a"], want=WANT)
         right = free.simulate(times=[0.3, 0.6], want=["b.q"], accuracy=1e-10)["b.q"]
         off.append((np.abs(r["b.q"] - right).max(), abs(r["a.drive"][0])))
@@ -179,7 +181,7 @@ def test_a_five_bar_with_a_locked_crank_is_a_four_bar():
 
 
 def test_a_latch_takes_along_what_it_holds_and_lets_it_go():
-    m = arm(bm.ConstantRate(rate=5.0)).compile()
+    m = arm(bm.motion.ConstantRate(rate=5.0)).compile()
     watch = [at_time("latch", 0.4, b="locked"), at_time("release", 0.8, b="free")]
     r = m.simulate("time=1", prescribed=["a"], watch=watch, want=WANT, accuracy=1e-10)
     t = np.asarray(r.time)
@@ -230,7 +232,7 @@ def test_a_change_of_role_leaves_the_momentum_of_the_others(friction):
 
 
 def test_a_driver_follows_its_law_from_where_it_meets_it():
-    g = arm(bm.ConstantRate(rate=2.0))
+    g = arm(bm.motion.ConstantRate(rate=2.0))
     g.start("a", q=0.3, rate=1.0)
     meets = bm.Watch("meets", lambda t, q, rate: q[0] - 2.0 * t, then={"a": "prescribed"})
     r = g.compile().simulate("time=1", watch=[meets], want=WANT)
@@ -320,7 +322,7 @@ def test_a_prescribed_driver_ends_at_its_own_stop():
 
 
 def test_a_motion_ends_where_a_law_does():
-    g = arm(bm.Table(**TABLE))
+    g = arm(bm.motion.Table(**TABLE))
     never = bm.Watch("never", lambda t, q, rate: 1.0)
     motion = g.compile().simulate("event", watch=[never], prescribed=["a"]).motion
     assert (motion.end, motion.status) == ("law of motion ends", "ended")
@@ -398,10 +400,14 @@ MISTAKES = {
     "steady": ({"prescribed": ["a"], "until": "steady"}, SINE, "no steady state is looked for"),
     "corner": (
         {"prescribed": ["a"]},
-        bm.Table(**TABLE, interpolation="linear"),
+        bm.motion.Table(**TABLE, interpolation="linear"),
         "the rate of the law of a jumps at 1 s",
     ),
-    "short law": ({"prescribed": ["a"], "until": "time=5"}, bm.Table(**TABLE), "says nothing at 5"),
+    "short law": (
+        {"prescribed": ["a"], "until": "time=5"},
+        bm.motion.Table(**TABLE),
+        "says nothing at 5",
+    ),
     "role": (
         {"watch": [bm.Watch("w", lambda *_: 1.0, then={"b": "loked"})]},
         SINE,
@@ -422,6 +428,6 @@ def test_roles_that_cannot_be_are_refused(case):
 
 def test_a_mechanism_whose_only_driver_is_given_is_told_to_run():
     g = bm.Graph.load("graphs/watt_sixbar.json")
-    g.drive("crank", bm.ConstantRate(rate=1.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=1.0))
     with pytest.raises(bm.RequestError, match=r"run\(\) computes a motion by its law"):
         g.compile().simulate("time=1", prescribed=["crank"])

@@ -22,7 +22,7 @@ LOWEST = -math.pi / 2  # [rad] hanging
 
 def coulomb(arm):
     """Coulomb friction with a friction arm [m]."""
-    return bm.Coulomb(coefficient=0.5, radius=2 * arm)
+    return bm.friction.Coulomb(coefficient=0.5, radius=2 * arm)
 
 
 def arm(upper=0.0, fore=0.0, law=None):
@@ -288,7 +288,7 @@ def test_a_start_without_a_pose_is_named_and_has_no_outputs(arms):
 def test_bristles_and_pairs_that_stick_go_together_with_several_drivers():
     """A LuGre elbow has no reversal and no rest of its own; the shoulder is Coulomb's."""
     bristles = {"stiffness": 1e3, "damping": 1.0, "static": 0.3, "kinetic": 0.2}
-    law = bm.LuGre(**bristles, stribeck_speed=0.5, viscous=0.01, radius=0.05)
+    law = bm.friction.LuGre(**bristles, stribeck_speed=0.5, viscous=0.01, radius=0.05)
     g = arm(0.006, 0.03)
     data = g.to_data()
     data["blocks"]["fore"]["friction"] = {"A": law.model_dump(mode="json")}

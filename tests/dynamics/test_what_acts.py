@@ -9,9 +9,11 @@ import blockmech as bm
 
 G = 9.81
 LAWS = {
-    "coulomb": lambda **more: bm.Coulomb(coefficient=0.4, **more),
-    "stiction": lambda **more: bm.Stiction(static=0.5, kinetic=0.4, **more),
-    "stribeck": lambda **more: bm.Stribeck(static=0.5, kinetic=0.4, stribeck_speed=0.5, **more),
+    "coulomb": lambda **more: bm.friction.Coulomb(coefficient=0.4, **more),
+    "stiction": lambda **more: bm.friction.Stiction(static=0.5, kinetic=0.4, **more),
+    "stribeck": lambda **more: bm.friction.Stribeck(
+        static=0.5, kinetic=0.4, stribeck_speed=0.5, **more
+    ),
 }
 
 
@@ -38,7 +40,7 @@ def pendulum(coefficient=0.2, beside=False, low=None, **start):
     """Mass 1 kg at 1 m, inertia 0.1 kg m2 about its centre, on a dry pin of 0.1 m."""
     graph = bm.Graph("pendulum", gravity=(0.0, -G))
     graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "H": (2.0, 0.0)}))
-    link, pin = bm.Link(mass=1.0, inertia=0.1, cm=(1.0, 0.0)), bm.Coulomb
+    link, pin = bm.Link(mass=1.0, inertia=0.1, cm=(1.0, 0.0)), bm.friction.Coulomb
     dry = {"A": pin(coefficient=coefficient, radius=0.1)}
     graph.add("arm", bm.Crank(length=1.0, links={"crank": link}, friction=dry))
     graph.connect("frame.A", "arm.A")
@@ -50,7 +52,7 @@ def pendulum(coefficient=0.2, beside=False, low=None, **start):
 
 def fourbar(beside=False, coefficient=3.0, q=1.0, coupler=2.5):
     """A heavy four-bar with dry pins, which its crank leaves at rest."""
-    pin = bm.Coulomb(coefficient=coefficient, radius=0.05)
+    pin = bm.friction.Coulomb(coefficient=coefficient, radius=0.05)
     graph = bm.Graph("fourbar", gravity=(0.0, -0.4))
     graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (3.0, 0.0), "H": (5.0, 0.0)}))
     bars = {n: bm.Link(mass=2.0, inertia=0.3, cm=(x, 0.1)) for n, x in (("i", 1.2), ("j", 0.9))}
@@ -91,7 +93,7 @@ def test_a_slider_thrown_up_is_held_where_it_stands(law):
 
 
 def test_a_slider_that_slides_from_rest_rubs_from_the_first_instant_on():
-    mechanism = incline(bm.Stiction(static=0.5, kinetic=0.3), angle=0.6)
+    mechanism = incline(bm.friction.Stiction(static=0.5, kinetic=0.3), angle=0.6)
     want = ["s.S.friction", "s.drive", "s.acceleration"]
     result = mechanism.simulate("time=1", times=[0.0, 1e-9, 1.0], want=want)
     rubs = 0.3 * 3 * G * math.cos(0.6)
@@ -194,7 +196,7 @@ def two_arms():
     """Two rods in a row on dry pins."""
     graph = bm.Graph("arms", gravity=(0.0, -G))
     graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    dry = {"A": bm.Coulomb(coefficient=0.2, radius=0.05)}
+    dry = {"A": bm.friction.Coulomb(coefficient=0.2, radius=0.05)}
     for name, length in (("arm", 1.0), ("hand", 0.5)):
         rod = bm.Link(mass=1.0, inertia=length**2 / 12, cm=(length / 2, 0.0))
         graph.add(name, bm.Crank(length=length, links={"crank": rod}, friction=dry))

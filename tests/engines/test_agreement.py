@@ -109,7 +109,11 @@ def test_kernel_text_is_the_program_of_both_engines():
 
 
 @pytest.mark.parametrize(
-    "how", [{"friction": "single"}, *({"friction": bm.Successive(iterations=n)} for n in (1, 2, 7))]
+    "how",
+    [
+        {"friction": "single"},
+        *({"friction": bm.friction.Successive(iterations=n)} for n in (1, 2, 7)),
+    ],
 )
 def test_a_fixed_number_of_iterations_is_the_same_on_every_engine(how):
     request = {"samples": 25, "want": "*.reaction", **how}
@@ -121,7 +125,11 @@ def test_a_fixed_number_of_iterations_is_the_same_on_every_engine(how):
 
 def test_a_fixed_number_of_iterations_is_differentiated_as_it_is_taken():
     mech, step = ruiz().compile(), 1e-4
-    request = {"want": "crank.drive", "at": [0.4, 2.0], "friction": bm.Successive(iterations=2)}
+    request = {
+        "want": "crank.drive",
+        "at": [0.4, 2.0],
+        "friction": bm.friction.Successive(iterations=2),
+    }
     slope = mech.sensitivity(**request, to="dyad.l_i")["crank.drive", "dyad.l_i"]
     ends = [
         mech.document.replace({"dyad.l_i": mech.parameters()["dyad.l_i"].value + side * step})

@@ -14,7 +14,7 @@ from tests.wiring import EPS, off
 
 def linkage(crank=1.0, pivot=1.0, l_i=2.0, l_j=2.0, friction=True, spring=False):
     """A four-bar with another dyad on it, both heavy and rough."""
-    law = bm.Coulomb(coefficient=0.1, radius=0.01)
+    law = bm.friction.Coulomb(coefficient=0.1, radius=0.01)
     pins = dict.fromkeys("BCD", law) if friction else {}
     g = bm.Graph("linkage", gravity=(0.0, -9.81))
     markers = {"A": (0.0, 0.0), "D": (pivot, 0.0), "H": (3.0, 3.0)}
@@ -30,7 +30,7 @@ def linkage(crank=1.0, pivot=1.0, l_i=2.0, l_j=2.0, friction=True, spring=False)
     if spring:
         g.add("spring", bm.Spring(stiffness=100.0, free_length=0.3, damping=1.0))
         wire(g, "frame.D spring.a", "crank.B spring.b")
-    g.drive("crank", bm.ConstantRate(rate=2.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=2.0))
     return g
 
 
@@ -105,7 +105,7 @@ def test_later_block_that_cannot_close_is_not_blamed_on_the_friction_before_it()
     # The first dyad's friction is beyond the certificate, the next dyad is out of reach:
     # the loads on the first are unknown, which continuation must not be asked about.
     g = linkage(crank=0.5, pivot=2.0, friction=False)
-    rough = bm.Coulomb(coefficient=0.4, radius=3.0)
+    rough = bm.friction.Coulomb(coefficient=0.4, radius=3.0)
     first = g.blocks["first"].model_copy(update={"friction": dict.fromkeys("BCD", rough)})
     far = bm.RRR(l_i=0.1, l_j=0.1, links={"i": bm.Link(mass=1.0)})
     h = bm.Graph("far", gravity=(0.0, -9.81))
@@ -113,7 +113,7 @@ def test_later_block_that_cannot_close_is_not_blamed_on_the_friction_before_it()
         h.add(name, {"first": first, "next": far}.get(name, block))
     for w in g.wires:
         h.connect(w.source, w.target)
-    h.drive("crank", bm.ConstantRate(rate=2.0))
+    h.drive("crank", bm.motion.ConstantRate(rate=2.0))
     for engine in ("scalar", "numpy"):
         for friction in ("newton", "successive"):
             r = h.run(at=[0.1, 0.4], engine=engine, friction=friction, on_gap="mark")

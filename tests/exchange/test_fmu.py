@@ -216,7 +216,7 @@ def test_what_a_controller_outside_gives_comes_in_by_name(tmp_path):
 def test_bristles_are_states(tmp_path):
     g = bm.Graph("pendulum", gravity=(0.0, -9.81))
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    law = bm.LuGre(
+    law = bm.friction.LuGre(
         static=0.3, kinetic=0.2, stribeck_speed=0.2, stiffness=50.0, damping=0.2, radius=0.05
     )
     link = bm.Link(mass=2.0, inertia=0.3, cm=(0.5, 0.0))

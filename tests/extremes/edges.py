@@ -103,7 +103,11 @@ class Wheel:
         g = bm.Graph("wheel")
         g.add("frame", bm.Frame(markers={"O": 0j}))
         body = bm.Link(mass=1.0, inertia=1.0, cm=(ARM, 0.0))
-        law = {"A": bm.Coulomb(coefficient=self.friction, radius=RADIUS)} if self.friction else {}
+        law = (
+            {"A": bm.friction.Coulomb(coefficient=self.friction, radius=RADIUS)}
+            if self.friction
+            else {}
+        )
         g.add("crank", bm.Crank(length=1.0, links={"crank": body}, friction=law))
         g.add("motor", bm.Motor(law=bm.laws.DC(stall_moment=STALL, no_load_speed=FREE)))
         g.connect("frame.O", "crank.A")

@@ -51,11 +51,11 @@ class Press:
         """The press as blocks; pins of coefficient 1 have friction circles of their radius."""
         g = Graph("press")
         g.add("frame", bm.Frame(markers={"O": 0j, "G": bm.Marker(at=0j, angle=0.0)}))
-        pins = {j: bm.Coulomb(coefficient=1.0, radius=self.rho) for j in "ABC" if self.rho}
+        pins = {j: bm.friction.Coulomb(coefficient=1.0, radius=self.rho) for j in "ABC" if self.rho}
         own = {j: pins.pop(j) for j in ("A",) if self.rho}
         g.add("crank", bm.Crank(length=self.crank, friction=own))
         if self.guide:
-            pins["S"] = bm.Coulomb(coefficient=self.guide)
+            pins["S"] = bm.friction.Coulomb(coefficient=self.guide)
         g.add("ram", bm.RRP(l=self.rod, h=0.0, branch=1, friction=pins))
         g.add("work", bm.Force(force=(-LOAD, 0.0)))
         return wire(g, "frame.O crank.A", "crank.B ram.B", "frame.G ram.S", "ram.j work.at")
@@ -134,7 +134,7 @@ class Rocker:
         """The mechanism as blocks."""
         g = Graph("rocker")
         g.add("frame", bm.Frame(markers={"A": 0j, "D": self.pivot}))
-        pins = {j: bm.Coulomb(coefficient=1.0, radius=self.rho) for j in "ABCD"}
+        pins = {j: bm.friction.Coulomb(coefficient=1.0, radius=self.rho) for j in "ABCD"}
         g.add("crank", bm.Crank(length=self.crank, friction={"A": pins.pop("A")}))
         links = {name: bm.Link() for name in "ij"}
         g.add("dyad", bm.RRR(l_i=self.rod, l_j=self.rocker, links=links, friction=pins))

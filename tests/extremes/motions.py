@@ -232,7 +232,7 @@ def slope(angle: float, friction: float) -> Graph:
 
 def add_slide(g: Graph, name: str, friction: float) -> Graph:
     """One more mass on the same guide."""
-    law = {"S": bm.Coulomb(coefficient=friction)}
+    law = {"S": bm.friction.Coulomb(coefficient=friction)}
     body = bm.Link(mass=1.0, inertia=1.0)
     g.add(name, bm.SlideDrive(links={"slider": body}, friction=law))
     g.connect("frame.G", f"{name}.S")

@@ -12,7 +12,7 @@ from tests.gallery import changed, document
 HOW = {
     "single": ({"friction": "single"}, 1.0),
     "successive": ({"friction": "successive"}, 1.2),  # by the observed ratio of changes
-    "three iterations": ({"friction": bm.Successive(iterations=3)}, 1.2),
+    "three iterations": ({"friction": bm.friction.Successive(iterations=3)}, 1.2),
 }
 
 

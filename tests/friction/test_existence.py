@@ -140,7 +140,7 @@ def test_it_is_an_output_where_it_is_known_and_zero_without_friction():
 
 
 def test_of_guides_with_a_length_in_pairs_it_is_not_known():
-    guide = bm.Coulomb(coefficient=0.1, guide_length=0.3)
+    guide = bm.friction.Coulomb(coefficient=0.1, guide_length=0.3)
     g = bm.Graph("trammel")
     markers = {"G": bm.Marker(at=(0.0, 0.0), angle=0.5 * math.pi), "O": (1.0, 0.0)}
     g.add("frame", bm.Frame(markers=markers))

@@ -22,20 +22,20 @@ BEARING = {"mean_diameter": 0.05, "f1": 0.0006, "f0": 2.0, "viscosity": 20e-6}
 FILM = {"viscosity": 0.02, "radius": 0.025, "length": 0.05, "clearance": 2.5e-5}
 TABLE = {"sommerfeld": [0.0, 0.05, 0.3, 2.0], "friction_variable": [3.0, 1.8, 6.5, 39.7]}
 EXAMPLES = {
-    "coulomb, pin": bm.Coulomb(coefficient=0.2, radius=0.05),
-    "coulomb, guide": bm.Coulomb(coefficient=0.2, guide_length=0.3),
-    "stiction": bm.Stiction(static=0.3, kinetic=0.2, **PIN),
-    "stribeck, pin": bm.Stribeck(**STRIBECK, **PIN),
-    "stribeck, guide": bm.Stribeck(**STRIBECK, guide_length=0.3, exponent=1.0),
-    "viscous": bm.Viscous(damping=0.3),
-    "preload": bm.Preload(resistance=0.4),
-    "rolling bearing": bm.RollingBearing(**BEARING),
-    "dahl": bm.Dahl(kinetic=0.2, stiffness=300.0, **PIN),
-    "lugre, pin": bm.LuGre(**STRIBECK, stiffness=1e3, damping=0.9, **PIN),
-    "lugre, guide": bm.LuGre(**STRIBECK, stiffness=1e4, damping=9.0, guide_length=0.3),
-    "elasto-plastic": bm.ElastoPlastic(**STRIBECK, stiffness=1e3, breakaway=0.1, **PIN),
-    "hydrodynamic": bm.Hydrodynamic(**FILM),
-    "hydrodynamic, table": bm.Hydrodynamic(**FILM, **TABLE),
+    "coulomb, pin": bm.friction.Coulomb(coefficient=0.2, radius=0.05),
+    "coulomb, guide": bm.friction.Coulomb(coefficient=0.2, guide_length=0.3),
+    "stiction": bm.friction.Stiction(static=0.3, kinetic=0.2, **PIN),
+    "stribeck, pin": bm.friction.Stribeck(**STRIBECK, **PIN),
+    "stribeck, guide": bm.friction.Stribeck(**STRIBECK, guide_length=0.3, exponent=1.0),
+    "viscous": bm.friction.Viscous(damping=0.3),
+    "preload": bm.friction.Preload(resistance=0.4),
+    "rolling bearing": bm.friction.RollingBearing(**BEARING),
+    "dahl": bm.friction.Dahl(kinetic=0.2, stiffness=300.0, **PIN),
+    "lugre, pin": bm.friction.LuGre(**STRIBECK, stiffness=1e3, damping=0.9, **PIN),
+    "lugre, guide": bm.friction.LuGre(**STRIBECK, stiffness=1e4, damping=9.0, guide_length=0.3),
+    "elasto-plastic": bm.friction.ElastoPlastic(**STRIBECK, stiffness=1e3, breakaway=0.1, **PIN),
+    "hydrodynamic": bm.friction.Hydrodynamic(**FILM),
+    "hydrodynamic, table": bm.friction.Hydrodynamic(**FILM, **TABLE),
 }
 
 
@@ -45,16 +45,16 @@ def test_every_law_keeps_the_contract(name):
 
 
 def test_laws_say_what_their_formulas_do():
-    curve = bm.Stribeck(**STRIBECK, exponent=1.5, **PIN).at(0.8).factor / 0.05
+    curve = bm.friction.Stribeck(**STRIBECK, exponent=1.5, **PIN).at(0.8).factor / 0.05
     assert curve == pytest.approx(0.2 + 0.1 * math.exp(-((0.8 / 0.5) ** 1.5)) + 0.008, rel=1e-15)
-    assert bm.Stiction(static=0.3, kinetic=0.2).at(1e-30) == (0.2, 0.0)
-    assert bm.Stiction(static=0.3, kinetic=0.2).at_rest() == (0.3, 0.0)
-    assert bm.Viscous(damping=0.3).at(2.0) == (0.0, 0.6)
-    assert bm.Preload(resistance=0.4).at_rest() == (0.0, 0.4)
+    assert bm.friction.Stiction(static=0.3, kinetic=0.2).at(1e-30) == (0.2, 0.0)
+    assert bm.friction.Stiction(static=0.3, kinetic=0.2).at_rest() == (0.3, 0.0)
+    assert bm.friction.Viscous(damping=0.3).at(2.0) == (0.0, 0.6)
+    assert bm.friction.Preload(resistance=0.4).at_rest() == (0.0, 0.4)
 
 
 def test_a_film_resists_by_petroffs_equation():
-    drag = bm.Hydrodynamic(**FILM).at(100.0).drag
+    drag = bm.friction.Hydrodynamic(**FILM).at(100.0).drag
     assert drag == pytest.approx(2 * math.pi * 0.02 * 0.025**3 * 0.05 / 2.5e-5 * 100, rel=1e-14)
 
 
@@ -83,7 +83,7 @@ def test_a_films_tangent_is_that_of_its_couple_and_none_is_steeper():
 @pytest.mark.parametrize(("n", "part"), [(50.0, 160.0), (955.0, 19100.0 ** (2 / 3))])
 def test_a_rolling_bearing_resists_as_the_catalogues_formula_in_their_units(n, part):
     """M0 = 1e-7 f0 part dm^3 [N mm] with dm [mm], part of nu [mm2/s] n [1/min]; M1 = f1 P1 dm."""
-    factor, drag = bm.RollingBearing(**BEARING).at(n * math.pi / 30)
+    factor, drag = bm.friction.RollingBearing(**BEARING).at(n * math.pi / 30)
     assert drag == pytest.approx(1e-7 * 2.0 * part * 50.0**3 / 1000, rel=1e-13)
     assert factor * 400.0 == pytest.approx(0.0006 * 400.0 * 50.0 / 1000, rel=1e-14)  # of 400 N
 
@@ -117,7 +117,7 @@ def test_files_keep_laws_and_their_numbers_have_addresses_and_units(name):
 
 
 def test_units_are_those_of_the_pair():
-    pin, guide = bm.Viscous(damping=0.3), bm.Stribeck(**STRIBECK)
+    pin, guide = bm.friction.Viscous(damping=0.3), bm.friction.Stribeck(**STRIBECK)
     data = document("slider_crank")
     rod = next(b for b in data["blocks"].values() if b["type"] == "dyad.rrp")
     rod["friction"] = {
@@ -187,7 +187,7 @@ def only_c(law):
 
 def test_a_bearing_is_for_pins():
     with pytest.raises(GraphError, match="S is prismatic") as wrong:
-        bm.SlideDrive(friction={"S": bm.RollingBearing(**BEARING)})
+        bm.SlideDrive(friction={"S": bm.friction.RollingBearing(**BEARING)})
     assert [p.code for p in wrong.value.problems] == ["friction-mismatch"]
     assert "coulomb" in wrong.value.problems[0].remedy
 

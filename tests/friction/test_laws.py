@@ -8,19 +8,19 @@ from blockmech.ground.errors import GraphError
 
 def test_worn_in_pins_take_four_thirds_of_the_materials_coefficient():
     # Baranov, in [R10]; the paper's f' = 0.40 is that of 0.30
-    law = bm.Coulomb.from_material_coefficient(0.3, radius=0.0075)
+    law = bm.friction.Coulomb.from_material_coefficient(0.3, radius=0.0075)
     assert law.coefficient == pytest.approx(0.4, rel=1e-15)
     assert law.factor == pytest.approx(0.003, rel=1e-15)
 
 
 def test_factor_is_a_length_for_pins_and_a_number_for_guides():
-    assert bm.Coulomb(coefficient=0.2, radius=0.05).factor == 0.2 * 0.05
-    assert bm.Coulomb(coefficient=0.2).factor == 0.2
-    assert bm.Coulomb(coefficient=0.2, guide_length=3.0).factor == 0.2
+    assert bm.friction.Coulomb(coefficient=0.2, radius=0.05).factor == 0.2 * 0.05
+    assert bm.friction.Coulomb(coefficient=0.2).factor == 0.2
+    assert bm.friction.Coulomb(coefficient=0.2, guide_length=3.0).factor == 0.2
 
 
 def test_no_coefficient_is_no_friction_and_no_iteration():
-    smooth = bm.Coulomb(coefficient=0.0, radius=0.05)
+    smooth = bm.friction.Coulomb(coefficient=0.0, radius=0.05)
     g = bm.Graph("crank")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     link = bm.Link(mass=1.0, cm=(0.5, 0.0))
@@ -32,20 +32,20 @@ def test_no_coefficient_is_no_friction_and_no_iteration():
 
 
 WRONG = {
-    "negative coefficient": lambda: bm.Coulomb(coefficient=-0.1, radius=0.1),
-    "endless coefficient": lambda: bm.Coulomb(coefficient=float("inf"), radius=0.1),
-    "no radius": lambda: bm.Coulomb(coefficient=0.1, radius=0.0),
-    "no guide length": lambda: bm.Coulomb(coefficient=0.1, guide_length=-1.0),
-    "another law": lambda: bm.Coulomb(law="viscous", coefficient=0.1),
-    "pin without radius": lambda: bm.Crank(friction={"A": bm.Coulomb(coefficient=0.1)}),
+    "negative coefficient": lambda: bm.friction.Coulomb(coefficient=-0.1, radius=0.1),
+    "endless coefficient": lambda: bm.friction.Coulomb(coefficient=float("inf"), radius=0.1),
+    "no radius": lambda: bm.friction.Coulomb(coefficient=0.1, radius=0.0),
+    "no guide length": lambda: bm.friction.Coulomb(coefficient=0.1, guide_length=-1.0),
+    "another law": lambda: bm.friction.Coulomb(law="viscous", coefficient=0.1),
+    "pin without radius": lambda: bm.Crank(friction={"A": bm.friction.Coulomb(coefficient=0.1)}),
     "pin with guide length": lambda: bm.Crank(
-        friction={"A": bm.Coulomb(coefficient=0.1, radius=0.1, guide_length=1.0)}
+        friction={"A": bm.friction.Coulomb(coefficient=0.1, radius=0.1, guide_length=1.0)}
     ),
     "guide with radius": lambda: bm.SlideDrive(
-        friction={"S": bm.Coulomb(coefficient=0.1, radius=0.1)}
+        friction={"S": bm.friction.Coulomb(coefficient=0.1, radius=0.1)}
     ),
     "joint that is not there": lambda: bm.Crank(
-        friction={"B": bm.Coulomb(coefficient=0.1, radius=0.1)}
+        friction={"B": bm.friction.Coulomb(coefficient=0.1, radius=0.1)}
     ),
 }
 

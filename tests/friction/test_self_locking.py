@@ -131,7 +131,7 @@ def test_successive_approximations_agree_with_continuation_or_say_that_they_fail
     for factor in (0.3, 0.7, 0.85, 1.0, 1.2, 1.44, 2.0):
         mech = rough(factor)
         exact = mech.run(at=at, on_gap="mark")
-        found = mech.run(at=at, on_gap="mark", friction=bm.Successive(tolerance=STOP))
+        found = mech.run(at=at, on_gap="mark", friction=bm.friction.Successive(tolerance=STOP))
         for k in range(len(at)):
             how = found.quality.status[k]
             seen[exact.quality.status[k], how] += 1
@@ -153,11 +153,13 @@ def test_successive_approximations_agree_with_continuation_or_say_that_they_fail
 
 def test_not_converged_raises_a_friction_error_that_says_so():
     with pytest.raises(bm.FrictionError, match="successive approximations did not converge"):
-        rough(1.0).run(at=np.linspace(0.05, 6.25, 21), friction=bm.Successive(tolerance=1e-8))
+        rough(1.0).run(
+            at=np.linspace(0.05, 6.25, 21), friction=bm.friction.Successive(tolerance=1e-8)
+        )
 
 
 @pytest.mark.parametrize(
-    "settings", [{"friction": "single"}, {"friction": bm.Successive(iterations=3)}]
+    "settings", [{"friction": "single"}, {"friction": bm.friction.Successive(iterations=3)}]
 )
 def test_an_unfinished_iteration_is_an_answer_only_where_its_bound_says_so(settings):
     at, answers = np.linspace(0.05, 6.25, 21), 0
@@ -187,7 +189,9 @@ def test_films_without_a_certificate_are_told_from_iterations_that_fail(friction
     film = {"viscosity": 0.05, "radius": 0.02, "length": 0.02, "clearance": 2e-5}
     table = {"sommerfeld": [0.0, 0.1, 1.0], "friction_variable": [9e4, 3.0, 20.0]}
     g = slider_crank(0.1)
-    g.blocks["rod"] = bm.RRP(l=2.0, h=0.0, friction={"C": bm.Hydrodynamic(**film, **table)})
+    g.blocks["rod"] = bm.RRP(
+        l=2.0, h=0.0, friction={"C": bm.friction.Hydrodynamic(**film, **table)}
+    )
     run = g.compile().run
     marked = run(at=1.0, rates=50.0, friction=friction, on_gap="mark")
     certificate = marked.quality.contraction["rod"][0]
@@ -210,7 +214,7 @@ def slider_crank(mu, guide_length=None, height=0.0):
     markers = {"O": Marker(at=(0.0, 0.0)), "G": Marker(at=(0.0, height), angle=0.0)}
     g.add("frame", bm.Frame(markers=markers))
     g.add("crank", bm.Crank(length=1.0))
-    law = bm.Coulomb(coefficient=mu, guide_length=guide_length)
+    law = bm.friction.Coulomb(coefficient=mu, guide_length=guide_length)
     g.add("rod", bm.RRP(l=2.0, h=0.0, friction={"S": law}))
     g.add("push", bm.Force(force=(-100.0, 0.0)))
     wire(g, "frame.O crank.A", "crank.B rod.B", "frame.G rod.S", "rod.j push.at")

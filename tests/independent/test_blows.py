@@ -119,7 +119,7 @@ def five_bar(name, restitution, arm=0.0, **bounds):
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (2.0, 0.0)}))
     given = zip(WEIGHT, TURNING, PLACES, strict=True)
     links = [bm.Link(mass=m, inertia=j, cm=c) for m, j, c in given]
-    rub = bm.Coulomb(coefficient=arm, radius=1.0)
+    rub = bm.friction.Coulomb(coefficient=arm, radius=1.0)
     pins = {"left": "A", "right": "A", "dyad": "BCD"} if arm else {}
     rubs = {block: {"friction": dict.fromkeys(js, rub)} for block, js in pins.items()}
     for crank, link in zip(("left", "right"), links[:2], strict=True):

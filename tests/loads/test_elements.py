@@ -27,7 +27,7 @@ def arm(element, wires):
     g.connect("frame.O", "crank.A")
     for line in wires:
         g.connect(*line.split())
-    g.drive("crank", bm.ConstantRate(rate=RATE))
+    g.drive("crank", bm.motion.ConstantRate(rate=RATE))
     return g.compile()
 
 

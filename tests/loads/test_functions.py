@@ -36,7 +36,7 @@ def arm(law, **more):
     g.add("motor", bm.Motor(law=law, **more))
     wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
     wire(g, "frame.A motor.a", "crank.A motor.b")
-    g.drive("crank", bm.ConstantRate(rate=3.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=3.0))
     g.start("crank", 0.4)
     return g
 

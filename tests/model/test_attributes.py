@@ -42,7 +42,7 @@ def test_gravity_can_be_set_afterwards(make, output, gravity):
 
 def test_setting_gravity_keeps_the_rest_of_the_scene():
     g = heavy_crank()
-    g.drive("crank", bm.ConstantRate(rate=1.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=1.0))
     g.start("crank", q=1.0)
     g.gravity = (0.0, G)
     assert (list(g.scene.drive), list(g.scene.initial)) == (["crank"], ["crank"])

@@ -64,7 +64,7 @@ def test_reading_keeps_the_order_of_blocks_and_wires():
 def test_a_law_made_in_python_is_written_with_its_name():
     g = bm.Graph("driven")
     g.add("crank", bm.Crank())
-    g.drive("crank", bm.Cycloidal(start=0.0, end=1.0, time=2.0))
+    g.drive("crank", bm.motion.Cycloidal(start=0.0, end=1.0, time=2.0))
     law = {"law": "cycloidal", "from": 0.0, "to": 1.0, "duration": 2.0}
     assert json.loads(g.to_json())["scene"]["drive"]["crank"] == law
     assert loads(g.to_json()).scene == g.scene
@@ -245,7 +245,7 @@ def test_a_place_that_cannot_be_written_is_said(tmp_path):
 
 def test_lines_are_short_and_long_lists_filled():
     times = [k / 7 for k in range(300)]
-    g = bm.Graph("table", drive={"crank": bm.Table(times=times, values=times)})
+    g = bm.Graph("table", drive={"crank": bm.motion.Table(times=times, values=times)})
     text = g.to_json()
     assert max(map(len, text.splitlines())) <= WIDTH
     assert len(text.splitlines()) < 2 * 300 * 22 / 80 + 30  # at most 22 characters a number

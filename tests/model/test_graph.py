@@ -163,7 +163,7 @@ def test_all_problems_come_at_once():
     g.add("ground", bm.Frame())
     g.add("push", bm.Force(force=(1.0, 0.0)))
     g.wires += [Wire("frame.A", "dyad.X"), Wire("frame.Q", "crank.A")]
-    g.drive("motor", bm.ConstantRate(rate=1.0))
+    g.drive("motor", bm.motion.ConstantRate(rate=1.0))
     found = [(p.code, p.where) for p in g.check()]
     assert found == [
         ("two-frames", "ground"),
@@ -235,7 +235,7 @@ def test_what_is_no_block_and_a_taken_name_are_refused(thing):
         fourbar().add("crank", thing)
 
 
-@pytest.mark.parametrize("law", [5, 10.0, "constant_rate", None, bm.ConstantRate])
+@pytest.mark.parametrize("law", [5, 10.0, "constant_rate", None, bm.motion.ConstantRate])
 def test_what_is_no_law_of_motion_is_refused(law):
     with pytest.raises(bm.GraphError, match=r"\[not-a-law\] scene.drive.crank"):
         fourbar().drive("crank", law)
@@ -309,7 +309,7 @@ def test_compiling_takes_a_snapshot():
     mech = g.compile()
     before = mech.run(at=1.0, want="crank.drive")["crank.drive"][0]
     g.blocks["couple"] = bm.Couple(moment=1e6)
-    g.drive("crank", bm.ConstantRate(rate=99.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=99.0))
     g.wires.pop()
     assert mech.run(at=1.0, want="crank.drive")["crank.drive"][0] == before
     assert [p.code for p in g.check()] == ["unwired-joint"]

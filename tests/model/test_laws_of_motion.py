@@ -15,12 +15,14 @@ rates = st.floats(0.1, 20.0)
 places = st.floats(-5.0, 5.0)
 
 LAWS = {
-    "constant rate": bm.ConstantRate(rate=-3.0, start=1.0, end=-2.0),
-    "constant acceleration": bm.RateAcceleration(rate=2.0, acceleration=-0.7, start=1.0, end=3.0),
-    "harmonic": bm.Harmonic(mean=0.3, amplitude=1.2, frequency=0.8, phase=0.4),
-    "cycloidal": bm.Cycloidal(start=0.2, end=-1.4, time=2.0),
-    "cubic table": bm.Table(times=[0.0, 0.5, 1.1, 2.0], values=[0.0, 1.0, 0.4, 2.0]),
-    "linear table": bm.Table(
+    "constant rate": bm.motion.ConstantRate(rate=-3.0, start=1.0, end=-2.0),
+    "constant acceleration": bm.motion.RateAcceleration(
+        rate=2.0, acceleration=-0.7, start=1.0, end=3.0
+    ),
+    "harmonic": bm.motion.Harmonic(mean=0.3, amplitude=1.2, frequency=0.8, phase=0.4),
+    "cycloidal": bm.motion.Cycloidal(start=0.2, end=-1.4, time=2.0),
+    "cubic table": bm.motion.Table(times=[0.0, 0.5, 1.1, 2.0], values=[0.0, 1.0, 0.4, 2.0]),
+    "linear table": bm.motion.Table(
         times=[0.0, 0.5, 1.1, 2.0], values=[0.0, 1.0, 0.4, 2.0], interpolation="linear"
     ),
 }
@@ -41,7 +43,7 @@ def test_rate_is_the_derivative_of_the_coordinate_and_acceleration_of_the_rate(n
 
 @given(start=places, rate=rates, sign=st.sampled_from([-1, 1]), t=st.floats(0.0, 10.0))
 def test_constant_rate_by_time_and_by_coordinate_agree(start, rate, sign, t):
-    law = bm.ConstantRate(rate=sign * rate, start=start, end=start + sign)
+    law = bm.motion.ConstantRate(rate=sign * rate, start=start, end=start + sign)
     q, qd, qdd = law.at_times(np.array([t]))
     assert law.times(q)[0] == pytest.approx(t, abs=8 * EPS * (1 + abs(start) + 10 * rate) / rate)
     assert (qd[0], qdd[0]) == (sign * rate, 0.0)
@@ -55,7 +57,7 @@ def test_constant_rate_by_time_and_by_coordinate_agree(start, rate, sign, t):
     t=st.floats(0.01, 10.0),
 )
 def test_constant_acceleration_by_time_and_by_coordinate_agree(start, rate, acceleration, sign, t):
-    law = bm.RateAcceleration(
+    law = bm.motion.RateAcceleration(
         rate=sign * rate, acceleration=sign * acceleration, start=start, end=start + sign
     )
     q, qd, qdd = law.at_times(np.array([t]))
@@ -68,42 +70,42 @@ def test_constant_acceleration_by_time_and_by_coordinate_agree(start, rate, acce
 
 
 def test_braking_law_ends_where_it_stands_still():
-    law = bm.RateAcceleration(rate=2.0, acceleration=-1.0, start=0.0, end=2.0)
+    law = bm.motion.RateAcceleration(rate=2.0, acceleration=-1.0, start=0.0, end=2.0)
     _, qd, _ = law.at_coordinates(np.array([0.0, 2.0, 2.1]))
     assert qd[:2].tolist() == [2.0, 0.0]
     assert np.isnan(qd[2])
     assert law.duration() == 2.0
-    farther = bm.RateAcceleration(rate=2.0, acceleration=-1.0, start=0.0, end=9.0)
+    farther = bm.motion.RateAcceleration(rate=2.0, acceleration=-1.0, start=0.0, end=9.0)
     assert farther.duration() == math.inf
 
 
 def test_start_from_rest_runs_along_the_acceleration():
-    law = bm.RateAcceleration(acceleration=-2.0, start=1.0, end=-3.0)
+    law = bm.motion.RateAcceleration(acceleration=-2.0, start=1.0, end=-3.0)
     assert law.at_coordinates(np.array([0.0]))[1].tolist() == [-2.0]
     assert law.duration() == 2.0
 
 
 def test_durations():
-    assert bm.ConstantRate(rate=4.0, start=1.0, end=3.0).duration() == 0.5
-    assert bm.ConstantRate(rate=-4.0, start=3.0, end=1.0).duration() == 0.5
-    assert bm.ConstantRate(rate=0.0).duration() == math.inf
-    assert bm.Harmonic(amplitude=1.0, frequency=4.0).duration() == 0.25
-    assert bm.Cycloidal(start=0.0, end=1.0, time=3.0).duration() == 3.0
-    table = bm.Table(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 0.0])
+    assert bm.motion.ConstantRate(rate=4.0, start=1.0, end=3.0).duration() == 0.5
+    assert bm.motion.ConstantRate(rate=-4.0, start=3.0, end=1.0).duration() == 0.5
+    assert bm.motion.ConstantRate(rate=0.0).duration() == math.inf
+    assert bm.motion.Harmonic(amplitude=1.0, frequency=4.0).duration() == 0.25
+    assert bm.motion.Cycloidal(start=0.0, end=1.0, time=3.0).duration() == 3.0
+    table = bm.motion.Table(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 0.0])
     assert (table.begin(), table.duration()) == (1.0, 3.0)
 
 
 def test_range_is_walked_from_end_to_end():
-    law = bm.ConstantRate(rate=1.0, start=1.0, end=3.0)
+    law = bm.motion.ConstantRate(rate=1.0, start=1.0, end=3.0)
     assert law.coordinates(5).tolist() == [1.0, 1.5, 2.0, 2.5, 3.0]
-    assert bm.ConstantRate(rate=1.0, start=2.0, end=2.0).coordinates(5).tolist() == [2.0]
-    turn = bm.ConstantRate(rate=1.0)
+    assert bm.motion.ConstantRate(rate=1.0, start=2.0, end=2.0).coordinates(5).tolist() == [2.0]
+    turn = bm.motion.ConstantRate(rate=1.0)
     assert (turn.start, turn.end) == (0.0, 2 * math.pi)
 
 
 def test_time_runs_forward_at_a_negative_rate():
     # the range is travelled from its upper end
-    law = bm.ConstantRate(rate=-2.0, start=1.0, end=5.0)
+    law = bm.motion.ConstantRate(rate=-2.0, start=1.0, end=5.0)
     assert law.coordinates(3).tolist() == [5.0, 3.0, 1.0]
     assert law.times(np.array([5.0, 3.0, 1.0])).tolist() == [0.0, 1.0, 2.0]
     assert law.at_times(np.array([0.0, 2.0]))[0].tolist() == [5.0, 1.0]
@@ -121,7 +123,7 @@ def test_cycloid_rises_without_jerk_at_its_ends_and_dwells_outside():
 def test_cubic_table_reproduces_a_cubic():
     # the not-a-knot spline through a cubic is that cubic
     times = [0.0, 0.4, 1.0, 1.7, 2.0]
-    law = bm.Table(times=times, values=[t**3 - t for t in times])
+    law = bm.motion.Table(times=times, values=[t**3 - t for t in times])
     t = np.linspace(0.0, 2.0, 9)
     q, qd, qdd = law.at_times(t)
     assert q == pytest.approx(t**3 - t, abs=1e-14)
@@ -131,22 +133,24 @@ def test_cubic_table_reproduces_a_cubic():
 
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
 def test_table_says_nothing_outside_itself(interpolation):
-    law = bm.Table(times=[1.0, 2.0, 3.0], values=[0.0, 1.0, 0.5], interpolation=interpolation)
+    law = bm.motion.Table(
+        times=[1.0, 2.0, 3.0], values=[0.0, 1.0, 0.5], interpolation=interpolation
+    )
     for part in law.at_times(np.array([0.99, 1.0, 3.0, 3.01])):
         assert np.isnan(part).tolist() == [True, False, False, True]
 
 
 WRONG = {
-    "times and values of different length": lambda: bm.Table(times=[0.0, 1.0], values=[0.0]),
-    "times that do not increase": lambda: bm.Table(times=[0.0, 0.0], values=[0.0, 1.0]),
-    "times that go back": lambda: bm.Table(times=[0.0, 2.0, 1.0], values=[0.0, 1.0, 2.0]),
-    "one row": lambda: bm.Table(times=[0.0], values=[0.0]),
-    "not a number": lambda: bm.ConstantRate(rate=math.nan),
-    "endless": lambda: bm.ConstantRate(rate=1.0, end=math.inf),
-    "no frequency": lambda: bm.Harmonic(amplitude=1.0, frequency=0.0),
-    "no duration": lambda: bm.Cycloidal(start=0.0, end=1.0, time=0.0),
-    "unknown key": lambda: bm.ConstantRate(rate=1.0, speed=2.0),
-    "text": lambda: bm.ConstantRate(rate="1"),
+    "times and values of different length": lambda: bm.motion.Table(times=[0.0, 1.0], values=[0.0]),
+    "times that do not increase": lambda: bm.motion.Table(times=[0.0, 0.0], values=[0.0, 1.0]),
+    "times that go back": lambda: bm.motion.Table(times=[0.0, 2.0, 1.0], values=[0.0, 1.0, 2.0]),
+    "one row": lambda: bm.motion.Table(times=[0.0], values=[0.0]),
+    "not a number": lambda: bm.motion.ConstantRate(rate=math.nan),
+    "endless": lambda: bm.motion.ConstantRate(rate=1.0, end=math.inf),
+    "no frequency": lambda: bm.motion.Harmonic(amplitude=1.0, frequency=0.0),
+    "no duration": lambda: bm.motion.Cycloidal(start=0.0, end=1.0, time=0.0),
+    "unknown key": lambda: bm.motion.ConstantRate(rate=1.0, speed=2.0),
+    "text": lambda: bm.motion.ConstantRate(rate="1"),
 }
 
 
@@ -157,9 +161,9 @@ def test_wrong_law_is_refused(name):
 
 
 def test_names_of_the_file_work_in_python_too():
-    law = bm.ConstantRate(**{"rate": 1.0, "from": 2.0, "to": 3.0})
+    law = bm.motion.ConstantRate(**{"rate": 1.0, "from": 2.0, "to": 3.0})
     assert (law.start, law.end) == (2.0, 3.0)
-    law = bm.Cycloidal(**{"from": 0.0, "to": 1.0, "duration": 2.0})
+    law = bm.motion.Cycloidal(**{"from": 0.0, "to": 1.0, "duration": 2.0})
     assert law.time == 2.0
 
 

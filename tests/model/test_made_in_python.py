@@ -14,7 +14,7 @@ MISTAKES = {
         l_i=1, l_j=2, links={"i": {"mass": -1}}
     ),
     "Link.inertia: inertia must be a finite number in kg m2": lambda: bm.Link(inertia=np.inf),
-    'keys there: law, rate, start, end. did you mean "start"?': lambda: bm.ConstantRate(
+    'keys there: law, rate, start, end. did you mean "start"?': lambda: bm.motion.ConstantRate(
         rate=1, stat=2
     ),
     "Frame.markers.A: A must be a place in m,": lambda: bm.Frame(markers={"A": (0, "x")}),
@@ -46,8 +46,8 @@ def test_numbers_and_arrays_of_numpy_are_numbers():
     assert dyad == bm.RRR(l_i=6.0, l_j=3.0, branch=-1)
     frame = bm.Frame(markers={"A": np.zeros(2), "D": (lengths[0], 0)})
     assert frame == bm.Frame(markers={"A": (0, 0), "D": (6, 0)})
-    table = bm.Table(times=np.arange(3), values=np.arange(3) / 2)
-    assert table == bm.Table(times=[0, 1, 2], values=[0, 0.5, 1])
+    table = bm.motion.Table(times=np.arange(3), values=np.arange(3) / 2)
+    assert table == bm.motion.Table(times=[0, 1, 2], values=[0, 0.5, 1])
 
 
 def test_a_marker_is_a_place_in_either_bracket():

@@ -132,7 +132,7 @@ def test_graphs_inside_of_graphs_inside(tmp_path):
 
 def arm() -> bm.Graph:
     """An arm on its own frame: two such stand on each other."""
-    found = bm.Graph("arm", drive={"joint": bm.ConstantRate(rate=2.0)})
+    found = bm.Graph("arm", drive={"joint": bm.motion.ConstantRate(rate=2.0)})
     found.add("base", bm.Frame(markers={"O": (0.1, 0.2), "G": {"at": (0.0, 0.3), "angle": 0.4}}))
     found.add("joint", bm.Crank(length=1.5, links={"crank": BAR}))
     found.add("slider", bm.SlideDrive())

@@ -183,7 +183,7 @@ def test_teeth_lean_as_the_loads_that_there_are_press_them(name, direction):
 
 
 def test_friction_turns_the_reactions_and_with_them_the_journals():
-    pin = bm.Coulomb(coefficient=0.2, radius=0.2)
+    pin = bm.friction.Coulomb(coefficient=0.2, radius=0.2)
     rough = mechanism("four_bar", friction={"B": pin, "C": pin, "D": pin})
     want = ["dyad.M.play", "dyad.M.play_bound"]
     with_friction = rough.run(at=PLACES, rates=1.0, want=want)
@@ -193,7 +193,7 @@ def test_friction_turns_the_reactions_and_with_them_the_journals():
 
 
 def test_without_the_key_nothing_moves():
-    pin = {"B": bm.Coulomb(coefficient=0.1, radius=0.05)}
+    pin = {"B": bm.friction.Coulomb(coefficient=0.1, radius=0.05)}
     loose_one, tight = (mechanism("four_bar", c, pin).compile() for c in (CLEARANCE, {}))
     assert not [name for name in tight.outputs if "play" in name]
     assert [n for n in loose_one.outputs if "play" not in n] == list(tight.outputs)

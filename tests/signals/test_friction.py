@@ -22,7 +22,7 @@ def rubbing(blocks, wires, rate=0.0):
     """A heavy wheel on a dry pin, its moment what is wired to ``drive.law``."""
     g = flywheel(blocks, wires, start=(0.0, rate))
     g.gravity = (0.0, -G)
-    friction = {"A": bm.Coulomb(coefficient=MU, radius=RADIUS)}
+    friction = {"A": bm.friction.Coulomb(coefficient=MU, radius=RADIUS)}
     link = bm.Link(mass=MASS, inertia=J)
     g.blocks["wheel"] = bm.Crank(links={"crank": link}, friction=friction)
     return g.compile()
@@ -115,7 +115,7 @@ def test_signals_without_states_rub_as_a_law_does():
     )
     g = flywheel({}, [], load=False, start=(0.0, 5.0))
     g.gravity = (0.0, -G)
-    friction = {"A": bm.Coulomb(coefficient=MU, radius=RADIUS)}
+    friction = {"A": bm.friction.Coulomb(coefficient=MU, radius=RADIUS)}
     g.blocks["wheel"] = bm.Crank(links={"crank": bm.Link(mass=MASS, inertia=J)}, friction=friction)
     g.add("drive", bm.Motor(law=laws.Polynomial(of="rate", coefficients=[0.0, -2.0])))
     g.connect("frame.A", "drive.a")

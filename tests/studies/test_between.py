@@ -49,7 +49,7 @@ def test_an_optimiser_and_a_tolerance_see_the_same_edge():
             8 * (f(f.start + e) - f(f.start - e)) - f(f.start + 2 * e) + f(f.start - 2 * e)
         ) / 12
         assert slope == pytest.approx(near / h, rel=1e-5)
-    laws = {name: bm.normal(value, 1e-6) for name, value in EDGE.items()}
+    laws = {name: bm.dist.Normal(value, 1e-6) for name, value in EDGE.items()}
     bands = mech.tolerance(laws, want="max_abs(crank.drive)", samples=72, count=400)
     drawn = bands.sampled["max_abs(crank.drive)"]
     assert drawn.deviation[0] == pytest.approx(bands["max_abs(crank.drive)"][0], rel=0.15)

@@ -78,7 +78,7 @@ def test_the_stroke_of_a_slider():
 
 
 def test_tolerance_takes_reductions():
-    made = {"dyad.l_i": bm.normal(6.0, 0.005), "dyad.l_j": bm.normal(3.0, 0.005)}
+    made = {"dyad.l_i": bm.dist.Normal(6.0, 0.005), "dyad.l_j": bm.dist.Normal(3.0, 0.005)}
     label = "range(dyad.j.angle)"
     bands = MECH.tolerance(made, want=[label, "dyad.C.p.x"], at=POSES, count=800)
     assert bands[label].shape == (1,)
@@ -101,7 +101,7 @@ def test_objective_takes_a_stroke():
 
 
 def test_pictures_and_tables_have_them(tmp_path):
-    made = {"dyad.l_i": bm.normal(6.0, 0.005)}
+    made = {"dyad.l_i": bm.dist.Normal(6.0, 0.005)}
     MECH.tolerance(made, want=["range(dyad.j.angle)"], at=POSES).plot(tmp_path / "a.png")
     MECH.tolerance(made, want=["range(dyad.j.angle)", "dyad.C.p.x"], at=POSES).plot(
         tmp_path / "b.png"

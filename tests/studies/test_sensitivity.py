@@ -120,7 +120,7 @@ def pendulum(**more):
     made.add_link("bar", pose=(0.0, 0.0, 0.3), mass=2.0, inertia=0.1, **more)
     made.add_joint("A", "R", ["frame", "bar"], at=[(0.0, 0.0), (0.5, 0.0)])
     made.add_load("push", bm.Force(force=(3.0, 4.0)), link="bar", at=(0.5, 0.0))
-    made.add_driver("motor", "A", bm.ConstantRate(rate=0.0))
+    made.add_driver("motor", "A", bm.motion.ConstantRate(rate=0.0))
     return made
 
 
@@ -289,8 +289,8 @@ def test_what_has_no_derivative_in_a_document_is_refused(to, said):
 
 def test_linear_tolerance_is_what_many_designs_scatter():
     mech = mechanism("ruiz_fourbar")
-    laws = {"dyad.l_i": bm.normal(6.0, 1e-4), "dyad.l_j": bm.uniform(2.999, 3.001)}
-    laws["dyad.friction.C.radius"] = bm.normal(0.02, 1e-4)
+    laws = {"dyad.l_i": bm.dist.Normal(6.0, 1e-4), "dyad.l_j": bm.dist.Uniform(2.999, 3.001)}
+    laws["dyad.friction.C.radius"] = bm.dist.Normal(0.02, 1e-4)
     count = 4000
     found = mech.tolerance(laws, ["crank.drive", "dyad.C.p"], samples=7, count=count)
     for name in found:
@@ -302,7 +302,7 @@ def test_linear_tolerance_is_what_many_designs_scatter():
 
 
 def test_a_tolerance_is_drawn_and_told(tmp_path):
-    laws = {"dyad.l_i": bm.normal(6.0, 1e-3), "dyad.l_j": bm.uniform(2.99, 3.01)}
+    laws = {"dyad.l_i": bm.dist.Normal(6.0, 1e-3), "dyad.l_j": bm.dist.Uniform(2.99, 3.01)}
     found = mechanism("ruiz_fourbar").tolerance(laws, "crank.drive", samples=5, count=20)
     found.plot(tmp_path / "t.png")
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
@@ -313,7 +313,7 @@ def test_a_tolerance_is_drawn_and_told(tmp_path):
 
 
 def test_designs_that_the_file_would_refuse_are_not_drawn():
-    laws = {"dyad.friction.C.coefficient": bm.normal(0.1, 0.1)}
+    laws = {"dyad.friction.C.coefficient": bm.dist.Normal(0.1, 0.1)}
     with pytest.raises(bm.FormatError, match="coefficient must be >= 0, got -"):
         mechanism("ruiz_fourbar").tolerance(laws, "crank.drive", at=0.3, count=100)
 
@@ -326,7 +326,7 @@ def test_a_tolerance_needs_distributions(numbers):
 
 def test_tolerance_is_about_the_means():
     moved = mechanism("ruiz_fourbar").tolerance(
-        {"dyad.l_i": bm.normal(6.1, 1e-3)}, "crank.drive", at=0.3
+        {"dyad.l_i": bm.dist.Normal(6.1, 1e-3)}, "crank.drive", at=0.3
     )
     graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({"dyad.l_i": 6.1})
     there = graph.compile().sensitivity("crank.drive", "dyad.l_i", at=0.3)
@@ -346,7 +346,7 @@ def test_parts_of_vectors_are_outputs_everywhere(make):
     assert run.unit(want[0]) == "m"
     found = mech.sensitivity(want, [number], samples=5)
     np.testing.assert_array_equal(found[want[0]] + 1j * found[want[2]], found[vector])
-    bands = mech.tolerance({number: bm.normal(6.0, 1e-3)}, want, samples=5, count=16)
+    bands = mech.tolerance({number: bm.dist.Normal(6.0, 1e-3)}, want, samples=5, count=16)
     both = np.hypot(bands[want[0]], bands[want[2]])
     np.testing.assert_allclose(both, bands[vector], rtol=1e-12)
     assert set(bands.sampled) == set(want)

@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 
-shapes = bm.shapes
+shapes = bm.design.shapes
 
 
 def test_a_polygon_is_the_plate_that_it_outlines():

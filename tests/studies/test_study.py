@@ -140,7 +140,7 @@ def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
 
 @pytest.mark.parametrize("sampling", ["latin", "sobol", "random"])
 def test_points_of_distributions_are_the_same_for_a_seed(fourbar, sampling):
-    vary = {"dyad.l_i": bm.normal(6.0, 0.01), "frame.D.x": bm.uniform(5.4, 5.6)}
+    vary = {"dyad.l_i": bm.dist.Normal(6.0, 0.01), "frame.D.x": bm.dist.Uniform(5.4, 5.6)}
     request = {"at": TURN, "want": "max(crank.drive)", "sampling": sampling, "count": 256}
     found = fourbar.study(vary, **request)
     again = fourbar.study(vary, **request)
@@ -217,9 +217,12 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
         ({"vary": {"dyad.l": [6.0]}}, 'did you mean "dyad.l_j"'),
         ({"vary": {"dyad.l_i": ["a"]}}, "is not a number with a unit"),
         ({"vary": {"dyad.l_i": [np.nan]}}, "not a finite number"),
-        ({"vary": {"dyad.l_i": [6.0], "dyad.l_j": bm.normal(3.0, 0.1)}}, "uniform"),
-        ({"vary": {"dyad.l_i": bm.normal(6.0, 0.1)}}, "say how many designs"),
-        ({"vary": {"dyad.l_i": bm.normal(6.0, 0.1)}, "count": 9, "sampling": "sobol"}, "e.g. 16"),
+        ({"vary": {"dyad.l_i": [6.0], "dyad.l_j": bm.dist.Normal(3.0, 0.1)}}, "bm.dist.Uniform"),
+        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}}, "say how many designs"),
+        (
+            {"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}, "count": 9, "sampling": "sobol"},
+            "e.g. 16",
+        ),
         ({"vary": {"dyad.l_i": [1, 2], "dyad.l_j": [3]}, "sampling": "paired"}, "equally many"),
         ({"want": {"crank.drive": "maxabs"}}, 'did you mean "max_abs"'),
         ({"want": {"dyad.C.p": "min"}}, "it is a vector"),
@@ -231,8 +234,8 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
         ({"want": {"crank.drive": 3}}, "want[crank.drive]: got 3"),
         ({"vary": {"dyad.branch": [-1, 0.5, 1]}}, 'must be -1, 1 or "follow", got 0.5'),
         ({"vary": {"dyad.l_i": [1.0, 0.0, 6.0]}}, "l_i must be > 0 m, got 0"),
-        ({"vary": {"dyad.l_i": bm.normal(6.0, 9.0)}, "count": 99}, "l_i must be > 0 m, got -"),
-        ({"vary": {"dyad.l_i": bm.normal(6.0, 0.1)}, "count": 9, "seed": -1}, "seed: got -1"),
+        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 9.0)}, "count": 99}, "l_i must be > 0 m, got -"),
+        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}, "count": 9, "seed": -1}, "seed: got -1"),
         ({"engine": "scalar"}, "engines: auto, numpy, llvm"),
         ({"want": "crank.drive"}, "how it is reduced is not said"),
     ],
@@ -244,7 +247,9 @@ def test_mistakes_get_one_message(fourbar, request_, words):
     assert words in str(error.value)
 
 
-@pytest.mark.parametrize("make", [lambda: bm.normal(1.0, 0.0), lambda: bm.uniform(2.0, 1.0)])
+@pytest.mark.parametrize(
+    "make", [lambda: bm.dist.Normal(1.0, 0.0), lambda: bm.dist.Uniform(2.0, 1.0)]
+)
 def test_distributions_refuse_what_is_none(make):
     with pytest.raises(bm.RequestError):
         make()

@@ -14,7 +14,7 @@ from blockmech.studies.runner import Runner
 from blockmech.studies.workers import Work
 from tests.gallery import GRAPHS, mechanism
 
-VARY = {"dyad.l_i": bm.normal(6.0, 0.5), "frame.D.x": bm.uniform(5.4, 5.6)}
+VARY = {"dyad.l_i": bm.dist.Normal(6.0, 0.5), "frame.D.x": bm.dist.Uniform(5.4, 5.6)}
 REQUEST = {
     "want": ["max_abs(crank.drive)", "mean(dyad.C.reaction)", "poses(dyad.C.p)"],
     "samples": 6,

@@ -186,7 +186,7 @@ def test_a_tolerance_is_that_of_the_lengths_by_the_chosen_share():
     asked = ask("slider_crank", names=["crank.drive"], share=1.0)
     mechanism = asked.mechanism
     lengths = {
-        p.address: bm.normal(p.value, 0.01 * abs(p.value))
+        p.address: bm.dist.Normal(p.value, 0.01 * abs(p.value))
         for p in mechanism.parameters().values()
         if p.unit == "m" and p.value
     }

@@ -46,7 +46,7 @@ def file(arm: bm.Graph, home: Path) -> Any:
 @pytest.fixture
 def arm() -> bm.Graph:
     """A crank of 2 m at 3 rad/s: its end B is at 2 (cos q, sin q), at 6 m/s across."""
-    g = bm.Graph("arm", drive={"crank": bm.ConstantRate(rate=3.0)})
+    g = bm.Graph("arm", drive={"crank": bm.motion.ConstantRate(rate=3.0)})
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     g.add("crank", bm.Crank(length=2.0))
     g.connect("frame.A", "crank.A")

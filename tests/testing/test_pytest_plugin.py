@@ -80,7 +80,7 @@ def test_a_graph_without_expectations_is_a_test_that_it_closes(pytester, graphs,
 
 
 def test_a_graph_that_does_not_close_at_its_start_fails(pytester, graphs, short):
-    short.drive("crank", bm.ConstantRate(rate=1.0, start=3.0))
+    short.drive("crank", bm.motion.ConstantRate(rate=1.0, start=3.0))
     short.save(pytester.path / "graphs" / "arm.json")
     said = run(pytester, "graphs")
     said.assert_outcomes(failed=1)

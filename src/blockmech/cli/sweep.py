@@ -25,7 +25,7 @@ from blockmech.cli.output import check_places, write_answer
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
 from blockmech.ground.errors import needed, refused
 from blockmech.model.parameters import named
-from blockmech.studies.sampling import Distribution, normal, uniform
+from blockmech.studies.distributions import Distribution, Normal, Uniform
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -47,7 +47,7 @@ Dask = Annotated[str | None, option("A Dask cluster that does it: tcp://host:878
 Plot = Annotated[str | None, option("Draw it (png, svg, pdf).", "FILE")]
 
 TABLES = (".csv", ".parquet")
-LAWS: dict[str, Callable[..., Distribution]] = {"normal": normal, "uniform": uniform}
+LAWS: dict[str, Callable[..., Distribution]] = {"normal": Normal, "uniform": Uniform}
 LAW = re.compile(r"(normal|uniform)\((.*)\)")
 
 

@@ -1,14 +1,17 @@
 """Questions of design, as functions of a mechanism: balance, drives, identification, flywheels.
 
+`shapes` are mass properties of bars, plates, discs and outlines.
+
 >>> import blockmech as bm
 >>> engine = bm.read("graphs/engine.json").compile()  # doctest: +SKIP
 >>> wheel = bm.design.flywheel(engine, speed=100.0, fluctuation=0.02)  # doctest: +SKIP
 """
 
+from blockmech.design import shapes
 from blockmech.design.balance import balance
 from blockmech.design.drives import available, motor
 from blockmech.design.floquet import floquet
 from blockmech.design.flywheel import flywheel
 from blockmech.design.identify import identify
 
-__all__ = ["available", "balance", "floquet", "flywheel", "identify", "motor"]
+__all__ = ["available", "balance", "floquet", "flywheel", "identify", "motor", "shapes"]

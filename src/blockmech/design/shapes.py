@@ -1,8 +1,9 @@
 """Mass, inertia and centre of mass of links from their shapes.
 
-A `Body` is what a link takes: ``bm.Link(**bm.shapes.bar(0.4, mass=1.2))``,
-``linkage.add_link("rod", **bm.shapes.bar(0.4, mass=1.2))``. Bodies add up, and holes are taken
-away: ``plate - disc.at(0.1, 0.0)``. Everything is about an axis normal to the plane of motion.
+A `Body` is what a link takes: ``bm.Link(**bm.design.shapes.bar(0.4, mass=1.2))``,
+``linkage.add_link("rod", **bm.design.shapes.bar(0.4, mass=1.2))``. Bodies add up, and holes are
+taken away: ``plate - disc.at(0.1, 0.0)``. Everything is about an axis normal to the plane of
+motion.
 
 Sources: Norton, Design of Machinery, section 10 (composite bodies, parallel axes); polygons by
 Green's theorem (Steger, On the calculation of arbitrary moments of polygons, 1996).
@@ -83,7 +84,7 @@ def bar(length: float, width: float = 0.0, **amount: float) -> Body:
     amount : ``mass=`` [kg], or ``thickness=`` [m] and ``density=`` [kg/m3] (steel)
 
     >>> import blockmech as bm
-    >>> bm.shapes.bar(0.5, mass=1.5).inertia
+    >>> bm.design.shapes.bar(0.5, mass=1.5).inertia
     0.03125
     """
     _refuse(length=length, width=width or 1.0)
@@ -102,7 +103,7 @@ def disc(radius: float, inner: float = 0.0, **amount: float) -> Body:
     """A disc about the origin, or a ring with an inner radius [m].
 
     >>> import blockmech as bm
-    >>> bm.shapes.disc(0.5, mass=2.0).inertia
+    >>> bm.design.shapes.disc(0.5, mass=2.0).inertia
     0.25
     """
     _refuse(radius=radius, inner=inner or 1.0, wall=radius - inner)

@@ -178,7 +178,8 @@ def _starts(mechanism: Compiled) -> dict[str, float] | None:
                 mechanism.scene.address("drive", d),
                 f"the range of driver {d} is not known",
                 "a picture of the motion needs a law of motion for every driver",
-                f'give one, e.g. drive("{d}", ConstantRate(rate=1.0)), or name poses with at=',
+                f'give one, e.g. drive("{d}", bm.motion.ConstantRate(rate=1.0)), '
+                "or name poses with at=",
             )
             for d in missing
         )

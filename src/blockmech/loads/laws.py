@@ -34,6 +34,8 @@ from blockmech.ground.values import (
 )
 from blockmech.typing import Argument, Real
 
+__all__ = ["DC", "Constant", "Fourier", "Polynomial", "Signal", "Table"]
+
 Turns = Annotated[int, Field(strict=True, gt=0)]
 
 

@@ -246,7 +246,7 @@ class Graph(Document):
         """
         if not isinstance(law, LawOfMotion):
             where, found = f"scene.drive.{driver}", f"{type(law).__name__} is not a law of motion"
-            remedy = f'e.g. drive("{driver}", ConstantRate(rate=10.0))'
+            remedy = f'e.g. drive("{driver}", bm.motion.ConstantRate(rate=10.0))'
             raise GraphError(Problem("not-a-law", where, found, "", remedy))
         self._give("drive", driver, law)
 

@@ -26,6 +26,15 @@ from blockmech.ground.values import (
     check_table,
 )
 
+__all__ = [
+    "ConstantRate",
+    "Cycloidal",
+    "Harmonic",
+    "LawOfMotion",
+    "RateAcceleration",
+    "Table",
+]
+
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
 SAME = 1e-12  # [-] by which slopes of lines differ that rounding alone bends
@@ -36,7 +45,7 @@ class LawOfMotion(StrictModel):
 
     model_config = ConfigDict(populate_by_name=True)
     kind_key: ClassVar[str] = "law"
-    _called: ClassVar[str] = "a law of motion such as ConstantRate(rate=10.0)"
+    _called: ClassVar[str] = "a law of motion such as bm.motion.ConstantRate(rate=10.0)"
     by_coordinate: ClassVar[bool] = False
 
     def units(self, axis: Axis) -> Units:

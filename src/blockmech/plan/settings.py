@@ -20,7 +20,7 @@ def friction_asked(method: FrictionMethod | None) -> Friction:
         method = "newton" if method is None else method
         if not isinstance(method, str) or method not in METHODS:
             found = f"no friction method {shown(method)}"
-            valid = f"methods: {listed(METHODS)}, Successive(...)"
+            valid = f"methods: {listed(METHODS)}, bm.friction.Successive(...)"
             raise refused("friction", found, valid=valid, code="unknown-method")
         return Friction(method)
     problems = []

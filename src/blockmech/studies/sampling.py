@@ -14,83 +14,16 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.errors import Problem, RequestError, as_names, listed, refused
-from blockmech.ground.values import is_count, is_number
+from blockmech.ground.values import is_count
+from blockmech.studies.distributions import Distribution, Floats
 
-Floats = NDArray[np.float64]
 Sampling = Literal["grid", "paired", "latin", "sobol", "random"]
 OF_ARRAYS, OF_DISTRIBUTIONS = ("grid", "paired"), ("latin", "sobol", "random")
-
-
-@dataclass(frozen=True)
-class Normal:
-    """Normal distribution by mean and standard deviation."""
-
-    mean: float
-    deviation: float
-
-    def quantile(self, share: Floats) -> Floats:
-        """The values below which these shares (n,) of all lie."""
-        from scipy.special import ndtri
-
-        return np.asarray(self.mean + self.deviation * ndtri(share))
-
-
-@dataclass(frozen=True)
-class Uniform:
-    """Uniform distribution between two values."""
-
-    low: float
-    high: float
-
-    def quantile(self, share: Floats) -> Floats:
-        """The values below which these shares (n,) of all lie."""
-        return np.asarray(self.low + (self.high - self.low) * share)
-
-    @property
-    def mean(self) -> float:
-        """Expected value."""
-        return (self.low + self.high) / 2
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation, width / sqrt 12."""
-        return (self.high - self.low) / math.sqrt(12.0)
-
-
-Distribution: TypeAlias = Normal | Uniform
-"""How a number scatters."""
-
-
-def normal(mean: float, deviation: float) -> Normal:
-    """Normal distribution of a number: mean and standard deviation, in its unit.
-
-    Raises `RequestError` for numbers that are none.
-
-    >>> normal(6.0, 1e-4).deviation
-    0.0001
-    """
-    if not (is_number(mean) and is_number(deviation) and deviation > 0):
-        raise refused("normal", f"({mean!r}, {deviation!r})", "give the mean and a deviation > 0")
-    return Normal(float(mean), float(deviation))
-
-
-def uniform(low: float, high: float) -> Uniform:
-    """Uniform distribution of a number between two values, in its unit.
-
-    Raises `RequestError` for numbers that are none.
-
-    >>> uniform(5.9, 6.1).mean
-    6.0
-    """
-    if not (is_number(low) and is_number(high) and low < high):
-        raise refused("uniform", f"({low!r}, {high!r})", "give the lowest and the highest value")
-    return Uniform(float(low), float(high))
 
 
 @dataclass(frozen=True)
@@ -177,51 +110,55 @@ def designs(vary: Mapping[str, Any], sampling: str | None, count: int | None, se
     problems: list[Problem] = []
     if seed != 0 and not is_count(seed):
         problems.append(_problem("seed", f"got {seed!r}", "give a whole number from 0 on"))
-    drawn = [a for a, x in vary.items() if isinstance(x, Distribution)]
-    valid = OF_DISTRIBUTIONS if drawn else OF_ARRAYS
-    if drawn and len(drawn) < len(vary):
-        rest = listed(a for a in vary if a not in drawn)
-        problems.append(_problem(rest, "values beside distributions", "give uniform(low, high)"))
-    how = sampling or valid[0]
-    if how not in valid:
-        found = f'no sampling "{how}" of {"distributions" if drawn else "arrays"}'
-        problems.append(Problem("bad-value", "sampling", found, f"valid: {listed(valid)}", ""))
-    given = {a: x if a in drawn else _row(a, x, problems) for a, x in vary.items()}
+    random = [a for a, x in vary.items() if isinstance(x, Distribution)]
+    valid = OF_DISTRIBUTIONS if random else OF_ARRAYS
+    if random and len(random) < len(vary):
+        rest = listed(a for a in vary if a not in random)
+        problems.append(
+            _problem(rest, "values beside distributions", "give bm.dist.Uniform(low, high)")
+        )
+    method = sampling or valid[0]
+    if method not in valid:
+        message = f'no sampling "{method}" of {"distributions" if random else "arrays"}'
+        problems.append(Problem("bad-value", "sampling", message, f"valid: {listed(valid)}", ""))
+    values = {a: x if a in random else _row(a, x, problems) for a, x in vary.items()}
     n = 0
-    if not drawn and count is not None:
+    if not random and count is not None:
         problems.append(_problem("count", "has no meaning for arrays", "leave it out"))
-    elif drawn and not is_count(count):
-        found = f"must be a whole number, got {count!r}"
-        problems.append(_problem("count", found, "say how many designs"))
-    elif drawn:
+    elif random and not is_count(count):
+        message = f"must be a whole number, got {count!r}"
+        problems.append(_problem("count", message, "say how many designs"))
+    elif random:
         n = int(count)  # type: ignore[arg-type]
-        if how == "sobol" and n & (n - 1):
-            found, power = f"{n} Sobol points are out of balance", 1 << n.bit_length()
-            problems.append(_problem("count", found, f"give a power of two, e.g. {power}"))
+        if method == "sobol" and n & (n - 1):
+            message, power = f"{n} Sobol points are out of balance", 1 << n.bit_length()
+            problems.append(_problem("count", message, f"give a power of two, e.g. {power}"))
     elif not problems:
-        sizes = {a: len(x) for a, x in given.items()}
-        if how == "paired" and len(set(sizes.values())) > 1:
-            said = listed(f"{a} has {k}" for a, k in sizes.items())
-            problems.append(_problem("vary", f"{said} values", "pairs need equally many"))
-        n = math.prod(sizes.values()) if how == "grid" else next(iter(sizes.values()))
+        sizes = {a: len(x) for a, x in values.items()}
+        if method == "paired" and len(set(sizes.values())) > 1:
+            lengths = listed(f"{a} has {k}" for a, k in sizes.items())
+            problems.append(_problem("vary", f"{lengths} values", "pairs need equally many"))
+        n = math.prod(sizes.values()) if method == "grid" else next(iter(sizes.values()))
     if problems:
         raise RequestError(problems)
-    return Designs(given, how, n, seed)  # type: ignore[arg-type]
+    return Designs(values, method, n, seed)  # type: ignore[arg-type]
 
 
 def _row(address: str, raw: Any, problems: list[Problem]) -> Floats:
     try:
-        given = np.asarray(raw)
-        if given.dtype.kind not in "iuf" or given.ndim > 1 or given.size == 0:
+        array = np.asarray(raw)
+        if array.dtype.kind not in "iuf" or array.ndim > 1 or array.size == 0:
             raise TypeError
     except (TypeError, ValueError):
         remedy = "give a number, a row of numbers or a distribution"
         problems.append(_problem(address, f"got {raw!r:.60}", remedy))
         return np.zeros(1)
-    row = np.atleast_1d(given.astype(np.float64))
-    bad = np.flatnonzero(~np.isfinite(row))
-    if len(bad):
-        problems.append(_problem(f"{address}[{bad[0]}]", f"not a finite number: {row[bad[0]]}", ""))
+    row = np.atleast_1d(array.astype(np.float64))
+    invalid = np.flatnonzero(~np.isfinite(row))
+    if len(invalid):
+        problems.append(
+            _problem(f"{address}[{invalid[0]}]", f"not a finite number: {row[invalid[0]]}", "")
+        )
     return row
 
 

@@ -16,12 +16,13 @@ from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.model.parameters import named
+from blockmech.studies.distributions import Distribution
 from blockmech.studies.family import Family, parameters
 from blockmech.studies.fingerprint import fingerprint
 from blockmech.studies.motions import runner_of
 from blockmech.studies.rows import WITHOUT, Parts, Rows, Span
 from blockmech.studies.runner import Runner
-from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
+from blockmech.studies.sampling import Designs, Sampling, designs
 from blockmech.studies.table import Study
 from blockmech.studies.workers import Work, hands
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Progress

@@ -31,9 +31,10 @@ from blockmech.ground.report import DEGREES, sections
 from blockmech.model.parameters import named
 from blockmech.result.exported import aligned
 from blockmech.studies.differentiate import sensitivity
+from blockmech.studies.distributions import Distribution
 from blockmech.studies.family import Family, parameters, remade
 from blockmech.studies.runner import Runner
-from blockmech.studies.sampling import Designs, Distribution, designs
+from blockmech.studies.sampling import Designs, designs
 from blockmech.studies.sensitivity import Sensitivity
 from blockmech.studies.workers import Work
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
@@ -219,7 +220,7 @@ def tolerance(
     given = numbers if isinstance(numbers, Mapping) else {}
     wrong = [a for a, law in given.items() if not isinstance(law, Distribution)]
     if wrong or not given:
-        remedy, places = "give e.g. normal(6.0, 1e-4)", wrong or ["numbers"]
+        remedy, places = "give e.g. bm.dist.Normal(6.0, 1e-4)", wrong or ["numbers"]
         raise RequestError(Problem("bad-request", a, "no distribution", "", remedy) for a in places)
     parameters_of = named(parameters(mechanism), numbers)
     laws = {p.address: law for p, law in parameters_of.items()}

@@ -42,8 +42,8 @@ from blockmech.result.result import Result
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.result.wires import on_wires, wires_of
 from blockmech.studies.differentiate import without_derivative
+from blockmech.studies.distributions import Normal
 from blockmech.studies.family import remade
-from blockmech.studies.sampling import normal
 from blockmech.studio.document import Revision
 from blockmech.studio.redraw import as_links
 from blockmech.studio.sketching import outlines_of, pins_of
@@ -329,7 +329,7 @@ def _with_unit(key: str, values: Any, unit: str) -> str:
 def _tolerance(ask: Question) -> Any:
     """Every length that is not 0 scatters by the share, as a standard deviation."""
     lengths = {
-        p.address: normal(p.value, ask.share * abs(p.value))
+        p.address: Normal(p.value, ask.share * abs(p.value))
         for p in ask.mechanism.parameters().values()
         if p.unit == "m" and p.value and not without_derivative(p)
     }

@@ -84,7 +84,7 @@ def test_made_in_python_it_is_the_same_document():
     for name, joint in said["joints"].items():
         rest = {key: value for key, value in joint.items() if key not in ("type", "links", "at")}
         made.add_joint(name, joint["type"], joint["links"], joint["at"], **rest)
-    law = bm.ConstantRate(rate=100.0, **{"from": 0.0, "to": 6.283185307179586})
+    law = bm.motion.ConstantRate(rate=100.0, **{"from": 0.0, "to": 6.283185307179586})
     made.add_driver("motor", "O", law)
     made.add_load("gas", "force", link="piston", at=(0.0, 0.0), force=(-500.0, 0.0))
     assert made.to_json() == read(said).to_json()

@@ -78,7 +78,9 @@ class FrictionLaw(StrictModel):
 
     kind_key: ClassVar[str] = "law"
     plain_kind: ClassVar[str] = PLAIN
-    _called: ClassVar[str] = "a friction law such as Coulomb(coefficient=0.1, radius=0.01)"
+    _called: ClassVar[str] = (
+        "a friction law such as bm.friction.Coulomb(coefficient=0.1, radius=0.01)"
+    )
     type_name: ClassVar[str] = ""
     kinds: ClassVar[tuple[str, ...]] = ("R", "P")
     drags: ClassVar[bool] = True
@@ -149,7 +151,7 @@ class FrictionLaw(StrictModel):
 
         ``load`` [N] is that of laws that are not linear in it.
 
-        >>> from blockmech import Stribeck
+        >>> from blockmech.friction import Stribeck
         >>> law = Stribeck(static=0.3, kinetic=0.2, stribeck_speed=0.5, radius=0.05)
         >>> round(law.at(0.5).factor / 0.05, 6)
         0.236788

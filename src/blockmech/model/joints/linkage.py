@@ -48,7 +48,7 @@ class Linkage(Document):
     >>> m.add_joint("B", "R", ["crank", "rod"], at=[(1, 0), (0, 0)])
     >>> m.add_joint("C", "R", ["rod", "rocker"], at=[(2.5, 0), (2, 0)])
     >>> m.add_joint("D", "R", ["frame", "rocker"], at=[(2.5, 0), (0, 0)])
-    >>> m.add_driver("motor", "A", bm.ConstantRate(rate=10.0))
+    >>> m.add_driver("motor", "A", bm.motion.ConstantRate(rate=10.0))
     >>> m
     <Linkage crank_rocker: 3 moving links, 4 pairs, 1 driver; I(crank) -> II RRR(rocker, rod)>
     """

@@ -1,0 +1,86 @@
+"""How a number scatters: the distributions that tolerances and studies take.
+
+>>> import blockmech as bm
+>>> bm.dist.Normal(mean=6.0, deviation=1e-4)
+Normal(mean=6.0, deviation=0.0001)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.ground.errors import refused
+from blockmech.ground.values import is_number
+
+__all__ = ["Normal", "Uniform"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal distribution of a number: mean and standard deviation, in its unit.
+
+    Raises `RequestError` for numbers that are none.
+
+    >>> Normal(6.0, 1e-4).deviation
+    0.0001
+    """
+
+    mean: float
+    deviation: float
+
+    def __post_init__(self) -> None:
+        mean, deviation = self.mean, self.deviation
+        if not (is_number(mean) and is_number(deviation) and deviation > 0):
+            found, remedy = f"({mean!r}, {deviation!r})", "give the mean and a deviation > 0"
+            raise refused("Normal", found, remedy)
+
+    def quantile(self, share: Floats) -> Floats:
+        """The values below which these shares (n,) of all lie."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.mean + self.deviation * ndtri(share))
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Uniform distribution of a number between two values, in its unit.
+
+    Raises `RequestError` for numbers that are none.
+
+    >>> Uniform(5.9, 6.1).mean
+    6.0
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        low, high = self.low, self.high
+        if not (is_number(low) and is_number(high) and low < high):
+            remedy = "give the lowest and the highest value"
+            raise refused("Uniform", f"({low!r}, {high!r})", remedy)
+
+    def quantile(self, share: Floats) -> Floats:
+        """The values below which these shares (n,) of all lie."""
+        return np.asarray(self.low + (self.high - self.low) * share)
+
+    @property
+    def mean(self) -> float:
+        """Expected value."""
+        return (self.low + self.high) / 2
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation, width / sqrt 12."""
+        return (self.high - self.low) / math.sqrt(12.0)
+
+
+Distribution: TypeAlias = Normal | Uniform
+"""How a number scatters."""
