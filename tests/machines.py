@@ -187,7 +187,7 @@ def slider(
 def ruiz(coefficient: float = COEFFICIENT, radius: float = PIN) -> Graph:
     """The four-bar of Ruiz, Durango & Calle 2010, Table 1; radius 0: no friction."""
     g = Graph.load(GRAPHS / "ruiz_fourbar.json")
-    law = bm.Coulomb(coefficient=coefficient, radius=radius) if radius else None
+    law = bm.friction.Coulomb(coefficient=coefficient, radius=radius) if radius else None
     for name in ("crank", "dyad"):
         friction = dict.fromkeys(g.blocks[name].friction, law) if law else {}
         g.blocks[name] = changed(g.blocks[name], friction=friction)
@@ -214,7 +214,7 @@ def watt(
             return bm.Link(markers=places)
         return bm.Link(mass=mass, inertia=inertia, cm=(length / 2, 0.0), markers=places)
 
-    law = bm.Coulomb(coefficient=0.2, radius=0.02)
+    law = bm.friction.Coulomb(coefficient=0.2, radius=0.02)
     g = Graph("watt_sixbar", gravity=(0.0, -9.81) if gravity else (0.0, 0.0))
     g.add("frame", bm.Frame(markers={"O2": (0.0, 0.0), "O4": (1.6, 0.0)}))
     links = {"crank": rod(1.0, 1.0, 0.0833)}
@@ -241,14 +241,14 @@ def watt(
     if spring is not None:
         g.add("spring", bm.Spring(stiffness=80.0, free_length=0.2, damping=spring))
         wire(g, "first.K spring.a", "last.K6 spring.b")
-    g.drive("crank", bm.ConstantRate(rate=rate))
+    g.drive("crank", bm.motion.ConstantRate(rate=rate))
     return g
 
 
 def toggle(friction: bool = True) -> Graph:
     """A slide drive that works an RRR dyad, with a spring and a useful load."""
-    pin = bm.Coulomb(coefficient=0.2, radius=0.02)
-    guide = bm.Coulomb(coefficient=0.15, guide_length=0.3)
+    pin = bm.friction.Coulomb(coefficient=0.2, radius=0.02)
+    guide = bm.friction.Coulomb(coefficient=0.15, guide_length=0.3)
     g = Graph("toggle", gravity=(0.0, -9.81))
     markers = {
         "G": Marker(at=(-0.4, 0.3), angle=0.2),
@@ -276,7 +276,7 @@ def toggle(friction: bool = True) -> Graph:
         "frame.K spring.b",
         "dyad.W work.at",
     )
-    g.drive("ram", bm.ConstantRate(rate=0.5, start=0.0, end=0.6))
+    g.drive("ram", bm.motion.ConstantRate(rate=0.5, start=0.0, end=0.6))
     return g
 
 
@@ -287,7 +287,7 @@ def squeezer() -> Graph:
 
 def chain(dyads: int, friction: bool = False) -> Graph:
     """A crank that rocks a long chain of dyads, each driven by the rocker before it."""
-    law = bm.Coulomb(coefficient=0.1, radius=0.01)
+    law = bm.friction.Coulomb(coefficient=0.1, radius=0.01)
     pins = dict.fromkeys("BCD", law) if friction else {}
     pivots = {f"D{k}": (3.0 * (k + 1), 0.1 * (k % 3)) for k in range(dyads)}
     g = Graph("chain", gravity=(0.0, -9.81))
@@ -304,5 +304,5 @@ def chain(dyads: int, friction: bool = False) -> Graph:
         g.add(name, bm.RRR(l_i=3.0, l_j=1.0, links=links, friction=pins))
         wire(g, f"{source} {name}.B", f"frame.D{k} {name}.D")
         source = f"{name}.E"
-    g.drive("crank", bm.ConstantRate(rate=2.0))
+    g.drive("crank", bm.motion.ConstantRate(rate=2.0))
     return g

@@ -135,10 +135,10 @@ def scaled(graph: Graph, length: float, force: float) -> Graph:
     return g
 
 
-def _scaled_law(law: bm.Coulomb, length: float) -> bm.Coulomb:
+def _scaled_law(law: bm.friction.Coulomb, length: float) -> bm.friction.Coulomb:
     sizes = {n: getattr(law, n) for n in ("radius", "guide_length")}
     given = {n: x * length for n, x in sizes.items() if x is not None}
-    return bm.Coulomb(coefficient=law.coefficient, **given)
+    return bm.friction.Coulomb(coefficient=law.coefficient, **given)
 
 
 def _seen(block: Any, place: Any, link: Any, **updates: Any) -> Block:
