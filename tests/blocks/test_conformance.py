@@ -59,7 +59,15 @@ EXAMPLES = {
         {"l_j": 3.0, "branch": -1, "x_S": 0.4},
         {"l_j": 0.2, "x_S": -0.2, "slider": "i"},
     ],
-    "load.force": [{"force": (1.0, 2.0)}, {"force": (1.0, 2.0), "axes": "link"}],
+    "load.force": [
+        {"force": (1.0, 2.0)},
+        {"force": (1.0, 2.0), "axes": "link"},
+        *(
+            {"direction": (1.0, 2.0), "law": law, "axes": axes}
+            for axes in ("ground", "link")
+            for law in (LINE, RATE)
+        ),
+    ],
     "load.couple": [{"moment": 2.0}],
     "load.spring": [
         {"stiffness": 5.0, "free_length": 0.3},

@@ -34,6 +34,11 @@ def _argument(e: Evidence, load: Following, what: str, ends: Ends) -> tuple[Arra
     if load.driver is not None:
         given = e.run[f"{load.driver}.{'q' if what == 'coordinate' else 'rate'}"]
         return given, np.abs(given)
+    if isinstance(load, Force):
+        at = ends["at"]
+        speed = np.abs(at.v) + np.abs(at.om) * np.abs(at.p)
+        vector, size = (at.p, np.abs(at.p)) if what == "coordinate" else (at.v, speed)
+        return (np.conj(_direction(load, at)) * vector).real, size
     a, b = ends["a"], ends["b"]
     if isinstance(load, Motor):
         if what == "coordinate":
@@ -54,7 +59,7 @@ def _line(load: Any, a: Body, b: Body) -> Array:
 
 def _law(e: Evidence, load: Following, ends: Ends) -> Term:
     """What a law says (n,), and by how much its arguments' rounding may change it."""
-    pairs_read = [_argument(e, load, what, ends) for what in load.law.variables()]
+    pairs_read = [_argument(e, load, what, ends) for what in load.variables()]
     x = [value for value, _ in pairs_read]
 
     def of(*arguments: Array) -> Array:
@@ -72,8 +77,17 @@ def _law(e: Evidence, load: Following, ends: Ends) -> Term:
 
 
 def _force(e: Evidence, load: Force, ends: Ends) -> dict[str, Term]:
+    if load.force is None:
+        force = _law(e, load, ends)
+        return {"at": force._replace(value=_direction(load, ends["at"]) * force.value)}
     turned = ends["at"].e if load.axes == "link" else 1.0 + 0 * ends["at"].e
     return {"at": plain(load.force.z * turned)}
+
+
+def _direction(load: Any, at: Body) -> Array:
+    """Unit direction (n,) of a force by a law."""
+    turned = at.e if load.axes == "link" else 1.0 + 0 * at.e
+    return np.asarray(turned * load.direction.z / abs(load.direction.z))
 
 
 def _couple(e: Evidence, load: Couple, ends: Ends) -> dict[str, Term]:

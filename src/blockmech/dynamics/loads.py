@@ -139,7 +139,7 @@ def knots(compiled: Any) -> tuple[float, ...]:
         places += _passings(s, s.ask(argument, follower), levels, q)
     for name, element in structure.elements.items():
         if element.counted is not None and isinstance(element, Following):
-            counted, law = element.counted.driver, element.law
+            counted, law = element.counted.driver, _law(element)
             if counted not in structure.followers:
                 places += law.within(low, high)
             elif law.rows():

@@ -226,6 +226,12 @@ class Vector(Pair):
     what = "a vector"
 
 
+def check_direction(key: str, *vectors: Vector | None) -> None:
+    """Raise pydantic's error where a direction of a key has no length."""
+    if any(vector is not None and vector.z == 0 for vector in vectors):
+        raise mistake("bad-direction", f'"{key}" must not be [0, 0]')
+
+
 NAME_RULE = 'a name is not empty and has no "." or "/"'
 """The rule for names of blocks and markers, which stand in addresses."""
 
@@ -473,8 +479,7 @@ class Marker(StrictModel):
             raise mistake(
                 "bad-direction", "the direction is given twice", "", 'keep "angle" or "dir"'
             )
-        if self.dir is not None and self.dir.z == 0:
-            raise mistake("bad-direction", '"dir" must not be [0, 0]')
+        check_direction("dir", self.dir)
         return self
 
     @property

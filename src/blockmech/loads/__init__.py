@@ -2,7 +2,7 @@
 
 from blockmech.loads import laws
 from blockmech.loads.actuators import Motor, Thrust
-from blockmech.loads.constant import Couple, Force
+from blockmech.loads.applied import Couple, Force
 from blockmech.loads.contract import Element, Following, Terminal
 from blockmech.loads.springs import Spring, TorsionSpring
 

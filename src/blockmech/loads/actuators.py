@@ -17,8 +17,8 @@ from typing import Any
 from pydantic import field_validator
 
 from blockmech.ground.plane import always, angle, dot, hyp, imul, mul
-from blockmech.ground.values import Vector, VectorOrNoneGiven, default, mistake
-from blockmech.loads.contract import Following, Terminal
+from blockmech.ground.values import Vector, VectorOrNoneGiven, check_direction, default
+from blockmech.loads.contract import Following, LawGiven, Terminal
 from blockmech.typing import Complex, Real
 
 
@@ -78,14 +78,19 @@ class Thrust(Following, type="load.thrust"):
     own_symbol = "a→b"
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
+    law: LawGiven
     direction: VectorOrNoneGiven = default(None)
 
     @field_validator("direction")
     @classmethod
     def _points_somewhere(cls, direction: Vector | None) -> Vector | None:
-        if direction is not None and direction.z == 0:
-            raise mistake("bad-direction", '"direction" must not be [0, 0]')
+        check_direction("direction", direction)
         return direction
+
+    @property
+    def link_vectors(self) -> tuple[str, ...]:
+        """The direction."""
+        return ("direction",)
 
     def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The distance from a to b along the force, or its rate."""
@@ -128,6 +133,8 @@ class Motor(Following, type="load.motor"):
     own_coordinate = "angle of b from a, counter-clockwise, in (-pi, pi] [rad]"
     own_symbol = "∠ab"
     terminals = {"a": Terminal("link"), "b": Terminal("link")}
+
+    law: LawGiven
 
     def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The angle of b relative to a, or its rate."""

@@ -166,6 +166,11 @@ class Element(Block):
         return None
 
     @property
+    def link_vectors(self) -> tuple[str, ...]:
+        """Its parameters that are vectors in the axes of the first terminal's link."""
+        return ()
+
+    @property
     def conservative(self) -> bool:
         """Whether it has a potential that is the same in the same pose: with `energy` it has."""
         return self.energy() is not None and not self.reads_any(*MOVING_READS)
@@ -199,8 +204,12 @@ class Following(Element):
     own_symbol: ClassVar[str] = ""
     refers: ClassVar[tuple[str, ...]] = ("driver",)
 
-    law: LawGiven
+    law: LawGiven | None
     driver: str | None = None
+
+    def variables(self) -> tuple[str, ...]:
+        """What the law is a function of; nothing without a law."""
+        return () if self.law is None else self.law.variables()
 
     def axis(self, outside: Axis) -> Axis:
         """What the law gives, along the driver's coordinate or the element's own."""
@@ -216,7 +225,7 @@ class Following(Element):
 
     @model_validator(mode="after")
     def _driver_matters(self) -> Following:
-        of = self.law.variables()
+        of = self.variables()
         if self.driver is not None and not {"coordinate", "rate"} & set(of):
             found = f"is useless: the law is {f'of {listed(of)}' if of else 'constant'}"
             lines: list[Mistake] = [(("driver",), mistake("wrong-value", found, "", "remove it"))]
@@ -238,7 +247,7 @@ class Following(Element):
 
     def kinks(self) -> Kinks | None:
         """Those of a law of the element's own coordinate."""
-        if self.driver is not None or "coordinate" not in self.law.variables():
+        if self.law is None or self.driver is not None or "coordinate" not in self.variables():
             return None
         values = self.law.kinks_of_angle() if self.turning else self.law.rows()
         return Kinks(self.own_measure(rate=False), values, self.turning) if values else None
@@ -246,16 +255,16 @@ class Following(Element):
     @property
     def counted(self) -> Counted | None:
         """The driver's coordinate, or whatever a signal follows."""
-        if "signal" in self.law.variables():
+        if "signal" in self.variables():
             return Counted("", 0.0)
-        if self.driver is None or "coordinate" not in self.law.variables():
+        if self.law is None or self.driver is None or "coordinate" not in self.variables():
             return None
         return Counted(self.driver, self.law.whole)
 
     @property
     def ports(self) -> tuple[str, ...]:
         """Signal ports: the law's, if that is a signal."""
-        return (LAW,) if "signal" in self.law.variables() else ()
+        return (LAW,) if "signal" in self.variables() else ()
 
     def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The element's own coordinate or rate: a kernel of what it reads and the numbers."""
@@ -266,12 +275,12 @@ class Following(Element):
         own = {"coordinate": self.own_symbol, "rate": f"rate of {self.own_symbol}", "time": "t"}
         own["signal"] = "signal"
         of = {"coordinate": "q", "rate": "rate"} if self.driver else {}
-        arguments = [f"{self.driver}.{of[x]}" if x in of else own[x] for x in self.law.variables()]
+        arguments = [f"{self.driver}.{of[x]}" if x in of else own[x] for x in self.variables()]
         return f"f({', '.join(arguments)})" if arguments else ""
 
     def measures(self) -> Iterator[tuple[Callable[..., Any] | None, Reads]]:
         """What each of the law's arguments is made from; no kernel where it is read as it is."""
-        for argument in self.law.variables():
+        for argument in self.variables():
             if argument == "time":
                 yield None, {"time": ("t",)}
             elif argument == "signal":

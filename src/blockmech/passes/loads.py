@@ -95,7 +95,8 @@ def inertial(s: Schedule, link: LinkRef) -> Resultant:
 def element_terms(s: Schedule, name: str) -> Value:
     """The call of an element's kernel: one force or couple per terminal."""
     element = s.structure.elements[name]
-    law = [s.ask(law_value, name)] if isinstance(element, Following) else []
+    by_law = isinstance(element, Following) and element.law is not None
+    law = [s.ask(law_value, name)] if by_law else []
     return kernel_on(s, name, element.kernel(), *law, value=f"{name}_load")
 
 
@@ -112,23 +113,20 @@ def kernel_on(
 
 def law_value(s: Schedule, name: str) -> Value:
     """What an element's law says [N or N m]."""
-    element = _following(s.structure, name)
+    element: Any = s.structure.elements[name]
     arguments = [
         _readings(s, name, reads)[0]
         if measure is None
         else kernel_on(s, name, measure, value=f"{name}_argument")
         for measure, reads in element.measures()
     ]
-    numbers = s.parameter(
-        ("law", name), lambda st, _: _following(st, name).law.numbers(), f"law_{name}"
-    )
-    return s.emit(element.law.kernel(), *arguments, numbers, name=f"{name}_law")
+    numbers = s.parameter(("law", name), lambda st, _: _law(st, name).numbers(), f"law_{name}")
+    return s.emit(_law(s.structure, name).kernel(), *arguments, numbers, name=f"{name}_law")
 
 
-def _following(structure: Structure, name: str) -> Following:
-    element = structure.elements[name]
-    assert isinstance(element, Following)
-    return element
+def _law(structure: Structure, name: str) -> Any:
+    element: Any = structure.elements[name]
+    return element.law
 
 
 def _readings(s: Schedule, name: str, reads: Reads) -> list[Value]:

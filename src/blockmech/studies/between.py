@@ -117,10 +117,10 @@ def extremes_of(w: Wanted, output: Function, s: Array, y: Array, **how: Any) -> 
 
 
 def some_of(values: Any, row: Array) -> Any:
-    """Parameters of some designs: tuples of columns, or one array of numbers."""
+    """Parameters of some designs: tuples of columns (..., m, 1), or one array of numbers."""
     if isinstance(values, np.ndarray):
         return values.take(row, axis=0)
-    return each_part(lambda x: x[row] if np.ndim(x) == 2 else x, values)
+    return each_part(lambda x: x[..., row, :] if np.ndim(x) > 1 else x, values)
 
 
 def near_limits(margins: Mapping[str, Array], order: Array) -> Array | None:

@@ -21,7 +21,7 @@ from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction.laws import Coulomb
 from blockmech.ground.values import Link, Marker, Place, Vector
-from blockmech.loads.constant import Couple, Force
+from blockmech.loads.applied import Couple, Force
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.testing.rules import Array, planar, vectors

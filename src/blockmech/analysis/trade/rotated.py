@@ -80,7 +80,8 @@ def _load(structure: Structure, name: str) -> Element:
     """A load; what it is given in ground axes is rotated."""
     load = structure.elements[name]
     if isinstance(load, Force) and load.axes == "ground":
-        return load.model_copy(update={"force": _turned(load.force)})
+        vectors = {key: getattr(load, key) for key in ("force", "direction")}
+        return load.model_copy(update={key: _turned(v) for key, v in vectors.items() if v})
     if isinstance(load, Thrust) and load.direction is not None:
         on_ground = structure.holds[JointRef(name, "a")].on == structure.frame_link
         return load.model_copy(update={"direction": _turned(load.direction)} if on_ground else {})

@@ -28,6 +28,7 @@ from blockmech.ground.values import (
     StrictModel,
     Units,
     Vector,
+    check_direction,
     default,
     mistake,
     no_boolean,
@@ -124,8 +125,7 @@ class GuideGiven(_Joint):
             raise mistake(
                 "bad-direction", "the directions are given twice", "", 'keep "angle" or "dir"'
             )
-        if any(d.z == 0 for d in self.dir or ()):
-            raise mistake("bad-direction", '"dir" must not be [0, 0]')
+        check_direction("dir", *(self.dir or ()))
         return self
 
     @property

@@ -60,10 +60,8 @@ def elements(
     links = list(pairs[joint].links) if joint else getattr(load, "links", None) or [load.link]
     at = getattr(load, "at", None)
     places = [p.z for p in at] if isinstance(at, list) else [at.z if at else 0j]
-    if data.get("axes") == "link":
-        data["force"] = _turned(load.force.z, seats[links[0]])
-    if "direction" in data:
-        data["direction"] = _turned(load.direction.z, seats[links[0]])
+    for key in {*data}.intersection(load.link_vectors):
+        data[key] = _turned(getattr(load, key).z, seats[links[0]])
     if "rest_angle" in type(load).model_fields:
         turn = phase(seats[links[1]].e) - phase(seats[links[0]].e)
         if turn:
