@@ -26,7 +26,7 @@ def arm(force, place=0.5 + 0.2j):
     g.add("push", force)
     g.connect("frame.O", "crank.A")
     g.connect("crank.P", "push.at")
-    g.drive("crank", bm.ConstantRate(rate=RATE))
+    g.drive("crank", bm.motion.ConstantRate(rate=RATE))
     return g
 
 
@@ -104,7 +104,7 @@ def test_document_says_the_same_in_the_axes_of_a_link_that_its_block_turns():
         m.add_pin("B", ["crank", "rod"], (0.6, 0.8))
         m.add_pin("C", ["rod", "rocker"], (2.9, 1.9))
         m.add_pin("D", ["frame", "rocker"], (2.5, 0))
-        m.add_driver("motor", "A", bm.ConstantRate(rate=10.0))
+        m.add_driver("motor", "A", bm.motion.ConstantRate(rate=10.0))
         m.add_load("push", "force", link="rod", at=(2.0, 1.0), **load)
         return m
 

@@ -219,4 +219,4 @@ def test_the_coordinate_of_a_thrust_is_measured_along_its_direction(way):
     assert g.run(at=0.2)["push.b.force"][0] == pytest.approx(50.0)
     for cls in (bm.Thrust, bm.Motor):
         assert "law's coordinate" in cls.__doc__
-        assert cls.own_coordinate
+        assert cls.coordinate_text

@@ -93,7 +93,7 @@ def _described(name: str, block: type[Block]) -> Iterator[str]:
         for terminal, what in block.terminals.items():
             yield f"  wire        {terminal}: a {what.kind}, takes {what.unit}"
     if issubclass(block, Following):
-        yield f"  coordinate  of the law: {block.own_coordinate}; or the driver's"
+        yield f"  coordinate  of the law: {block.coordinate_text}; or the driver's"
     if issubclass(block, Signal):
         yield f"  outputs     {', '.join(block.outputs)}, and its states"
     yield from _parameters(block)

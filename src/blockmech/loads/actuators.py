@@ -55,8 +55,8 @@ def stroke_rate(
     p_a: Complex, v_a: Complex, e_a: Complex, om_a: Real, p_b: Complex, v_b: Complex, p: Thrust
 ) -> Real:
     """Rate [m/s] of that distance, as the link of a sees it."""
-    seen = v_b - v_a - imul(p_b - p_a, om_a)
-    return dot(seen, e_a * p.direction) / hyp(p.direction)
+    velocity = v_b - v_a - imul(p_b - p_a, om_a)
+    return dot(velocity, e_a * p.direction) / hyp(p.direction)
 
 
 class Thrust(Following, type="load.thrust"):
@@ -74,8 +74,8 @@ class Thrust(Following, type="load.thrust"):
     {'a': ('p',), 'b': ('p',)}
     """
 
-    own_coordinate = "way from a to b along the direction; without one their distance [m]"
-    own_symbol = "a→b"
+    coordinate_text = "way from a to b along the direction; without one their distance [m]"
+    coordinate_symbol = "a→b"
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
     law: LawGiven
@@ -130,8 +130,8 @@ class Motor(Following, type="load.motor"):
     """
 
     turning = True
-    own_coordinate = "angle of b from a, counter-clockwise, in (-pi, pi] [rad]"
-    own_symbol = "∠ab"
+    coordinate_text = "angle of b from a, counter-clockwise, in (-pi, pi] [rad]"
+    coordinate_symbol = "∠ab"
     terminals = {"a": Terminal("link"), "b": Terminal("link")}
 
     law: LawGiven

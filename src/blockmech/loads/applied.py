@@ -79,8 +79,8 @@ class Force(Following, type="load.force"):
     {'time': ('t',)}
     """
 
-    own_coordinate = "coordinate of the point along the direction, from the origin [m]"
-    own_symbol = "at"
+    coordinate_text = "coordinate of the point along the direction, from the origin [m]"
+    coordinate_symbol = "at"
     terminals = {"at": Terminal("point")}
 
     force: Annotated[VectorOrNoneGiven, in_unit("N")] = default(None)
@@ -112,8 +112,8 @@ class Force(Following, type="load.force"):
     @property
     def conservative(self) -> bool:
         """In ground axes a constant force is as a weight, one of its own coordinate as a spring."""
-        of_place = set(self.variables()) <= {"coordinate"} and self.driver is None
-        return self.axes == "ground" and of_place
+        positional = set(self.variables()) <= {"coordinate"} and self.driver is None
+        return self.axes == "ground" and positional
 
     def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The point's coordinate along the direction, or its velocity along it."""

@@ -195,13 +195,13 @@ class Following(Element):
     ``law`` is typed data, in Python also a function of ``coordinate``, ``rate`` or ``time``,
     by the names of its parameters. ``driver`` names the driving link whose coordinate or
     rate is the law's argument; without it that is the element's own, see `own_measure`;
-    ``own_coordinate`` says in words which, from where, and which way it grows, and
-    ``own_symbol`` in a picture.
+    ``coordinate_text`` says in words which, from where, and which way it grows, and
+    ``coordinate_symbol`` in a picture.
     """
 
-    own_coordinate: ClassVar[str] = ""
+    coordinate_text: ClassVar[str] = ""
     turning: ClassVar[bool] = False  # whether that is an angle in (-pi, pi]
-    own_symbol: ClassVar[str] = ""
+    coordinate_symbol: ClassVar[str] = ""
     refers: ClassVar[tuple[str, ...]] = ("driver",)
 
     law: LawGiven | None
@@ -213,8 +213,8 @@ class Following(Element):
 
     def axis(self, outside: Axis) -> Axis:
         """What the law gives, along the driver's coordinate or the element's own."""
-        own = Axis.of("P" if next(iter(self.terminals.values())).kind == "point" else "R")
-        return own._replace(coordinate=outside.known.get(self.driver or "", own).coordinate)
+        axis = Axis.of("P" if next(iter(self.terminals.values())).kind == "point" else "R")
+        return axis._replace(coordinate=outside.known.get(self.driver or "", axis).coordinate)
 
     @field_validator("law", mode="wrap")
     @classmethod
@@ -227,8 +227,8 @@ class Following(Element):
     def _driver_matters(self) -> Following:
         of = self.variables()
         if self.driver is not None and not {"coordinate", "rate"} & set(of):
-            found = f"is useless: the law is {f'of {listed(of)}' if of else 'constant'}"
-            lines: list[Mistake] = [(("driver",), mistake("wrong-value", found, "", "remove it"))]
+            message = f"is useless: the law is {f'of {listed(of)}' if of else 'constant'}"
+            lines: list[Mistake] = [(("driver",), mistake("wrong-value", message, "", "remove it"))]
             refuse(type(self).__name__, lines)
         return self
 
@@ -236,8 +236,8 @@ class Following(Element):
         """All that it depends on: what its kernel reads and what its law measures."""
         reads_of = dict(read_by(self.kernel()))
         for _, reads in self.measures():
-            for key, what in reads.items():
-                reads_of[key] = tuple(dict.fromkeys((*reads_of.get(key, ()), *what)))
+            for key, quantities in reads.items():
+                reads_of[key] = tuple(dict.fromkeys((*reads_of.get(key, ()), *quantities)))
         return reads_of
 
     @property
@@ -272,10 +272,10 @@ class Following(Element):
 
     def function(self) -> str:
         """What the law is a function of, as a picture says it: ``f(crank.q)``; "" of a constant."""
-        own = {"coordinate": self.own_symbol, "rate": f"rate of {self.own_symbol}", "time": "t"}
-        own["signal"] = "signal"
+        symbols = {"time": "t", "signal": "signal", "coordinate": self.coordinate_symbol}
+        symbols["rate"] = f"rate of {self.coordinate_symbol}"
         of = {"coordinate": "q", "rate": "rate"} if self.driver else {}
-        arguments = [f"{self.driver}.{of[x]}" if x in of else own[x] for x in self.variables()]
+        arguments = [f"{self.driver}.{of[x]}" if x in of else symbols[x] for x in self.variables()]
         return f"f({', '.join(arguments)})" if arguments else ""
 
     def measures(self) -> Iterator[tuple[Callable[..., Any] | None, Reads]]:

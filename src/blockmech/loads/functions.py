@@ -47,8 +47,8 @@ class Function(Knotted):
         """
         names = tuple(p.name for p in parameters_of(call) or ())
         if not names or not set(names) <= set(ARGUMENTS):
-            found = f"a function of ({', '.join(names)})"
-            raise mistake("wrong-function", found, VALID, "e.g. lambda rate: -0.3 * rate")
+            message = f"a function of ({', '.join(names)})"
+            raise mistake("wrong-function", message, VALID, "e.g. lambda rate: -0.3 * rate")
         return cls(call, names)  # type: ignore[arg-type]
 
     def variables(self) -> tuple[str, ...]:
@@ -62,10 +62,10 @@ class Function(Knotted):
     def kernel(self) -> Callable[..., Real]:
         """The function, asked sample by sample."""
 
-        def function(*given: Any) -> Real:
-            return each(self._value, *given[:-1])
+        def function(*arguments: Any) -> Real:
+            return each(self._value, *arguments[:-1])
 
         return function
 
-    def _value(self, *given: float) -> float:
-        return numbers_of(self.call, self.of, given, 1, REMEDY)[0]
+    def _value(self, *arguments: float) -> float:
+        return numbers_of(self.call, self.of, arguments, 1, REMEDY)[0]

@@ -88,8 +88,8 @@ def table_over_period(x: Real, law: TableNumbers) -> Real:
 def table_over_turns(x: Real, law: TableNumbers) -> Real:
     """The same after whole turns, whose angle is told by sine and cosine: exact at any size."""
     part = angle(expi(law.start / law.turns), expi(x / law.turns))
-    ahead = where(part < 0.0, part + math.tau, part)
-    return piecewise(ahead * law.turns, law.knots, law.rows)
+    phase = where(part < 0.0, part + math.tau, part)
+    return piecewise(phase * law.turns, law.knots, law.rows)
 
 
 def fourier_over_period(x: Real, law: FourierNumbers) -> Real:

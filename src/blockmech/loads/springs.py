@@ -44,8 +44,8 @@ def pull_and_damp(
     d, v = p_b - p_a, v_b - v_a
     square = dot(d, d)
     meet = square == 0.0
-    along = dot(v, d) / where(meet, 1.0, square)
-    stretch = p.stiffness - pressed(d, p) + p.damping * along
+    strain_rate = dot(v, d) / where(meet, 1.0, square)
+    stretch = p.stiffness - pressed(d, p) + p.damping * strain_rate
     F = mul(d, stretch) + mul(v, where(meet, p.damping, 0.0))
     return F, -F
 
