@@ -220,6 +220,74 @@ def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
     assert motor["acceleration"] == pytest.approx(2.0)
 
 
+def part(place, **markers):
+    """A part of 1 kg with markers in its own axes."""
+    return (place, EYE, {k: (z, EYE) for k, z in markers.items()}, 1.0, (1, 1, 1), (0, 0, 0))
+
+
+GENERAL = {"rIJI1": "0.3 - 2*time", "rIJI2": "0.1*sin(2*pi*time)", "rIJI3": "0", "angIJJ1": "0"}
+GENERAL |= {"angIJJ2": "0", "angIJJ3": "0.5*time"}
+
+
+@pytest.mark.parametrize("order", ["", "3 1 2"])
+def test_a_general_motion_is_two_slides_and_a_pin(order, tmp_path):
+    parts = {"boat": part((0.3, 0, 0), a=(0, 0, 0)), "bar": part((0.3, 0, 0), a=(0, 0, 0))}
+    joints = {"A": ("RevoluteJoint", "boat/a", "bar/a")}
+    lines = block(3, "GeneralMotion") + block(4, "Name", "\tm")
+    lines += block(4, "MarkerI", "\t/Own/o", "MarkerJ", "\t/Own/boat/a")
+    formulas = GENERAL if not order else GENERAL | {"angIJJ1": "0.5*time", "angIJJ3": "0"}
+    for key, formula in (formulas | {"RotationOrder": order or "1 2 3"}).items():
+        lines += block(4, key, f"\t{formula}")
+    text = assembly({"o": ((0, 0, 0), EYE)}, parts, joints, {"f": ("A", "0")})
+    text = text.replace("\t\tMotions\n", "\n".join(["\t\tMotions", *lines, ""]))
+    (tmp_path / "g.asmt").write_text(text, "utf-8")
+    linkage = bm.read(tmp_path / "g.asmt")
+    assert not linkage.check()
+    laws = [driver["law"] for driver in linkage.to_data()["drivers"].values()]
+    assert laws == ["constant_rate", "constant_rate", "harmonic", "constant_rate"]
+    t = 0.2
+    run = linkage.run(times=[t], want=["joint.A.p", "link.boat.angle"])
+    place = complex(0.3 - 2 * t, 0.1 * math.sin(math.tau * t))
+    assert run["joint.A.p"][0] == pytest.approx(place, abs=1e-14)
+    assert run["link.boat.angle"][0] == pytest.approx(0.5 * t)
+
+
+def test_slides_alone_have_a_plane_and_rods_join_pins(tmp_path):
+    side, up = ((0, 0, 1), (1, 0, 0), (0, 1, 0)), ((1, 0, 0), (0, 0, 1), (0, -1, 0))
+    parts = {
+        "x": (
+            (0, 0, 0),
+            EYE,
+            {"s": ((0, 0, 0), side), "t": ((0, 0, 0), up)},
+            1.0,
+            (1,) * 3,
+            (0,) * 3,
+        ),
+        "y": (
+            (0, 0, 0),
+            EYE,
+            {"t": ((0, 0, 0), up), "p": ((0, 0, 0), EYE)},
+            1.0,
+            (1,) * 3,
+            (0,) * 3,
+        ),
+    }
+    joints = {"X": ("TranslationalJoint", "o", "x/s"), "Y": ("TranslationalJoint", "x/t", "y/t")}
+    frame = {"o": ((0, 0, 0), side), "q": ((3, 4, 0), EYE)}
+    (tmp_path / "xy.asmt").write_text(assembly(frame, parts, joints), "utf-8")
+    linkage = bm.read(tmp_path / "xy.asmt")
+    assert not linkage.check()
+    run = linkage.run(at=dict(zip(linkage.drivers, ([2.0], [-1.0]), strict=True)))
+    assert abs(run["link.y.p"][0]) == pytest.approx(math.hypot(2, 1))
+    joints["rod"] = ("RevRevJoint", "y/p", "q")
+    (tmp_path / "rod.asmt").write_text(assembly(frame, parts, joints), "utf-8")
+    linkage = bm.read(tmp_path / "rod.asmt")
+    assert not linkage.check()
+    assert len(linkage.drivers) == 1
+    run = linkage.run(at=[0.5], want="link.y.p")
+    assert abs(run["link.y.p"][0] - (3 + 4j)) == pytest.approx(5.0, abs=1e-12)
+
+
 def leaning():
     """The four-bar with one joint of the frame whose marker leans."""
     frame = {"Marker1": ((2, 0, 0), LEANING), "Marker2": ((0, 0, 0), EYE)}
@@ -232,7 +300,7 @@ LEANING = ((1, 0, 0), (0, 0.8, -0.6), (0, 0.6, 0.8))
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("OndselSolver\nAssembly\n\tName\n", "no revolute joint"),
+        ("OndselSolver\nAssembly\n\tName\n", "no joint that turns"),
         ("OndselSolver\nAssembly\n\t\t\tName\n", "deeper than a level"),
         (
             fourbar(joints={**JOINTS, "Joint4": ("RevoluteJoint", "Part3/Marker9", "Marker1")}),
@@ -245,7 +313,7 @@ LEANING = ((1, 0, 0), (0, 0.8, -0.6), (0, 0.6, 0.8))
             "no marker",
         ),
         (leaning(), "not parallel"),
-        (fourbar().replace("1.0\t0.0\t0.0", "1.0\t0.5\t0.0", 2), "no axes|no revolute"),
+        (fourbar().replace("1.0\t0.0\t0.0", "1.0\t0.5\t0.0", 2), "no axes|no joint that turns"),
     ],
 )
 def test_assemblies_that_cannot_be_read(text, message, tmp_path, capsys):

@@ -467,3 +467,89 @@ def test_a_negative_mass_is_one_message():
     joints = [joint(6, "A", 0j), joint(0, "B", 2 + 0j)]
     with pytest.raises(FormatError, match=r"link AB has the mass -0.007 kg.*0 or more"):
         bm.read(address(joints, [BAR[0].replace(",1jO,", ",01jO,")]))
+
+
+INERTIAL = "<inertial><pose>0.1 0 0 0 0 0</pose><mass>2</mass></inertial>"
+
+
+def robot(turn, around="{}", scope=""):
+    """A rocker on the coupler of a crank, its links turned about y, names in a scope."""
+    axis = "<axis><xyz>0 1 0</xyz><limit><lower>-inf</lower><upper>inf</upper></limit></axis>"
+    model = f"""<model name="m"><pose>0 0 1 0 0 0</pose>
+      <frame name="D" attached_to="{scope}base"><pose>0.35 0 0 0 0 0</pose></frame>
+      <link name="base"/><link name="crank"><pose relative_to="A"/>{INERTIAL}</link>
+      <link name="rod"><pose relative_to="B"/></link>
+      <joint name="fixed" type="fixed"><parent>world</parent><child>base</child></joint>
+      <joint name="A" type="revolute"><pose relative_to="base" {turn}</pose>
+        <parent>base</parent><child>crank</child>{axis}</joint>
+      <joint name="B" type="revolute"><pose relative_to="crank">0.1 0 0 0 0 0</pose>
+        <parent>crank</parent><child>rod</child>{axis}</joint>
+      <link name="arm"><pose relative_to="D">0 0 0.2 0 0 0</pose></link>
+      <joint name="E" type="revolute"><pose>0 0 -0.2 0 0 0</pose><parent>D</parent>
+        <child>arm</child>{axis}</joint>
+      <joint name="C" type="revolute"><parent>rod</parent><child>arm</child>{axis}</joint></model>"""
+    return f'<sdf version="1.9">{around.format(model.replace(f"{scope}base", "base"))}</sdf>'
+
+
+TURNS = {
+    "radians": ">0 0 0 0 -0.7 0",
+    "degrees": f'degrees="true">0 0 0 0 {math.degrees(-0.7)!r} 0',
+    "quaternion": f'rotation_format="quat_xyzw">0 0 0 0 {math.sin(-0.35)!r} 0 {math.cos(-0.35)!r}',
+}
+GROUND = '<model name="ground"><static>true</static><link name="link"/></model>'
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("around", ["{}", f'<world name="w">{GROUND}{{}}</world>'])
+def test_poses_of_sdf(turn, around):
+    linkage = bm.read(robot(TURNS[turn], around))
+    assert not linkage.check()
+    data = linkage.to_data()
+    places = {name: complex(*joint["at"][0]) for name, joint in data["joints"].items()}
+    pin = 1j + 0.1 * np.exp(0.7j)
+    expected = {"A": 1j, "B": pin, "E": 0.35 + 1j, "C": 0.35 + 1.2j}
+    assert places == pytest.approx(expected, abs=1e-14)
+    assert not data.get("stops")
+    assert data["links"]["crank"]["mass"] == 2.0
+    assert complex(*data["links"]["crank"]["cm"]) == pytest.approx(pin)
+    assert data["links"]["rod"]["mass"] == data["links"]["rod"]["inertia"] == 1.0  # of SDF itself
+
+
+def test_links_of_nested_models_are_told_apart():
+    inner = '<model name="in"><pose>0 0 1 0 0 0</pose><link name="a"/></model>'
+    joints = """<joint name="j" type="revolute"><parent>a</parent><child>in::a</child>
+      <axis><xyz>0 1 0</xyz></axis></joint>"""
+    fixed = '<joint name="w" type="fixed"><parent>world</parent><child>a</child></joint>'
+    text = (
+        f'<sdf version="1.9"><model name="m"><link name="a"/>{inner}{fixed}{joints}</model></sdf>'
+    )
+    data = bm.read(text).to_data()
+    assert list(data["links"]) == ["in::a"]
+    assert data["joints"]["j"]["at"][0] == [0.0, 1.0]
+
+
+def test_ros2_control_names_what_is_driven():
+    links = '<link name="base"/><link name="a"/><link name="b"/>'
+    joints = "".join(
+        f'<joint name="{child}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>'
+        for parent, child in (("base", "a"), ("a", "b"))
+    )
+    command = '<joint name="b"><command_interface name="velocity"/></joint><joint name="a"/>'
+    control = f'<ros2_control name="c" type="system">{command}</ros2_control>'
+    linkage = bm.read(f'<robot name="r" xmlns:xacro="x">{links}{joints}{control}</robot>')
+    notes = linkage.extras["notes"]
+    assert notes == ["not all is driven: a was taken, without a law of motion"]
+
+
+def test_a_drive_too_many_is_left_out_with_a_note():
+    above = '<body name="{0}" pos="{1}"><joint name="{0}"/><geom size=".1"/>{2}</body>'
+    bodies = above.format("a", "0 0 0", above.format("b", "0 1 0", ""))
+    bodies += above.format("c", "2 0 0", "")
+    loop = '<connect body1="b" body2="c" anchor="2 1 0"/>'
+    motors = "".join(f'<motor joint="{name}"/>' for name in "ab")
+    model = f"<worldbody>{bodies}</worldbody><equality>{loop}</equality>"
+    linkage = bm.read(f'<mujoco model="m">{model}<actuator>{motors}</actuator></mujoco>')
+    assert not linkage.check()
+    assert list(linkage.drivers) == ["motor"]
+    assert "drive of b, which follows from the others: left out" in linkage.extras["notes"]

@@ -14,6 +14,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,8 @@ KINDS = {
     "LineInPlaneJoint": "slot",
     "PointInLineJoint": "line",
     "SphSphJoint": "bar",
-    "RevRevJoint": "bar",
+    "RevRevJoint": "rod",
+    "RevCylJoint": "rod",
 }
 ALWAYS = ("ParallelAxesJoint",)  # of parts that move in the plane anyhow
 COUPLINGS = ("GearJoint", "RackPinionJoint")
@@ -131,8 +133,9 @@ class _Reading:
         self.assembly.masses[name] = masses
         self._markers(part, f"/{self.name}/{name}", name, pose)
         for body in part.all("PrincipalMassMarker"):
-            body.get("Name"), body.get("Density")
+            body.get("Density")
             at = _pose(body, pose)
+            self.markers[f"/{self.name}/{name}/{body.get('Name') or 'MassMarker'}"] = name, at
             moments = np.diag(body.numbers("MomentOfInertias", 3, "0 0 0"))
             mass = body.number("Mass", 0.0)
             masses.append(Mass(mass, at.place, at.axes @ moments @ at.axes.T))
@@ -169,11 +172,10 @@ class _Reading:
                 one, here, two, there = two, there, one, here
                 offset = here.axes[:, 2] * record.number("offset", 0.0)
                 here = Pose(here.place + offset, here.axes)
-            elif kind == "bar":
+            elif kind in ("bar", "rod"):
                 record.number("distanceIJ", 0.0)
-            angle = here.axes.T @ there.axes
-            zero = math.atan2(angle[1, 0], angle[0, 0])
             self.joints[name] = len(assembly.joints)
+            zero = _angle(here, there)
             assembly.joints.append(Joint(name, kind, one, two, here, there, zero))
             record.get("constantIJ")
 
@@ -198,6 +200,9 @@ class _Reading:
     def _motion(self, record: Record) -> None:
         drawing, name = self.assembly.drawing, record.get("Name")
         turns = record.tag == "RotationalMotion"
+        if record.tag == "GeneralMotion":
+            self._general_motion(record, name)
+            return
         if record.tag not in ("RotationalMotion", "TranslationalMotion"):
             drawing.note(f"{record.tag} {name}: left out")
             record.skip()
@@ -207,14 +212,46 @@ class _Reading:
         if index is None:
             drawing.note(f"{name} moves no joint that there is: left out")
             return
+        law = self._law(record, text, turns)
+        self.assembly.joints[index] = self.assembly.joints[index]._replace(law=law)
+
+    def _law(self, record: Record, text: str, turns: bool) -> dict[str, Any]:
+        """The law of motion of a formula, none where it is none of time."""
+        drawing, name = self.assembly.drawing, record.get("Name")
         try:
             law = law_of(Formula(text, f"{record.where}, {name}"), self.end, turns)
         except FormatError as error:
             drawing.note(f"{name}: {error.problems[0].found}: it is driven without a law")
-            law = {}
+            return {}
         if law.get("law") == "table":
             drawing.note(f"{name}: {text[:60]} is a table of {self.end:g} s here")
-        self.assembly.joints[index] = self.assembly.joints[index]._replace(law=law)
+        return law
+
+    def _general_motion(self, record: Record, name: str) -> None:
+        """A marker's place and angle in the axes of another: two slides and a pin."""
+        assembly, ((body, base), (last, marker)) = self.assembly, self._ends(record)
+        normal = int(abs(assembly.plane[0] @ base.axes).argmax())
+        turning = record.numbers("RotationOrder", 3, "1 2 3").index(normal + 1)
+        out = {f"rIJI{normal + 1}", *(f"angIJJ{k + 1}" for k in range(3) if k != turning)}
+        for key in out:
+            if self._law(record, record.get(key), False).get("rate") != 0:
+                assembly.drawing.note(f"{name}: {key} leaves the plane: left out")
+        place, offset = base.place, base.axes.T @ (marker.place - base.place)
+        *across, order = ([(k + 1) % 3, (k + 2) % 3, k % 3] for k in range(normal + 1, normal + 4))
+        for axes in across:  # their last is the one along which it slides
+            slider, reached = (
+                f"{name}_{axes[2] + 1}",
+                place + offset[axes[2]] * base.axes[:, axes[2]],
+            )
+            law = self._law(record, record.get(f"rIJI{axes[2] + 1}"), False)
+            ends = (Pose(x, base.axes[:, axes]) for x in (place, reached))
+            assembly.masses[slider] = []
+            assembly.joints.append(Joint(slider, "slide", body, slider, *ends, law=law))
+            body, place = slider, reached
+        start, end = (Pose(marker.place, x.axes[:, order]) for x in (base, marker))
+        law = self._law(record, record.get(f"angIJJ{turning + 1}"), True)
+        pin = Joint(f"{name}_turn", "pin", body, last, start, end, _angle(start, end), law)
+        assembly.joints.append(pin)
 
     def _moved(self, record: Record) -> int | None:
         """The joint that a record names, or the one between its markers."""
@@ -260,6 +297,12 @@ class _Reading:
             self.assembly.drawing.note(f"{name}: its twist: left out")
         ends = (self.assembly.flat(here.place), self.assembly.flat(there.place))
         self.assembly.drawing.springs.append(Spring(name, (one, two), ends, k, -start / k, c))
+
+
+def _angle(first: Pose, second: Pose) -> float:
+    """How far [rad] the second is turned about the z axis of the first."""
+    rotation = first.axes.T @ second.axes
+    return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
 def _recognises(text: str) -> bool:

@@ -278,27 +278,33 @@ class _Making:
 
         What moves freely beside a drive gets one as well, if the drawing says so.
         """
-        known = [driver["joint"] for driver in self.drivers.values()]
-        if not self.joints or (known and not self.drawing.free):
+        named = {driver["joint"]: name for name, driver in self.drivers.items()}
+        if not self.joints or (named and not self.drawing.free):
             return
         following = [self.pairs[x.driven] for x in self.drawing.ratios if x.driven in self.pairs]
         following += filter(None, (self._axles(pair)[1] for pair in self.drawing.wheels))
         pairs = [
             AssurPair(x, d["links"][0], d["links"][1], d["type"]) for x, d in self.joints.items()
         ]
-        driven, free = [*known, *following], [x for x in self.joints if x not in following]
+        driven, free = list(following), [x for x in self.joints if x not in {*following, *named}]
         free.sort(key=lambda joint: FRAME not in self.joints[joint]["links"])
-        for joint in free if len(free) < MOST_JOINTS else free[:1]:
+        chosen: list[str] = []
+        for joint in [*named, *(free if len(free) < MOST_JOINTS else free[:1])]:
             mobility = [
                 rigidity(self.links, pairs, (FRAME,), drivers).mobility
                 for drivers in (driven, [*driven, joint])
             ]
             if mobility[1] < mobility[0]:
                 driven.append(joint)
-                self.drivers[self._driver_name(joint)] = {"joint": joint}
-        if names := [d["joint"] for d in self.drivers.values() if d["joint"] not in known]:
-            what = "not all is driven" if known else "nothing is driven"
-            self.drawing.note(f"{what}: {listed(names)} was taken, without a law of motion")
+                if joint not in named:
+                    self.drivers[self._driver_name(joint)] = {"joint": joint}
+                    chosen.append(joint)
+            elif joint in named and joint not in following:
+                del self.drivers[named[joint]]
+                self.drawing.note(f"drive of {joint}, which follows from the others: left out")
+        if chosen:
+            subject = "not all is driven" if named else "nothing is driven"
+            self.drawing.note(f"{subject}: {listed(chosen)} was taken, without a law of motion")
 
     # -- couplings ----------------------------------------------------------------
 

@@ -20,7 +20,17 @@ from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
 from blockmech.exchange.shapes import solid
-from blockmech.exchange.spatial import Array, Assembly, Joint, Mass, Pose, along, turned, unit
+from blockmech.exchange.spatial import (
+    Array,
+    Assembly,
+    Joint,
+    Mass,
+    Pose,
+    along,
+    quaternion,
+    turned,
+    unit,
+)
 from blockmech.ground.errors import listed
 from blockmech.ground.values import free_name
 
@@ -104,10 +114,7 @@ class _Reading:
     def _turn(self, record: Record) -> Array:
         where = record.where
         if record.get("quat"):
-            w, *v = record.numbers("quat", 4)
-            if not (w or any(v)):
-                raise wrong(where, "a quaternion of nothing", "four numbers")
-            return turned(v, 2 * math.atan2(float(np.linalg.norm(v)), w)) if any(v) else np.eye(3)
+            return quaternion(record.numbers("quat", 4), where)
         if record.get("euler"):
             return self._euler(record.numbers("euler", 3))
         if record.get("axisangle"):

@@ -207,4 +207,5 @@ def record_of(element: Element, where: str) -> Record:
     name = element.get("name")
     here = f"{where}, {element.tag} {name}" if name else f"{where}, {element.tag}"
     inner = [record_of(part, where) for part in element]
-    return Record(element.tag, dict(element.attrib), inner, here, (element.text or "").strip())
+    fields_ = {key: text for key, text in element.attrib.items() if not key.startswith("xmlns")}
+    return Record(element.tag, fields_, inner, here, (element.text or "").strip())

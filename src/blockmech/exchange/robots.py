@@ -10,12 +10,23 @@ Sources: ROS wiki, urdf/XML; sdformat.org, specification 1.11.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio, Wheels
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, record_of, wrong, xml_of
-from blockmech.exchange.spatial import Assembly, Joint, Mass, Pose, along, roll_pitch_yaw, unit
+from blockmech.exchange.spatial import (
+    Assembly,
+    Joint,
+    Mass,
+    Pose,
+    along,
+    quaternion,
+    roll_pitch_yaw,
+    unit,
+)
 from blockmech.ground.errors import listed
 from blockmech.ground.values import free_name
 
@@ -44,7 +55,7 @@ LOOKS |= {"calibration", "self_collide", "light", "scene", "physics", "gui", "ef
 LOOKS |= {"audio_source", "projector", "wind", "enable_wind", "allow_auto_disable", "stiffness"}
 LOOKS |= {"dissipation", "xmlns", "provide_feedback", "kinematic", "gravity", "canonical_link"}
 LOOKS |= {"magnetic_field", "atmosphere", "spherical_coordinates", "state", "hardwareInterface"}
-LOOKS |= {"actuator", "type"}
+LOOKS |= {"type"}
 
 
 class _Tree:
@@ -64,29 +75,35 @@ class _Tree:
             return FRAME
         return free_name(name, {FRAME})
 
-    def mass(self, record: Record, pose: Pose, link: str) -> None:
-        """The inertial element of a link; its origin stands in ``pose``."""
+    def mass(self, record: Record, pose: Pose, link: str, default: float) -> None:
+        """The inertial element of a link, its origin at ``pose``, with a mass and moments."""
         tensor = record.one("inertia")
-        xx, xy, xz, yy, yz, zz = (
-            tensor.number(f"i{key}", 0.0) for key in ("xx", "xy", "xz", "yy", "yz", "zz")
+        moments = [tensor.number(f"i{key}", default) for key in ("xx", "yy", "zz")]
+        xy, xz, yz = (tensor.number(f"i{key}", 0.0) for key in ("xy", "xz", "yz"))
+        inertia = np.diag(moments) + np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
+        element = record.one("mass")
+        mass = (
+            element.number("value", default) if element.fields else record.number("mass", default)
         )
-        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        outer = record.one("mass")
-        mass = outer.number("value", 0.0) if "value" in outer.fields else record.number("mass", 0.0)
         body = Mass(mass, pose.place, pose.axes @ inertia @ pose.axes.T)
         if link != FRAME and (mass or inertia.any()):
             self.assembly.masses[link].append(body)
 
     def joint(
-        self, record: Record, ends: tuple[str, str], pose: Pose, second: Pose, axis: Record
+        self,
+        record: Record,
+        name: str,
+        ends: tuple[str, str],
+        poses: tuple[Pose, Pose],
+        axis: Record,
     ) -> None:
-        """A joint at a pose, whose axis record has limits and dynamics in it or beside it."""
-        name, kind = record.get("name"), record.get("type")
+        """A joint at its poses, whose axis record has limits and dynamics in it or beside it."""
+        kind = record.get("type")
         if kind not in KINDS:
             raise wrong(record.where, f"it is a {kind or 'joint of no type'}", f"{listed(KINDS)}")
         of_axis = axis if axis.tag == "axis" and axis.all("limit", "dynamics") else record
         limit, dynamics = of_axis.one("limit"), of_axis.one("dynamics")
-        limits = (limit.number("lower", FREE[0]), limit.number("upper", FREE[1]))
+        limits = (_bound(limit, "lower", FREE[0]), _bound(limit, "upper", FREE[1]))
         limits = limits if kind != "continuous" and limits[0] < limits[1] else FREE
         friction = dynamics.number("friction", 0.0)
         if friction:
@@ -98,7 +115,7 @@ class _Tree:
             sizes = (record.number("gearbox_ratio", 1.0), 1.0)
             self.assembly.drawing.wheels.append(Wheels(name, *ends, sizes))
             return
-        joint = Joint(name, KINDS[kind], *ends, pose, second, limits=limits, stiffness=stiffness)
+        joint = Joint(name, KINDS[kind], *ends, *poses, limits=limits, stiffness=stiffness)
         self.assembly.joints.append(joint._replace(rest=rest, damping=damping))
 
     def mimic(self, record: Record, name: str, leading: str) -> None:
@@ -115,6 +132,12 @@ class _Tree:
         for sentence in root.left_over(LOOKS):
             drawing.note(sentence)
         return drawing
+
+
+def _bound(limit: Record, key: str, default: float) -> float:
+    """A bound of a coordinate, which may be infinite."""
+    infinite = limit.get(key).strip().lower().lstrip("+-") in ("inf", "infinity")
+    return default if infinite else limit.number(key, default)
 
 
 # -- URDF ----------------------------------------------------------------------------------
@@ -148,23 +171,26 @@ def read_urdf(text: str, where: str) -> Drawing:
         if name != FRAME:
             tree.assembly.masses[name] = []
         for inertial in record.all("inertial"):
-            tree.mass(inertial, _origin(inertial, pose), name)
+            tree.mass(inertial, _origin(inertial, pose), name, 0.0)
     for joint in joints:
         parent, child = ends[id(joint)]
         axis = joint.one("axis")
         turn = along(unit(axis.numbers("xyz", 3, "1 0 0"), joint.where))
         pose = placed(child).at((0, 0, 0), turn)
-        tree.joint(joint, (tree.body(parent), tree.body(child)), pose, pose, axis)
+        name = joint.get("name")
+        tree.joint(joint, name, (tree.body(parent), tree.body(child)), (pose, pose), axis)
         for mimic in joint.all("mimic"):
-            tree.mimic(mimic, joint.get("name"), mimic.get("joint"))
+            tree.mimic(mimic, name, mimic.get("joint"))
     for loop in root.all("loop_joint"):
         _loop(loop, tree)
+    scopes = _Scopes(tree)
     for gazebo in root.all("gazebo"):
         gazebo.get("reference")
-        for joint in gazebo.all("joint"):
-            _sdf_joint(joint, tree, {})
-    for transmission in root.all("transmission"):
-        _transmission(transmission, tree)
+        scopes.joints |= {joint.get("name"): (joint, "") for joint in gazebo.all("joint")}
+    for name in scopes.joints:
+        _sdf_joint(name, scopes)
+    for record in root.all("transmission", "ros2_control"):
+        _drive(record, tree)
     return tree.drawn(root, [0.0, 0.0, -9.81])
 
 
@@ -180,103 +206,159 @@ def _loop(record: Record, tree: _Tree) -> None:
     bodies = [tree.body(end.get("link")) for end in ends]
     axis = record.one("axis")
     turn = along(unit(axis.numbers("xyz", 3, "1 0 0"), record.where))
-    poses = [
+    first, second = (
         tree.poses[end.get("link")]
         .at(end.numbers("xyz", 3, "0 0 0"), roll_pitch_yaw(end.numbers("rpy", 3, "0 0 0")))
         .at((0, 0, 0), turn)
         for end in ends
-    ]
-    tree.joint(record, (bodies[0], bodies[1]), poses[0], poses[1], axis)
+    )
+    tree.joint(record, record.get("name"), (bodies[0], bodies[1]), (first, second), axis)
 
 
-def _transmission(record: Record, tree: _Tree) -> None:
-    driven = {joint.get("name") for joint in record.all("joint")}
-    joints = tree.assembly.joints
-    for k, joint in enumerate(joints):
+def _drive(record: Record, tree: _Tree) -> None:
+    """Drive the joints of a transmission, or those that ros2_control commands."""
+    joints = record.all("joint")
+    if record.tag == "ros2_control":
+        joints = [joint for joint in joints if joint.all("command_interface")]
+    driven = {joint.get("name") for joint in joints}
+    record.skip()
+    for k, joint in enumerate(tree.assembly.joints):
         if joint.name in driven and joint.kind in ("pin", "slide"):
-            joints[k] = joint._replace(law={})
+            tree.assembly.joints[k] = joint._replace(law={})
 
 
 # -- SDF -----------------------------------------------------------------------------------
 
 
 def read_sdf(text: str, where: str) -> Drawing:
-    """The drawing of the first model of a file."""
+    """The drawing of the models of a file, which may stand in each other."""
     root = record_of(xml_of(text, where), where)
     worlds = [root, *root.all("world")]
     models = [model for outer in worlds for model in outer.all("model")]
     if not models:
         raise wrong(where, "it has no model", "<sdf> with a <model>")
-    model, *more = models
-    tree = _Tree(where, model.get("name"), "SDF file")
-    if more:
-        names = listed([other.get("name") for other in more])
-        tree.assembly.drawing.note(f"models {names}: left out, a drawing is of one")
-        for other in more:
-            other.skip()
-    links = {record.get("name"): record for record in model.all("link")}
-    joints = {record.get("name"): record for record in model.all("joint")}
-    frames = {record.get("name"): record for record in model.all("frame")}
-    base = Pose()
-    if model.get("pose"):
-        base = _pose(model, Pose())
-    tree.poses["__model__"] = base
-    placed: dict[str, Pose] = {WORLD: Pose(), "": base, "__model__": base}
-
-    def pose_of(name: str, depth: int = 0) -> Pose:
-        record = links.get(name) or joints.get(name) or frames.get(name)
-        if name in placed:
-            return placed[name]
-        if record is None or depth > 100:
-            known = f"names: {listed([*links, *joints, *frames])}"
-            raise wrong(where, f"no link, joint or frame {name[:40]}", known)
-        default = record.get("child") if name in joints else record.get("attached_to")
-        outer = record.one("pose").get("relative_to") or default
-        placed[name] = _pose(record, pose_of(outer, depth + 1))
-        return placed[name]
-
-    static = model.get("static") in ("true", "1")
-    ends = [(j.get("parent"), j.get("child")) for j in joints.values()]
-    if not static and not any(WORLD in pair for pair in ends):
-        first = next(iter(links), "")
-        tree.assembly.drawing.note(f"no link is joined to the world: {first} is taken as the frame")
-        tree.frame.add(first)
-    for name, record in links.items():
-        tree.poses[name] = pose_of(name)
-        body = tree.body(name)
+    movable = [m for m in models if m.get("static") not in ("true", "1")] or models
+    tree = _Tree(where, movable[0].get("name"), "SDF file")
+    scopes = _Scopes(tree, f"{movable[0].get('name')}::")
+    for world in worlds:
+        scopes.enter(world, "", "")
+    poses = {name: scopes.pose(name) for name in scopes.links}
+    scopes.hold()
+    for name, record in scopes.links.items():
+        body = scopes.body(name)
         if body != FRAME:
             tree.assembly.masses[body] = []
-        for inertial in record.all("inertial"):
-            tree.mass(inertial, _pose(inertial, tree.poses[name]), body)
-    for record in joints.values():
-        _sdf_joint(record, tree, placed | {name: pose_of(name) for name in joints})
+        inertial = record.one("inertial")
+        tree.mass(inertial, _pose(inertial, poses[name]), body, 1.0)  # as SDF has it
+    for name in scopes.joints:
+        _sdf_joint(name, scopes)
     gravity = next((w.numbers("gravity", 3) for w in worlds if w.get("gravity")), None)
     return tree.drawn(root, gravity or [0.0, 0.0, -9.8])
 
 
+class _Scopes:
+    """Links, joints and frames of models by their names, behind those of the outer models."""
+
+    def __init__(self, tree: _Tree, main: str = "") -> None:
+        """``main`` is the scope whose names stand alone."""
+        self.tree, self.poses, self.main = tree, tree.poses, main
+        self.links: dict[str, Record] = {}
+        self.joints: dict[str, tuple[Record, str]] = {}  # with their scope
+        self.bases: dict[str, tuple[Record, str, str]] = {}  # and what they stand on
+
+    def enter(self, model: Record, scope: str, base: str) -> None:
+        """Collect a model or world, what stands in it in a scope, on its base."""
+        base = base or WORLD
+        for link in model.all("link"):
+            name = self.named(link.get("name"), scope)
+            self.links[name], self.bases[name] = link, (link, base, scope)
+            if model.get("static") in ("true", "1"):
+                self.tree.frame.add(name)
+        for joint in model.all("joint"):
+            name = self.named(joint.get("name"), scope)
+            self.joints[name] = joint, scope
+            self.bases[name] = joint, self.ends(name)[1], scope
+        for frame in model.all("frame"):
+            attached = self.named(frame.get("attached_to"), scope) or base
+            self.bases[self.named(frame.get("name"), scope)] = frame, attached, scope
+        for inner in model.all("model"):
+            prefix = f"{scope}{inner.get('name')}::"
+            self.bases[self.named("__model__", prefix)] = inner, base, scope
+            self.enter(inner, prefix, self.named("__model__", prefix))
+
+    def named(self, text: str, scope: str) -> str:
+        """What a name in a scope is called in the drawing."""
+        name = text if text in ("", WORLD) else f"{scope}{text}"
+        return name.removeprefix(self.main)
+
+    def ends(self, name: str) -> tuple[str, str]:
+        """Parent and child of a joint."""
+        joint, scope = self.joints[name]
+        parent, child = (joint.get(x) or joint.one(x).get("link") for x in ("parent", "child"))
+        return self.named(parent, scope), self.named(child, scope)
+
+    def body(self, name: str) -> str:
+        """What the drawing calls a link, or the one that a frame is attached to."""
+        for _ in self.bases:
+            if name not in self.bases or name in self.links:
+                break
+            name = self.bases[name][1]
+        return self.tree.body(name)
+
+    def pose(self, name: str, depth: int = 0) -> Pose:
+        """Where something is. Raises `FormatError` for what there is not, and for circles."""
+        if name not in self.poses:
+            if name not in self.bases or depth > len(self.bases):
+                known = f"names: {listed([x for x in self.bases if '__model__' not in x])}"
+                raise wrong(self.tree.where, f"no link, joint or frame {name[:40]}", known)
+            record, base, scope = self.bases[name]
+            if relative := record.one("pose").get("relative_to"):
+                base = self.named(relative, scope)
+            self.poses[name] = _pose(record, self.pose(base, depth + 1))
+        return self.poses[name]
+
+    def hold(self) -> None:
+        """Hold the first link of each mechanism that is not joined to the world."""
+        ends = [set(map(self.body, self.ends(joint))) for joint in self.joints]
+        held = {FRAME}
+        for link in self.links:
+            while reached := [pair for pair in ends if pair & held and not pair <= held]:
+                held.update(*reached)
+            if self.tree.body(link) not in held and any(link in pair for pair in ends):
+                sentence = f"no link is joined to the world: {link} is taken as the frame"
+                self.tree.assembly.drawing.note(sentence)
+                self.tree.frame.add(link)
+                held.add(link)
+
+
 def _pose(record: Record, outer: Pose) -> Pose:
+    """A pose by a place and angles, which may be degrees or a quaternion."""
+    element = record.one("pose")
+    if element.get("rotation_format") == "quat_xyzw":
+        *place, x, y, z, w = record.numbers("pose", 7)
+        return outer.at(place, quaternion((w, x, y, z), element.where))
     numbers = record.numbers("pose", 6, "0 0 0 0 0 0")
-    return outer.at(numbers[:3], roll_pitch_yaw(numbers[3:]))
+    unit_ = math.pi / 180 if element.get("degrees") in ("true", "1") else 1.0
+    return outer.at(numbers[:3], roll_pitch_yaw([unit_ * x for x in numbers[3:]]))
 
 
-def _sdf_joint(record: Record, tree: _Tree, poses: dict[str, Pose]) -> None:
+def _sdf_joint(name: str, scopes: _Scopes) -> None:
     """A joint of SDF, also one in a gazebo element of URDF, whose pose is that in its child."""
-    parent, child = (record.get(key) or record.one(key).get("link") for key in ("parent", "child"))
-    one, two = tree.body(parent), tree.body(child)
-    name = record.get("name")
-    pose = poses.get(name) or _pose(record, tree.poses[child])
+    record, scope = scopes.joints[name]
+    parent, child = scopes.ends(name)
+    pose = scopes.pose(name) if name in scopes.bases else _pose(record, scopes.pose(child))
     axis = record.one("axis")
-    xyz = axis.one("xyz")
     direction = unit(axis.numbers("xyz", 3, "0 0 1"), record.where)
-    if expressed := xyz.get("expressed_in"):
-        outer = tree.poses.get(expressed) or poses.get(expressed, pose)
-        direction = pose.axes.T @ outer.axes @ direction
-    elif axis.get("use_parent_model_frame") in ("true", "1"):
-        direction = pose.axes.T @ tree.poses.get("__model__", Pose()).axes @ direction
+    outer = axis.one("xyz").get("expressed_in")
+    if axis.get("use_parent_model_frame") in ("true", "1"):
+        outer = "__model__"
+    if outer:
+        direction = pose.axes.T @ scopes.pose(scopes.named(outer, scope)).axes @ direction
     pose = pose.at((0, 0, 0), along(direction))
-    tree.joint(record, (one, two), pose, pose, axis)
+    ends = scopes.body(parent), scopes.body(child)
+    scopes.tree.joint(record, name, ends, (pose, pose), axis)
     for mimic in axis.all("mimic"):
-        tree.mimic(mimic, name, mimic.get("joint"))
+        scopes.tree.mimic(mimic, name, scopes.named(mimic.get("joint"), scope))
 
 
 URDF = Reader(

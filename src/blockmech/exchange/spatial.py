@@ -90,6 +90,14 @@ def roll_pitch_yaw(angles: Sequence[float]) -> Array:
     return turned((0, 0, 1), yaw) @ turned((0, 1, 0), pitch) @ turned((1, 0, 0), roll)
 
 
+def quaternion(numbers: Sequence[float], where: str) -> Array:
+    """The rotation of w, x, y, z. Raises `FormatError` where all are 0."""
+    w, *v = numbers
+    if not (w or any(v)):
+        raise wrong(where, "a quaternion of nothing", "four numbers")
+    return turned(v, 2 * math.atan2(float(np.linalg.norm(v)), w)) if any(v) else np.eye(3)
+
+
 class Mass(NamedTuple):
     """Mass [kg], where its centre is [m], and the inertia [kg m2] about it in the world's axes."""
 
@@ -103,7 +111,7 @@ class Joint(NamedTuple):
 
     kind : "pin", "slide", "cylinder" (either), "ball", "weld", "flat" (axis across a face),
         "slot" (the second's place in the face of the first), "line" (on its axis), "bar" (a
-        distance between both)
+        distance between both), "rod" (a bar between pins)
     pose, second : of it on the first body and on the second; it is along their z axes
     zero : coordinate of the pose that is drawn, of what turns
     """
@@ -160,12 +168,16 @@ class Assembly:
 
     @cached_property
     def plane(self) -> tuple[Array, Array, Array]:
-        """Normal, x and y of the plane across the axis that most pins have."""
-        kinds = ("pin", "cylinder")
-        several = [[j.pose.axes[:, 2] for j in self.joints if j.kind == kind] for kind in kinds]
-        axes = next(filter(None, several), None)
-        if axes is None:
-            raise wrong(self.where, "it has no revolute joint", "a planar mechanism with pins")
+        """Normal, x and y of the plane across the axis that most pins have, or along all slides."""
+        kinds = ("pin", "cylinder", "flat", "rod", "slide")
+        several = {k: [j.pose.axes[:, 2] for j in self.joints if j.kind == k] for k in kinds}
+        kind, axes = next(((k, x) for k, x in several.items() if x), ("", []))
+        if not axes:
+            raise wrong(self.where, "it has no joint that turns or slides", "a planar mechanism")
+        if kind == "slide":
+            lines = [np.cross(axes[0], x) for x in (*axes[1:], *np.eye(3)[[1, 2]])]
+            axes = [unit(x, self.where) for x in lines if np.linalg.norm(x) > FLAT]
+            del axes[1:]
         first = max(axes, key=lambda axis: sum(abs(abs(axis @ x) - 1) < FLAT for x in axes))
         main = int(abs(first).argmax())
         sign = float(np.sign(first[main])) * (-1.0 if main == 1 else 1.0)
@@ -205,7 +217,7 @@ class Assembly:
         pair = pair._replace(stiffness=joint.stiffness, damping=joint.damping)
         kind, at = joint.kind, f"{self.where}, {joint.name}"
         crooked = kind == "pin" and not self._across(joint.second_pose.axes[:, 2])
-        straight = {"pin": across, "slide": inside, "cylinder": across or inside}
+        straight = {"pin": across, "rod": across, "slide": inside, "cylinder": across or inside}
         if crooked or not straight.get(kind, True):
             self._lean(joint, at)
             return 1.0
@@ -218,9 +230,9 @@ class Assembly:
             drive = None if joint.law is None else Drive(law=joint.law)
             guide = pair._replace(angle=cmath.phase(along), drive=drive)
             drawing.pairs.append(guide._replace(limits=joint.limits, rest=joint.rest))
-        elif kind == "bar" or (kind in ("slot", "line") and inside):  # a link without mass
-            link, angle = f"{kind}_{joint.name}", None
-            if kind != "bar":
+        elif kind in ("bar", "rod") or (kind in ("slot", "line") and inside):
+            link, angle = f"{kind}_{joint.name}", None  # without mass
+            if kind in ("slot", "line"):
                 angle = cmath.phase(self.flat(axis) * (1j if kind == "slot" else 1))
             drawing.links[link] = []
             second = Pair(link, joint.second, b, name=joint.name)
