@@ -239,15 +239,13 @@ class _Reading:
         place, offset = base.place, base.axes.T @ (marker.place - base.place)
         *across, order = ([(k + 1) % 3, (k + 2) % 3, k % 3] for k in range(normal + 1, normal + 4))
         for axes in across:  # their last is the one along which it slides
-            slider, reached = (
-                f"{name}_{axes[2] + 1}",
-                place + offset[axes[2]] * base.axes[:, axes[2]],
-            )
+            slider, along = f"{name}_{axes[2] + 1}", base.axes[:, axes]
             law = self._law(record, record.get(f"rIJI{axes[2] + 1}"), False)
-            ends = (Pose(x, base.axes[:, axes]) for x in (place, reached))
+            start, end = Pose(place, along), Pose(place + offset[axes[2]] * along[:, 2], along)
             assembly.masses[slider] = []
-            assembly.joints.append(Joint(slider, "slide", body, slider, *ends, law=law))
-            body, place = slider, reached
+            slide = Joint(slider, "slide", body, slider, start, end, law=law)
+            assembly.joints.append(slide)
+            body, place = slider, end.place
         start, end = (Pose(marker.place, x.axes[:, order]) for x in (base, marker))
         law = self._law(record, record.get(f"angIJJ{turning + 1}"), True)
         pin = Joint(f"{name}_turn", "pin", body, last, start, end, _angle(start, end), law)
