@@ -35,7 +35,7 @@ def read_texts(
         for key in fields.keys() & raw.keys()
         if type(raw[key]) in (str, list, tuple, dict)
     }
-    return {**raw, **numbers} if texts else raw, texts
+    return {**raw, **numbers}, texts
 
 
 def _read(x: Any, place: Place, unit: str, dependent: bool, texts: dict[Place, str]) -> Any:

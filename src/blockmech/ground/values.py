@@ -368,14 +368,18 @@ class StrictModel(BaseModel):
     @model_validator(mode="wrap")
     @classmethod
     def _with_texts(cls, raw: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        if type(raw) is not dict:
+        try:
             return handler(raw)
-        numbers, texts = read_texts(cls, raw, cls.units is not StrictModel.units)
-        made = handler(numbers)
-        if texts:
-            StrictModel.spoken = True
-            vars(made)["texts"] = texts
-        return made
+        except ValidationError:  # numbers are not read twice: few are written as texts
+            if type(raw) is not dict:
+                raise
+            numbers, texts = read_texts(cls, raw, cls.units is not StrictModel.units)
+            if not texts:
+                raise
+        model = handler(numbers)
+        StrictModel.spoken = True
+        vars(model)["texts"] = texts
+        return model
 
     def model_post_init(self, context: Any) -> None:
         """Close the mappings."""
