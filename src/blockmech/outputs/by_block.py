@@ -441,21 +441,21 @@ class Catalogue(Mapping[str, Output]):
         self, scene: Scene, names: tuple[str, ...], how: Friction, static: bool, quality: bool
     ) -> Plan:
         schedule = homotopy.schedule(self.structure, scene, how, static)
-        values: dict[Value, int] = {}  # the same value under two names is returned once
+        values: dict[str, int] = {}  # the same value under two names is returned once
 
-        def places(answers: Iterable[Value]) -> tuple[int, ...]:
-            return tuple([values.setdefault(v, len(values)) for v in answers])
+        def indices(answers: Iterable[Value]) -> tuple[int, ...]:
+            return tuple([values.setdefault(v.text, len(values)) for v in answers])
 
-        layout = {name: places(self[name].ask(schedule)) for name in sorted(names)}
+        layout = {name: indices(self[name].ask(schedule)) for name in sorted(names)}
         reports: dict[str, dict[Any, tuple[int, ...]]] = {kind: {} for kind in REPORTS}
         for kind, where, answers in _quality(schedule) if quality else ():
-            reports[kind][where] = places(answers)
+            reports[kind][where] = indices(answers)
         order = {b: i for i, b in enumerate(self.structure.blocks)}
         entries = sorted(
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
         )
         steps = schedule.lines, schedule.calls
-        return Plan(names, tuple(entries), steps, schedule.program(values), layout, reports)
+        return Plan(names, tuple(entries), steps, schedule.program(map(Value, values)), layout, reports)
 
 
 Report: TypeAlias = tuple[str, Any, tuple[Value, ...]]

@@ -21,14 +21,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from types import CodeType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import SCALAR_PRIMITIVES
 from blockmech.model.scene import Scene
 from blockmech.model.structure import MarkerRef, Structure
 from blockmech.plan.quantities import QUANTITIES
-from blockmech.plan.values import CALL, NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
+from blockmech.plan.values import NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -215,10 +215,10 @@ class Schedule:
     def ask(self, rule: Callable[..., T], *key: Hashable) -> T:
         """The answer of a rule; worked out once."""
         question = (rule, *key)
-        answer = self._answers.get(question, NO_ANSWER)
+        answer: T = self._answers.get(question, NO_ANSWER)
         if answer is NO_ANSWER:
             answer = self._answers[question] = rule(self, *key)
-        return cast(T, answer)
+        return answer
 
     def copied(self) -> Schedule:
         """The same so far; what is asked of one is not known to the other."""
@@ -274,17 +274,19 @@ class Schedule:
         """Emit a call of a pure function; the same call twice is one line."""
         text = f"{self._function(function)}({', '.join([x.text for x in args])})"
         before = len(self.lines)
-        value = self.line(Value(text, CALL), name)
+        value = self._named(text, name)
         self.kernel_calls += len(self.lines) - before
         return value
 
     def line(self, value: Value, name: str) -> Value:
         """Emit an expression under a name; the same twice is one line, what has a name none."""
-        if value.rank == NAME:
-            return value
-        if value.text not in self._by_text:
-            self._by_text[value.text] = self._add(value.text, name)
-        return self._by_text[value.text]
+        return value if value.rank == NAME else self._named(value.text, name)
+
+    def _named(self, text: str, name: str) -> Value:
+        value = self._by_text.get(text)
+        if value is None:
+            value = self._by_text[text] = self._add(text, name)
+        return value
 
     def sum(self, terms: Iterable[Value], name: str, nothing: Value = NOUGHT) -> Value:
         """Emit a sum in the order given, without zeros; ``nothing`` is the sum of no terms."""

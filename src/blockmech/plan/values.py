@@ -43,35 +43,36 @@ class Value:
         return hash(self.text)
 
     def __getattr__(self, field: str) -> Value:
-        if field.startswith("__"):
+        if field[0] == "_":  # a protocol of Python's, which a value has not
             raise AttributeError(field)
         return Value(f"{self.text}.{field}")
 
-    def __getitem__(self, place: int) -> Value:
-        return Value(f"{self.text}[{place}]")
+    def __getitem__(self, index: int) -> Value:
+        return Value(f"{self.text}[{index}]")
 
-    def __add__(self, other: Value) -> Value:
-        if self.zero or other.zero:
-            return other if self.zero else self
-        return Value(f"{self.text} + {other.text if other.rank else other.enclosed}", SUM)
+    def __add__(self, term: Value) -> Value:
+        if self.zero or term.zero:
+            return term if self.zero else self
+        return Value(f"{self.text} + {term.text if term.rank else term.enclosed}", SUM)
 
-    def __sub__(self, other: Value) -> Value:  # 0 - x stays: -x may be -0
-        if other.zero:
+    def __sub__(self, term: Value) -> Value:  # 0 - x stays: -x may be -0
+        if term.zero:
             return self
-        return Value(f"{self.text} - {other.text if other.rank else other.enclosed}", SUM)
+        return Value(f"{self.text} - {term.text if term.rank else term.enclosed}", SUM)
 
-    def __mul__(self, other: Value) -> Value:
-        return other if other.zero and not self.zero else self._times("*", other)
+    def __mul__(self, factor: Value) -> Value:
+        if self.zero or factor.zero:
+            return self if self.zero else factor
+        product = self.text if self.rank else self.enclosed
+        last = factor.text if factor.rank > PRODUCT else factor.enclosed
+        return Value(f"{product} * {last}", PRODUCT)
 
-    def __truediv__(self, other: Value) -> Value:
-        return self._times("/", other)
-
-    def _times(self, sign: str, other: Value) -> Value:
+    def __truediv__(self, divisor: Value) -> Value:
         if self.zero:
             return self
-        one = self.text if self.rank else self.enclosed
-        factor = other.text if other.rank > PRODUCT else other.enclosed
-        return Value(f"{one} {sign} {factor}", PRODUCT)
+        product = self.text if self.rank else self.enclosed
+        last = divisor.text if divisor.rank > PRODUCT else divisor.enclosed
+        return Value(f"{product} / {last}", PRODUCT)
 
     def __neg__(self) -> Value:
         if self.zero:
@@ -110,9 +111,12 @@ class Primitive:
     nothing: Value | None = None
 
     def __call__(self, *args: Value) -> Value:
-        if self.nothing is not None and True in [x.zero for x in args]:
-            return self.nothing
-        return Value(f"{self.name}({', '.join([x.text for x in args])})", CALL)
+        texts = []
+        for x in args:
+            if x.zero and self.nothing is not None:
+                return self.nothing
+            texts.append(x.text)
+        return Value(f"{self.name}({', '.join(texts)})", CALL)
 
 
 cross, dot, hyp, absolute = (Primitive(n, NOUGHT) for n in ("cross", "dot", "hyp", "abs"))
