@@ -53,25 +53,26 @@ class Traced(NamedTuple):
     inputs : of the program, and answers behind them
     rows : numbers that are worked out, kept : sines and cosines of inputs alone
     asked : names of functions that answer, each with places of its arguments among the inputs
-    finite : whether every number of the text among the values is
-    values : an expression for the values, by the inputs ``x`` and the ``row`` of numbers
+    constants : numbers of the text among the values
+    values : an expression for the values, by inputs ``x`` and the ``row`` of numbers and constants
     """
 
     inputs: int
     rows: int
     kept: int
     asked: tuple[tuple[Any, Any], ...]
-    finite: bool
+    constants: tuple[str, ...]
     values: str
 
 
 class Code(NamedTuple):
-    """Machine code of a structure: ``fill``, and how values of one sample and of many are read."""
+    """Machine code of a structure: ``fill``, constants, and readers of one sample and of many."""
 
     traced: Traced
     fill: Any
-    one: Callable[..., tuple[Any, ...]]
-    many: Callable[..., tuple[Any, ...]]
+    constants: Array
+    read_sample: Callable[..., tuple[Any, ...]]
+    read_batch: Callable[..., tuple[Any, ...]]
 
 
 _CODES: dict[str | None, Code] = {}  # those of the last structures, by their keys
@@ -97,7 +98,8 @@ def code_of(program: Program) -> Code:
             head, _, data = found.partition(b"\n")
             traced = Traced(*ast.literal_eval(head.decode()))
         (fill,) = _linked(data, ("fill", FILL))
-        code = Code(traced, fill, *_readers(traced.values))
+        constants = np.array([*map(float, traced.constants)])
+        code = Code(traced, fill, constants, *_readers(traced.values))
     if key is not None:
         _CODES[key] = code
         if len(_CODES) > STRUCTURES:
@@ -119,37 +121,37 @@ def has_code(key: str) -> bool:
 def _traced(program: Program) -> tuple[Traced, str]:
     """What the trace of a program says of its structure, and its text."""
     trace = Trace(program)
-    wanted = list(dict.fromkeys(leaves(trace.values)))
-    rows = [x for x in wanted if isinstance(x, Node) and x.op != "input"]
-    given = [x for x in wanted if isinstance(x, Node) and x.op == "input"]
+    parts = leaves(trace.values)
+    wanted = list(dict.fromkeys(x for x in parts if isinstance(x, Node)))
+    rows = [x for x in wanted if x.op != "input"]
+    given = [x for x in wanted if x.op == "input"]
     kept = of_inputs(needed([*rows, *given]))
     inputs = len(program.inputs) + trace.answers
     names = {id(f): name for name, f in program.functions.items()}
     asked = tuple((names.get(id(f), f), places) for f, places in trace.asked)
-    finite = math.isfinite(sum(x for x in wanted if not isinstance(x, Node)))
-    values = _expression(trace.values, {node: k for k, node in enumerate(rows)})
-    traced = Traced(inputs, len(rows), len(kept), asked, finite, values)
+    constants = dict.fromkeys(str(float(x)) for x in parts if not isinstance(x, Node))
+    numbers: list[Node | str] = [*rows, *constants]
+    row = {x: k for k, x in enumerate(numbers)}
+    values = _expression(trace.values, row)
+    traced = Traced(inputs, len(rows), len(kept), asked, tuple(constants), values)
     return traced, assembly.Text().fill(inputs, rows, given, kept)
 
 
-def _expression(value: Any, row: Mapping[Node, int]) -> str:
-    """Values as an expression of the inputs ``x`` and the ``row`` of numbers."""
+def _expression(value: Any, row: Mapping[Node | str, int]) -> str:
+    """Values as an expression of the inputs ``x`` and the ``row`` of numbers and constants."""
     if isinstance(value, tuple):
         return f"({''.join(f'{_expression(x, row)}, ' for x in value)})"
     if isinstance(value, Planar):
         return f"vector({_expression(value.real, row)}, {_expression(value.imag, row)})"
     if not isinstance(value, Node):
-        return f"number('{float(value)}', shape)"
+        return f"row[{row[str(float(value))]}]"
     return f"x[{value.args[0]}]" if value.op == "input" else f"row[{row[value]}]"
 
 
 def _readers(values: str) -> tuple[Any, Any]:
     """Values of one sample by its inputs ``x`` and ``row`` of numbers, and batches of many."""
-    code = compile(f"lambda x, row, shape: {values}", "<values>", "eval")
-
-    scalar = {"vector": complex, "number": lambda text, shape: float(text)}
-    arrays = {"vector": Planar, "number": lambda text, shape: np.broadcast_to(float(text), shape)}
-    return eval(code, scalar), eval(code, arrays)
+    code = compile(f"lambda x, row: {values}", "<values>", "eval")
+    return eval(code, {"vector": complex}), eval(code, {"vector": Planar})
 
 
 class LlvmEngine:
@@ -164,6 +166,7 @@ class LlvmEngine:
         self.code = code_of(program)
         traced = self.code.traced
         self._asked = [(program.functions.get(f, f), places) for f, places in traced.asked]
+        self._constants: list[float] = self.code.constants.tolist()
         self._numbers = row_of(program)
         self._parameters = self._numbers.ctypes.data
         self._places = ctypes.c_void_p * (traced.inputs + 1)  # never empty
@@ -181,7 +184,17 @@ class LlvmEngine:
             self._room[0:k:LANES] = list(inputs)
             self.code.fill(self._in_room, self._parameters, self._out, LANES, LANES, 0, 1)
             row = self._room[k::LANES]
-        return self.code.one(inputs, row, ())
+        return self.code.read_sample(inputs, row + self._constants)
+
+    def _batch(
+        self, columns: list[Any], lanes: Array, total: float, shape: tuple[int, ...]
+    ) -> tuple[Any, ...]:
+        """Values of a shape (n,) or (m, n), of inputs, numbers (rows, ...) and their sum."""
+        constants = self.code.constants.reshape(-1, *(1 for _ in shape))
+        fixed = np.broadcast_to(constants, (len(constants), *shape))
+        row = [*lanes[: self.code.traced.rows], *fixed]
+        values = self.code.read_batch(columns, row)
+        return Whole(values) if math.isfinite(total + sum(self._constants)) else values
 
     def _columns(self, inputs: Sequence[Any], n: int) -> list[Array]:
         """Columns (n,) of the inputs and of what is asked of them, which comes chunk by chunk."""
@@ -242,10 +255,8 @@ class LlvmEngine:
             width, out.ctypes.data, out.shape[1], m,
         )  # fmt: skip
         lanes = out[:, : m * width].reshape(-1, m, width)
-        values = self.code.many(
-            [column.reshape(shape) for column in given], [*lanes[..., :n]], shape
-        )
-        return Whole(values) if self.code.traced.finite and math.isfinite(total) else values
+        given = [column.reshape(shape) for column in given]
+        return self._batch(given, lanes[..., :n], total, shape)
 
     def _together(
         self, inputs: Mapping[str, Any], n: int, slots: Array, shape: tuple[int, ...]
@@ -268,9 +279,7 @@ class LlvmEngine:
         sums = self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
         given = [c[:n] if len(shape) == 1 else np.broadcast_to(c[:n], shape) for c in columns]
         lanes = out if len(shape) == 1 else out[:, : m * width].reshape(-1, m, width)
-        finite = self.code.traced.finite and math.isfinite(sum(sums))
-        values = self.code.many(given, [*lanes[..., :n]], shape)
-        return Whole(values) if finite else values
+        return self._batch(given, lanes[..., :n], sum(sums), shape)
 
     def _threads(
         self, part: Callable[[int, int], float], count: int, many: bool

@@ -145,13 +145,11 @@ def shown_in(si: str, units: Iterable[str]) -> tuple[float, str]:
     return 1.0, si
 
 
-def seem_degrees(angles: Iterable[float]) -> bool:
-    """Whether angles that are said to be radians begin and end at whole tens, as degrees do.
+def seem_degrees(low: float, high: float) -> bool:
+    """Whether angles between two that are said to be radians end at whole tens, as degrees do.
 
     Radians may too in a run of a few turns that begins or ends at zero, and beyond 3600.
     """
-    finite = [x for x in angles if math.isfinite(x)]
-    low, high = min(finite, default=0.0), max(finite, default=0.0)
     if 0 in (low, high) and high - low < FEW_TURNS:
         return False
     return all(x % 10 == 0 and abs(x) <= TEN_TURNS for x in (low, high))

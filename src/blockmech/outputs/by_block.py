@@ -455,7 +455,8 @@ class Catalogue(Mapping[str, Output]):
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
         )
         steps = schedule.lines, schedule.calls
-        return Plan(names, tuple(entries), steps, schedule.program(map(Value, values)), layout, reports)
+        program = schedule.program(map(Value, values))
+        return Plan(names, tuple(entries), steps, program, layout, reports)
 
 
 Report: TypeAlias = tuple[str, Any, tuple[Value, ...]]

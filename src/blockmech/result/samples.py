@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -181,7 +181,7 @@ def _one_pose(units: Mapping[str, str], scene: Scene, q: float) -> Samples | Non
     ((driver, unit),) = units.items()
     law = scene.drive.get(driver)
     if unit == "rad" and q % 10 == 0:
-        _doubt(f"at[{driver}]", [q])
+        _doubt(f"at[{driver}]", q, q)
     if type(law) is ConstantRate:
         return Samples(1, {"q_0": [float(q)], "qd_0": [law.rate], "qdd_0": [0.0]}, clock=law)
     return Samples(1, {"q_0": [float(q)], "qd_0": [0.0], "qdd_0": [0.0]}) if law is None else None
@@ -199,7 +199,7 @@ def _by_coordinate(
     motions, clock = {}, None
     for driver, unit in units.items():
         if unit == "rad":
-            _doubt(f"at[{driver}]", q[driver].tolist())
+            _doubt(f"at[{driver}]", q[driver].min(), q[driver].max())
         column = _stretched(driver, q[driver], n)
         law = scene.drive.get(driver)
         rate = acceleration = np.zeros(n)
@@ -308,10 +308,10 @@ def _column(where: str, raw: Any, unit: str) -> Array:
     return column
 
 
-def _doubt(where: str, angles: Sequence[float]) -> None:
+def _doubt(where: str, low: float, high: float) -> None:
     """Warn of angles that are surely degrees: they are taken as they are, in radians."""
-    if seem_degrees(angles):
-        last = max(angles, key=abs)
+    if seem_degrees(low, high):
+        last = max(low, high, key=abs)
         warnings.warn(
             f"{where}: these are radians, {last:g} rad are {abs(last) / math.tau:.3g} turns; "
             f'degrees are written "{last:g}deg"',
