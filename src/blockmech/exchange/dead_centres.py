@@ -61,7 +61,8 @@ def _trials(data: dict[str, Any]) -> Iterator[tuple[str, str, float]]:
     driven = {driver["joint"] for driver in data["drivers"].values()}
     places = [complex(*z) for joint in data["joints"].values() for z in joint["at"]]
     size = max(abs(z - places[0]) for z in places)
-    joints = [(name, joint) for name, joint in data["joints"].items() if name not in driven]
+    movable = ((name, x) for name, x in data["joints"].items() if x["type"] != "weld")
+    joints = [(name, joint) for name, joint in movable if name not in driven]
     joints.sort(key=lambda x: (x[1]["type"] == "P", x[1]["type"], "frame" not in x[1]["links"]))
     for name, joint in joints[:MOST]:
         step = STEP * (size if joint["type"] == "P" else 1.0)

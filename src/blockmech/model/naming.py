@@ -72,8 +72,8 @@ class Names:
 
     @cached_property
     def of_links(self) -> Mapping[LinkRef, str]:
-        """Link of the graph -> that of the document."""
-        return {where.link: name for name, where in self.links.items()}
+        """Link of the graph -> that of the document; of several that are welded the first."""
+        return {self.links[name].link: name for name in sorted(self.links, reverse=True)}
 
     @cached_property
     def of_blocks(self) -> Mapping[str, str]:

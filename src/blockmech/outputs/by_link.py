@@ -197,7 +197,7 @@ def _coordinate(name: str, pair: JointName, driver: str | None, names: Names) ->
     for link, sign in zip(pair.links, (-1, 1), strict=True):
         if link in names.links:
             at = names.links[link]
-            parts.append((f"{at.link}.angle", sign))
+            parts.append((f"{at.link}.angle", sign))  # which there is not of the frame
             turn = turn + sign * at.turn  # a dual number, too, where places vary
     return Reading(what, tuple(parts), turn, pair.links, wrapped=True)
 

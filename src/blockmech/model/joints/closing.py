@@ -58,7 +58,7 @@ def _conditions(c: Connection, poses: Poses, size: float) -> tuple[_Condition, .
         return (
             (d.real / size, (-1.0, 0.0, a.imag), (1.0, 0.0, -b.imag)),
             (d.imag / size, (0.0, -1.0, -a.real), (0.0, 1.0, b.real)),
-            (theta_b - theta_a, BACK, FORTH),
+            (theta_b - theta_a + c.turn, BACK, FORTH),
         )
 
     def along(n: complex) -> _Condition:

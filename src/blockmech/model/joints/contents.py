@@ -78,6 +78,21 @@ TWO = Field(min_length=2, max_length=2)
 class _Joint(StrictModel):
     links: Annotated[list[str], Field(min_length=2)]
     at: Annotated[list[Place], Field(min_length=2)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Any:
+        for key in ("at", "angle", "dir"):
+            values = getattr(self, key, None)
+            if values is not None and len(values) != len(self.links):
+                places = "places" if key == "at" else "directions"
+                message = f'"{key}" has {len(values)} {places} for {len(self.links)} links'
+                raise mistake("wrong-value", message)
+        if len(set(self.links)) < len(self.links):
+            raise mistake("wrong-value", "a joint is between different links")
+        return self
+
+
+class _Pair(_Joint):
     friction: AnyFriction | None = None
 
     def axis(self, outside: Axis) -> Axis:
@@ -85,12 +100,7 @@ class _Joint(StrictModel):
         return Axis.of(getattr(self, "type"))._replace(known=outside.known)  # noqa: B009
 
     @model_validator(mode="after")
-    def _fits(self) -> Any:
-        if len(self.at) != len(self.links):
-            found = f'"at" has {len(self.at)} places for {len(self.links)} links'
-            raise mistake("wrong-value", found)
-        if len(set(self.links)) < len(self.links):
-            raise mistake("wrong-value", "a joint is between different links")
+    def _rubs_as_it_can(self) -> Any:
         if self.friction is not None:
             try:
                 self.friction.check_for(getattr(self, "type"), "the joint")  # noqa: B009
@@ -99,28 +109,12 @@ class _Joint(StrictModel):
         return self
 
 
-class PinGiven(_Joint):
-    """A revolute joint: the places [m] of two links, or more on one pin, coincide."""
-
-    type: Literal["R"]
-    clearance: Clearance | None = None
-
-
-class GuideGiven(_Joint):
-    """A prismatic joint: two directed lines coincide, one on each link.
-
-    Each goes through ``at`` [m] along ``angle`` [rad] or ``dir`` [dx, dy] in its link's
-    frame. ``slider`` tells which of the two links carries the point where N acts.
-    """
-
-    type: Literal["P"]
-    links: Annotated[list[str], TWO]
-    angle: Annotated[list[Angle], TWO] | None = None
-    dir: Annotated[list[Vector], TWO] | None = None
-    slider: Annotated[Literal[0, 1], no_boolean(0, 1)] = 1
+class _Directed(_Joint):
+    angle: list[Angle] | None = None
+    dir: list[Vector] | None = None
 
     @model_validator(mode="after")
-    def _two_lines(self) -> Any:
+    def _one_direction(self) -> Any:
         if self.angle is not None and self.dir is not None:
             raise mistake(
                 "bad-direction", "the directions are given twice", "", 'keep "angle" or "dir"'
@@ -129,17 +123,44 @@ class GuideGiven(_Joint):
         return self
 
     @property
-    def directions(self) -> tuple[complex, complex]:
-        """Unit directions [-] of the line in the frames of both links."""
-        none = (None, None)
+    def directions(self) -> list[complex]:
+        """Unit directions [-] in the frames of the links."""
+        none = [None] * len(self.links)
         lines = zip(self.at, self.angle or none, self.dir or none, strict=True)
-        first, second = (
-            Marker.model_construct(at=at, angle=angle, dir=u).direction for at, angle, u in lines
-        )
-        return first, second
+        return [Marker.model_construct(at=at, angle=x, dir=u).direction for at, x, u in lines]
 
 
-JointGiven: TypeAlias = PinGiven | GuideGiven
+class PinGiven(_Pair):
+    """A revolute joint: the places [m] of two links, or more on one pin, coincide."""
+
+    type: Literal["R"]
+    clearance: Clearance | None = None
+
+
+class GuideGiven(_Pair, _Directed):
+    """A prismatic joint: two directed lines coincide, one on each link.
+
+    Each goes through ``at`` [m] along ``angle`` [rad] or ``dir`` [dx, dy] in its link's
+    frame. ``slider`` tells which of the two links carries the point where N acts.
+    """
+
+    type: Literal["P"]
+    links: Annotated[list[str], TWO]
+    slider: Annotated[Literal[0, 1], no_boolean(0, 1)] = 1
+
+
+class WeldGiven(_Directed):
+    """A weld: the links are one rigid link, under names of their own.
+
+    The places ``at`` [m] coincide, and so do the directions ``angle`` [rad] or ``dir`` [dx, dy],
+    by default the x axes. A weld has no coordinate and reports no force: where these are of
+    interest, a pin with a driver at rest has both.
+    """
+
+    type: Literal["weld"]
+
+
+JointGiven: TypeAlias = PinGiven | GuideGiven | WeldGiven
 
 
 # Drivers take the keys of their law of motion, loads those of the block that they become.
@@ -238,7 +259,7 @@ def _sections(types: tuple[Any, ...]) -> dict[str, Section]:
     driven = {get_args(law.model_fields["law"].annotation)[0]: _driver_model(law) for law in LAWS}
     own = ("mass", "inertia", "cm", "pose", "markers")
     of_joint = ("type", "links", "at", "angle", "dir", "slider", "friction", "clearance")
-    pairs, alone = {"R": PinGiven, "P": GuideGiven}, "a driver without a law"
+    pairs, alone = {"R": PinGiven, "P": GuideGiven, "weld": WeldGiven}, "a driver without a law"
     couplings, signals = registered(COUPLINGS, Coupling), registered(SIGNALS, Signal)
     holds = ("type", "link", "links", "joint", "at")
     return {

@@ -20,7 +20,7 @@ import numpy as np
 
 from blockmech.assur.formation import Formation, formation
 from blockmech.assur.groups import DYADS, Unit, classify
-from blockmech.ground.errors import GraphError, Problem, in_file
+from blockmech.ground.errors import GraphError, Problem, in_file, path_text
 from blockmech.ground.plane import EPS
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME
@@ -118,7 +118,8 @@ def _as_blocks(linkage: Linkage, order: Sequence, general: General) -> Parts:
     plain = links_read_as_they_are(linkage.loads, order.layout.pairs)
     plain |= links_sensed(linkage)
     diagram = Diagram(linkage, order)
-    problems = []
+    welds = order.layout.welds
+    problems = [_turned_angle(link, welds[link].link) for link in plain if welds[link].e != 1]
     units = _merged(order.formation.units) if general == "one" else order.formation.units
     for unit in units:
         made = None
@@ -139,6 +140,13 @@ def _as_blocks(linkage: Linkage, order: Sequence, general: General) -> Parts:
     shown = Formation(tuple(units), (), ())
     names = diagram.names()  # it puts markers on links that have none
     return diagram.data(), names, shown, None if general else linkage
+
+
+def _turned_angle(link: str, carrier: str) -> Problem:
+    """The problem of a law of a relative angle whose link is welded at an angle to its carrier."""
+    found = f"a law or a signal reads the angle of {link}, which is welded to {carrier} at an angle"
+    remedy = f"let it read the angle of {carrier}"
+    return Problem("wrong-value", path_text(("links", link)), found, "", remedy)
 
 
 def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:

@@ -14,13 +14,21 @@ from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.errors import GraphError, Problem, listed, path_text
+from blockmech.ground.plane import dot
 from blockmech.ground.values import Place, free_name, xy
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME, LinkGiven
-from blockmech.model.joints.drafts import GENERAL, BlockDraft, End, LinkPlacement
+from blockmech.model.joints.drafts import GENERAL, BlockDraft, End
 from blockmech.model.joints.elements import elements
-from blockmech.model.joints.layout import Connection, Connections, Layout, Poses, Sums
+from blockmech.model.joints.layout import (
+    Connection,
+    Connections,
+    Layout,
+    LinkPlacement,
+    Poses,
+    Sums,
+)
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import coordinate_of
 from blockmech.model.joints.varied import phase, settled
@@ -80,10 +88,22 @@ class Diagram:
         frame = free_name(FRAME, linkage.drivers)
         self._blocks[frame] = {"type": "frame", "markers": {}}
         self._taken[frame] = {FRAME}
-        self._seats[FRAME] = LinkPlacement(frame, FRAME)
+        self._seat(FRAME, LinkPlacement(frame, FRAME))
         self._upstream[frame] = {}
 
     # -- blocks -----------------------------------------------------------
+
+    def _seat(self, carrier: str, seat: LinkPlacement) -> None:
+        """Place a link of the graph, and with it the links that are welded to it."""
+        for link, weld in self.found.layout.welds.items():
+            if weld.link == carrier:
+                self._seats[link] = weld.on(seat)
+
+    def _mass(self, carrier: str) -> dict[str, Any]:
+        """Mass properties of a link of the graph: of all that are welded to it."""
+        welds = self.found.layout.welds
+        links = [link for link in welds if welds[link].link == carrier]
+        return _mass_of([(self.linkage.links[link], self._seats[link]) for link in links])
 
     def add(self, unit: Unit, made: BlockDraft) -> None:
         """Add the block of a unit and wire its outer joints."""
@@ -91,8 +111,9 @@ class Diagram:
         pairs, general = self.found.pairs, made.type == GENERAL
         self._blocks[name] = data = {"type": made.type, **made.keys}
         self._taken[name] = _reserved(made)
-        self._seats |= {link: seat._replace(block=name) for link, seat in made.seats.items()}
-        masses = {s.link: _mass(self.linkage.links[link], s) for link, s in made.seats.items()}
+        for link, seat in made.seats.items():
+            self._seat(link, seat._replace(block=name))
+        masses = {seat.link: self._mass(link) for link, seat in made.seats.items()}
         if links := {link: mass for link, mass in masses.items() if mass or general}:
             data["links"] = links
         self._ends |= {pair: (name, end) for pair, end in made.ends.items()}
@@ -163,7 +184,7 @@ class Diagram:
         elif guide:
             data["angle"] = 0.0
         holder = self._blocks[seat.block]
-        if link != FRAME:
+        if seat.link != FRAME:
             holder = holder.setdefault("links", {}).setdefault(seat.link, {})
         holder.setdefault("markers", {})[wish] = data
         return MarkerRef(seat.block, seat.link, wish)
@@ -172,7 +193,7 @@ class Diagram:
         """Wire an outer joint to its support; returns the support's block."""
         end, guide = made.ends[c.name], c.kind == "P"
         support = c.other(end.later)
-        along: complex | None = 1 + 0j if c.name in made.drivers else None
+        along = c.guide(support) if c.name in made.drivers else None
         if guide:
             along = -c.guide(support) if end.turned else c.guide(support)
         source = self.marker(support, c.on(support), along, c.name.replace(".", "_"), guide)
@@ -249,7 +270,10 @@ class Diagram:
     def _moved(self, driver: str) -> str:
         """The link that a driver moves, or that carries a wheel by its address."""
         pair = next((p for p, name in self.drivers.items() if name == driver), None)
-        return driver.partition(".")[0] if pair is None else self._ends[pair][1].later
+        if pair is None:
+            return driver.partition(".")[0]
+        c = self.found.layout.pairs[pair]
+        return c.ends[c.links.index(self._ends[pair][1].later)]
 
     def _scene(self) -> dict[str, Any]:
         drive = {
@@ -285,7 +309,8 @@ class Diagram:
             raise GraphError(Problem("wrong-value", path_text(("stops", name)), found, "", remedy))
         place, turn = self._joint(c), 0.0
         if c.kind == "R":
-            turn = phase(self._seats[c.second].e) - phase(self._seats[c.first].e)
+            first, second = (self._seats[link].e for link in c.ends)
+            turn = phase(second) - phase(first)
         sign = -1 if place.flipped != place.turned else 1
         low, high = (given.get(x) for x in ("from", "to"))
         ends = [None if x is None else sign * (x + turn) for x in (low, high)]
@@ -332,7 +357,7 @@ class Diagram:
             parts.append((JointRef(block, end.joint), flipped))
             turned = end.turned
         (joint, flipped), *others = parts
-        return JointName(joint, flipped, turned, tuple(others), c.links)
+        return JointName(joint, flipped, turned, tuple(others), c.ends)
 
 
 def _seated(value: Any, seat: LinkPlacement) -> Any:
@@ -348,8 +373,19 @@ def _seated(value: Any, seat: LinkPlacement) -> Any:
     return xy(seat.place(Place.parse(value).z))  # as a file may have it
 
 
-def _mass(given: LinkGiven, seat: LinkPlacement) -> dict[str, Any]:
-    """Mass properties of a link in the frame of its block."""
+def _mass_of(bodies: list[tuple[LinkGiven, LinkPlacement]]) -> dict[str, Any]:
+    """Mass properties of links that are one, in the frame of their block."""
+    if len(bodies) > 1:
+        mass = sum(link.mass for link, _ in bodies)
+        centres = [seat.place(link.cm.z) for link, seat in bodies]
+        moment = sum(link.mass * z for (link, _), z in zip(bodies, centres, strict=True))
+        cm = moment / mass if mass else 0j
+        inertia = sum(
+            link.inertia + link.mass * dot(z - cm, z - cm)
+            for (link, _), z in zip(bodies, centres, strict=True)
+        )
+        return {"mass": mass, "inertia": inertia, "cm": xy(cm)} if mass or inertia else {}
+    ((given, seat),) = bodies
     fields, moved = given.model_fields_set, seat.o != 0 or seat.e != 1
     own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in fields}
     if "cm" in fields or (moved and given.mass):

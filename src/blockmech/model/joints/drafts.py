@@ -23,7 +23,7 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.plane import EPS, dot
 from blockmech.ground.values import free_name, xy
 from blockmech.model.joints.closing import CLOSED
-from blockmech.model.joints.layout import Connection, Connections, Pose, Poses
+from blockmech.model.joints.layout import Connection, Connections, LinkPlacement, Pose, Poses
 from blockmech.model.joints.varied import phase, settled
 from blockmech.typing import Guide
 
@@ -45,23 +45,6 @@ DOUBTS: Mapping[str, str] = {
     "driven RRR": "{0}, {2}, {3} are in line",
 }
 """Kind of block -> what its joints do at a dead centre."""
-
-
-class LinkPlacement(NamedTuple):
-    """Where a link of the document is in the graph."""
-
-    block: str
-    link: str
-    o: complex = 0j  # [m] origin of the block's link frame, in the document's frame
-    e: complex = 1 + 0j  # [-] its x axis
-
-    def place(self, z: complex) -> complex:
-        """A place [m] of the document's frame in that of the block."""
-        return self.direction(z - self.o)
-
-    def direction(self, d: complex) -> complex:
-        """A vector of the document's frame in that of the block."""
-        return d if self.e == 1 else d * self.e.conjugate()
 
 
 class End(NamedTuple):
@@ -106,13 +89,15 @@ def driving_link(c: Connection, own: str, pairs: Connections) -> BlockDraft:
     if c.kind == "R":
         keys, points = dict[str, Any](), {(own, at): "A"}
         pins = [d.on(own) for d in pairs.values() if d.kind == "R" and own in d.links]
-        ahead = [pin for pin in pins if (pin - at).imag == 0 and (pin - at).real > 0]
+        e = c.guide(own)
+        arms = {pin: (pin - at) * e.conjugate() for pin in pins}
+        ahead = [pin for pin, arm in arms.items() if arm.imag == 0 and arm.real > 0]
         if ahead:
-            keys, points[own, ahead[0]] = {"length": (ahead[0] - at).real}, "B"
+            keys, points[own, ahead[0]] = {"length": arms[ahead[0]].real}, "B"
         return BlockDraft(
             "driver.crank",
             keys | ({"sign": -1} if flipped else {}),
-            {own: LinkPlacement("", "crank", at)},
+            {own: LinkPlacement("", "crank", at, e)},
             {c.name: End("A", own)},
             points,
             (c.name,),
@@ -300,8 +285,11 @@ def general_group(unit: Unit, pairs: Connections) -> BlockDraft:
             data[name] |= {"angle": guides, "slider": owner}
         if driven:
             data[name]["driven"] = True
+            turn = c.turn if c.kind == "R" else 0.0
             if c.kind == "R" and later == c.first:
-                data[name]["sign"] = -1
+                data[name]["sign"], turn = -1, -turn
+            if turn:
+                data[name]["offset"] = -turn
             drivers.append(c.name)
         ends[c.name] = End(name, later, turned)
         marked = c.first if inner else later

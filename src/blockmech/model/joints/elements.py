@@ -12,8 +12,7 @@ from typing import Any, TypeAlias
 
 from blockmech.ground.values import xy
 from blockmech.model.joints.contents import FRAME, HOLDS
-from blockmech.model.joints.drafts import LinkPlacement
-from blockmech.model.joints.layout import Connection, Connections
+from blockmech.model.joints.layout import Connection, Connections, LinkPlacement
 from blockmech.model.joints.varied import phase, remainder
 from blockmech.model.writing import plain
 
@@ -37,7 +36,7 @@ def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[
             continue
         joint = pairs.get(load.joint or "")
         if "coordinate" in law.variables() and (joint is None or joint.kind == "R"):
-            links.update(load.links or joint.links if joint else load.links)
+            links.update(load.links or joint.ends if joint else load.links)
     return links - {FRAME}
 
 
@@ -57,7 +56,7 @@ def elements(
     if joint is not None and pairs[joint].kind == "P":
         yield from _along_guide(name, load, data, pairs[joint], seats)
         return
-    links = list(pairs[joint].links) if joint else getattr(load, "links", None) or [load.link]
+    links = list(pairs[joint].ends) if joint else getattr(load, "links", None) or [load.link]
     at = getattr(load, "at", None)
     places = [p.z for p in at] if isinstance(at, list) else [at.z if at else 0j]
     for key in {*data}.intersection(load.link_vectors):

@@ -18,9 +18,10 @@ import numpy as np
 from blockmech.assur.formation import reseat
 from blockmech.assur.pairs import Pair, Side, axes, joined
 from blockmech.friction.laws.contract import FrictionLaw
-from blockmech.model.joints.contents import FRAME, GuideGiven
+from blockmech.ground.errors import GraphError, Problem, path_text
+from blockmech.model.joints.contents import FRAME, GuideGiven, WeldGiven
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.varied import settled
+from blockmech.model.joints.varied import phase, settled
 
 
 class Pose(NamedTuple):
@@ -38,17 +39,50 @@ class Pose(NamedTuple):
         return d * cmath.rect(1.0, self.theta)
 
 
+class LinkPlacement(NamedTuple):
+    """Where a link of the document is: in a block of the graph, or on the link that carries it."""
+
+    block: str
+    link: str
+    o: complex = 0j  # [m] origin of that link's frame, in the document's frame
+    e: complex = 1 + 0j  # [-] its x axis
+
+    def place(self, z: complex) -> complex:
+        """A place [m] of the document's frame in that of the other link."""
+        return self.direction(z - self.o)
+
+    def direction(self, d: complex) -> complex:
+        """A vector of the document's frame in that of the other link."""
+        return d if self.e == 1 else d * self.e.conjugate()
+
+    def inverse(self, link: str) -> LinkPlacement:
+        """The placement of that other link on this one, whose name is given."""
+        if self.e == 1:
+            return LinkPlacement("", link, -self.o)
+        return LinkPlacement("", link, -self.o * self.e.conjugate(), self.e.conjugate())
+
+    def on(self, seat: LinkPlacement) -> LinkPlacement:
+        """The placement on the link that carries the link which this one is on."""
+        if self.e == 1:
+            return LinkPlacement(seat.block, seat.link, self.o + seat.o, seat.e)
+        return LinkPlacement(seat.block, seat.link, self.o + self.e * seat.o, self.e * seat.e)
+
+
 @dataclass(frozen=True)
 class Connection(Pair):
     """A pair with the place of each of its links; of a pin of many links ``"joint.link"``.
 
+    Its links are those that carry the links of the document.
+
     Attributes
     ----------
+    ends : (2,) the links of the document
     at : (2,) [m] place on each link, in its frame
-    along : (2,) [-] unit direction of the guide on each (P only)
+    along : (2,) [-] unit direction on each: of the guide (P), or of the document's link (R)
     slider : which of the two carries the slider's point (P only)
     """
 
+    ends: tuple[str, str] = ("", "")
     at: tuple[complex, complex] = (0j, 0j)
     along: tuple[complex, complex] = (1 + 0j, 1 + 0j)
     slider: int = 1
@@ -60,8 +94,14 @@ class Connection(Pair):
         return self.at[self.links.index(link)]
 
     def guide(self, link: str) -> complex:
-        """Unit direction [-] of the guide on one of the links."""
+        """Unit direction [-] on one of the links."""
         return self.along[self.links.index(link)]
+
+    @property
+    def turn(self) -> Any:
+        """Angle [rad] of the second direction less that of the first, each in its link's frame."""
+        first, second = self.along
+        return 0.0 if first == second else phase(second * first.conjugate())
 
     @property
     def owner(self) -> str:
@@ -80,7 +120,9 @@ class Layout:
 
     Attributes
     ----------
-    links : the moving links, by name
+    links : the moving links, by name; of links that are welded together the first
+    welds : welded link -> its placement on the link that carries it, which is one of ``links``
+        or the frame; carriers are on themselves
     given : the poses that the document gives
     pairs : the joints two by two, sorted, with the axes that they share
     drivers : driven pair -> driver
@@ -88,6 +130,7 @@ class Layout:
     """
 
     links: tuple[str, ...]
+    welds: Mapping[str, LinkPlacement]
     given: Poses
     pairs: Connections
     drivers: Mapping[str, str]
@@ -95,10 +138,14 @@ class Layout:
 
     @classmethod
     def of(cls, linkage: Linkage) -> Layout:
-        """The layout of a document."""
-        links = tuple(sorted(name for name in linkage.links if name != FRAME))
+        """The layout of a document. Raises `GraphError` for welds that say too much."""
+        welds = _welds_of(linkage)
+        links = tuple(name for name in sorted(linkage.links) if welds[name].link == name != FRAME)
         given = {FRAME: Pose()} | {name: Pose(*linkage.links[name].at) for name in links}
-        pairs = {c.name: c for name in linkage.joints for c in _pairs_of(linkage, name)}
+        movable = [name for name, x in linkage.joints.items() if not isinstance(x, WeldGiven)]
+        pairs = {c.name: c for name in movable for c in _pairs_of(linkage, name, welds)}
+        if stiff := [c for c in pairs.values() if c.first == c.second]:
+            raise GraphError(_stiff(c.name, *c.ends) for c in stiff)
         places: dict[str, list[complex]] = defaultdict(list)
         for name in links:
             places[""].append(given[name].o)
@@ -124,22 +171,74 @@ class Layout:
             name: replace(c, axis=axis[name]) if axis[name] else c
             for name, c in sorted(pairs.items())
         }
-        return cls(links, given, shared, linkage.driven, size)
+        return cls(links, welds, given, shared, linkage.driven, size)
 
 
-def _pairs_of(linkage: Linkage, name: str) -> list[Connection]:
-    joint = linkage.joints[name]
-    first, *others = joint.links
-    start, *ends = (place.z for place in joint.at)
+def _welds_of(linkage: Linkage) -> dict[str, LinkPlacement]:
+    """Every link on the link that carries it: the frame, or the first of those welded together.
+
+    Raises `GraphError` for welds of links that others hold together already.
+    """
+    steps: dict[str, list[tuple[str, str, LinkPlacement]]] = defaultdict(list)
+    for name, joint in linkage.joints.items():
+        if isinstance(joint, WeldGiven):
+            sides = list(zip(joint.links, joint.at, joint.directions, strict=True))
+            for (a, at_a, u_a), (b, at_b, u_b) in ((x, y) for x in sides[:1] for y in sides[1:]):
+                e = 1 + 0j if u_a == u_b else u_b * u_a.conjugate()
+                b_on_a = LinkPlacement("", a, at_b.z - at_a.z * e, e)
+                steps[a].append((name, b, b_on_a))
+                steps[b].append((name, a, b_on_a.inverse(b)))
+    placed: dict[str, LinkPlacement] = {}
+    held: set[tuple[str, str, str]] = set()
+    for carrier in (FRAME, *sorted(linkage.links)):
+        if carrier in placed:
+            continue
+        placed[carrier] = LinkPlacement("", carrier)
+        queue = [carrier]
+        for known in queue:
+            for name, link, step in steps[known]:
+                if link not in placed:
+                    placed[link] = step.on(placed[known])
+                    queue.append(link)
+                    held |= {(name, known, link), (name, link, known)}
+                elif (name, known, link) not in held:
+                    raise GraphError(_stiff(name, known, link))
+    return placed
+
+
+def _pairs_of(linkage: Linkage, name: str, welds: Mapping[str, LinkPlacement]) -> list[Connection]:
+    joint: Any = linkage.joints[name]
+    seats = [welds[link] for link in joint.links]
+    first, *rest = joint.links
+    start, *ends = (seat.place(at.z) for seat, at in zip(seats, joint.at, strict=True))
+    guides = joint.directions if isinstance(joint, GuideGiven) else [1 + 0j] * len(seats)
+    along, *directions = (seat.direction(u) for seat, u in zip(seats, guides, strict=True))
     more: dict[str, Any] = {"clearance": getattr(joint, "clearance", None)}
     if isinstance(joint, GuideGiven):
-        more |= {"along": joint.directions, "slider": joint.slider}
-    names = [f"{name}.{link}" for link in others] if len(others) > 1 else [name]
-    pairs = zip(names, others, ends, strict=True)
+        more["slider"] = joint.slider
+    names = [f"{name}.{link}" for link in rest] if len(rest) > 1 else [name]
     return [
-        Connection(own, first, link, joint.type, "", (start, end), friction=joint.friction, **more)
-        for own, link, end in pairs
+        Connection(
+            own,
+            seats[0].link,
+            welds[link].link,
+            joint.type,
+            "",
+            (first, link),
+            (start, end),
+            (along, direction),
+            friction=joint.friction,
+            **more,
+        )
+        for own, link, end, direction in zip(names, rest, ends, directions, strict=True)
     ]
+
+
+def _stiff(joint: str, first: str, second: str) -> Problem:
+    """The problem of a joint between links that are one."""
+    found = f"{joint} joins {first} and {second}, which are welded together already"
+    where = path_text(("joints", joint.partition(".")[0]))
+    return Problem("over-constrained", where, found, "", f"remove {joint}, or a weld")
 
 
 # Pins seated elsewhere.

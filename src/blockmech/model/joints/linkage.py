@@ -124,7 +124,7 @@ class Linkage(Document):
     def add_joint(
         self,
         name: str,
-        kind: Literal["R", "P"],
+        kind: Literal["R", "P", "weld"],
         links: Sequence[str],
         at: Sequence[AnyPlace],
         *,
@@ -134,14 +134,14 @@ class Linkage(Document):
         friction: FrictionLaw | None = None,
         clearance: float | None = None,
     ) -> None:
-        """Add a joint between two links, or a pin ("R") of more.
+        """Add a joint between two links, or a pin ("R") or weld of more.
 
         Parameters
         ----------
-        kind : "R" a pin, "P" a guide
+        kind : "R" a pin, "P" a guide, "weld" for links that are one rigid link
         links : names of the links; the coordinate counts from the first to the second
         at : a place [m] for each link, in its frame
-        angle, dir : of a guide, its direction in both frames: [rad], or (dx, dy)
+        angle, dir : of a guide or weld, its direction in all frames: [rad], or (dx, dy)
         slider : of a guide, which of the two links carries the point where N acts; default 1
         friction : of the joint
         clearance : [m] radial, of a pin
@@ -211,6 +211,28 @@ class Linkage(Document):
         along = [guide.direction * _turn_back(link) for link in drawn]
         at = _places(guide.at, drawn)
         self.add_joint(name, "P", links, at, dir=along, slider=slider, friction=friction)
+        self._keep_poses(links, drawn)
+
+    def add_weld(self, name: str, links: Sequence[str], point: AnyPlace) -> None:
+        """Weld links together as they are in the poses that they were given.
+
+        They are one rigid link with the mass of all, and keep their names for joints, loads,
+        markers and outputs. A link without a pose gets the pose zero, as for `add_pin`.
+
+        Parameters
+        ----------
+        links : names of two links or more, added before; "frame" is the fixed one
+        point : place [m] of the weld in the world
+
+        Raises `GraphError` for links that there are not, or what does not fit.
+
+        Example: ``m.add_weld("W", ["rod", "plate"], (0.4, 0.1))``.
+        """
+        drawn = self._as_drawn(name, links)
+        at = _places(Marker(at=point).at, drawn)
+        turned = any(link.at[1] for link in drawn)
+        directions = [_turn_back(link) for link in drawn] if turned else None
+        self.add_joint(name, "weld", links, at, dir=directions)
         self._keep_poses(links, drawn)
 
     def _as_drawn(self, name: str, links: Sequence[str]) -> list[LinkGiven]:

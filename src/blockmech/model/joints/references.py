@@ -73,6 +73,9 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
             yield unknown_name(f"unknown-{what}", what, name, path_text(path), sorted(have[what]))
         elif what == "joint" and does and name in linkage.joints:
             number = len(linkage.joints[name].links)
+            if linkage.joints[name].type == "weld":
+                found, number = f"{name} is a weld, in which nothing moves", 0
+                yield Problem("wrong-value", path_text(path), found, "", "name another joint")
             found = f"{name} is a pin of {number} links, and it is not said which two it {does}"
             remedy = "write the pin as joints of two links each"
             if number > 2:
