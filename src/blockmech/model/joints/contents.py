@@ -146,6 +146,8 @@ class GuideGiven(_Pair, _Directed):
 
     type: Literal["P"]
     links: Annotated[list[str], TWO]
+    angle: Annotated[list[Angle], TWO] | None = None
+    dir: Annotated[list[Vector], TWO] | None = None
     slider: Annotated[Literal[0, 1], no_boolean(0, 1)] = 1
 
 
