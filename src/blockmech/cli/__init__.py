@@ -21,7 +21,7 @@ import blockmech
 from blockmech.cli.analyses import check, extremes, limits, modes, verify
 from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, outputs, schema
-from blockmech.cli.design import balance, equilibria, identify, linearize
+from blockmech.cli.design import balance, equilibria, identify, linearize, solve
 from blockmech.cli.draw import draw
 from blockmech.cli.export import export
 from blockmech.cli.import_ import import_
@@ -53,7 +53,7 @@ from blockmech.ground.units import UnitWarning
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, solutions, modes, extremes),
-    *(equilibria, linearize, balance, identify),
+    *(solve, equilibria, linearize, balance, identify),
     *(trade, sweep, sensitivity, test, new, import_, export, page, report, blocks, outputs, schema),
     studio,
 )

@@ -35,6 +35,31 @@ def equilibria(
     shown.ask(file, compiled, "searching", lambda m: m.equilibria(**how))
 
 
+def solve(
+    file: GraphFile,
+    shown: Drawn,
+    wanted: Annotated[
+        list[str], option("Output and its value, e.g. dyad.j.angle=80deg.", "OUTPUT=VALUE")
+    ],
+    to: Annotated[
+        list[str] | None,
+        option("Parameters or efforts such as dyad.C.moment; by default the drivers.", "A,B"),
+    ] = None,
+    at: At = None,
+    modes: Annotated[bool, option("Go through all assembly modes.")] = False,
+    friction: Friction = None,
+    static: Static = False,
+) -> None:
+    """Find the driver coordinates, parameters or loads that give wanted values."""
+    how: dict[str, Any] = {"modes": modes, "friction": friction, "static": static}
+
+    def ask(m: Mechanism) -> Any:
+        values = dict(map(_quantity, wanted))
+        return m.solve(values, names_of(to) or (), at=coordinates(m, at), **how)
+
+    shown.ask(file, compiled, "solving", ask)
+
+
 def linearize(
     file: GraphFile,
     shown: Drawn,
@@ -101,6 +126,15 @@ def _split(text: str) -> tuple[str, str]:
     if not (name and sign and value):
         raise refused(text, "it is no NAME=VALUE", "e.g. spring.stiffness=0:5000")
     return name, value
+
+
+def _quantity(text: str) -> tuple[str, float | str]:
+    """A value by name: a number in SI, or text with a unit. Raises `RequestError` for others."""
+    name, value = _split(text)
+    try:
+        return name, float(value)
+    except ValueError:
+        return name, value
 
 
 def _named(text: str) -> tuple[str, float]:

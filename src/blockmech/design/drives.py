@@ -20,6 +20,7 @@ import numpy as np
 
 from blockmech.analysis.deflections import refuse_deflections
 from blockmech.compiled import Compiled
+from blockmech.design.efforts import with_efforts
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual
 from blockmech.figures import palette as ink
@@ -33,7 +34,7 @@ from blockmech.ground.report import DEGREES, Facts
 from blockmech.plan.plan import Plan
 from blockmech.result.samples import Samples
 from blockmech.studies.differentiate import chosen_numbers
-from blockmech.studies.family import Family
+from blockmech.studies.family import Family, parameters
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 BLOCK = 4096  # samples of a force at hand at a time
@@ -183,7 +184,8 @@ def available(
 
     Parameters
     ----------
-    number : address of the load, e.g. ``work.force.x``
+    number : parameter path of the load, e.g. ``work.force.x``, or an effort as those of `solve`,
+        e.g. ``"joint.C.moment"``, which with the driving effort 0 stands for the drive
     effort : [N m or N] of the driver
     at, samples, rates, friction, static : as those of a run; friction counts in the sense of the
         rates
@@ -196,7 +198,8 @@ def available(
     Raises `RequestError` for unknown names, or a number that the drive does not follow.
     """
     own = _driver(mechanism, driver)
-    (p,) = chosen_numbers(mechanism, (number,)).values()
+    mechanism, paths = with_efforts(mechanism, (number,), parameters(mechanism))
+    (p,) = chosen_numbers(mechanism, tuple(paths.values())).values()
     family = Family(mechanism, [p.address])
     if family.alone:
         raise refused(p.address, family.alone, "name a load")

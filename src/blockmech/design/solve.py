@@ -27,6 +27,7 @@ from blockmech.analysis.scan import TURN
 from blockmech.analysis.turning_points import ROUNDING, Signal, Turns, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.compiled import Compiled
+from blockmech.design.efforts import with_efforts
 from blockmech.functions.series import EPS, Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
@@ -117,8 +118,12 @@ def solve(
     ----------
     wanted : output -> value in SI, or as text with a unit, e.g. ``{"dyad.j.angle": "80deg"}``
         With ``to`` also what a study keeps: ``{"max_abs(crank.drive)": 50.0}``.
-    to : addresses of as many numbers of the design; by default the drivers are asked for, and
-        there are as many wanted values as drivers
+    to : parameter paths, as many as wanted values, or efforts at other places than the driver:
+        ``"dyad.C.moment"`` between the links of a pin, ``"dyad.j.moment"`` on a link,
+        ``"dyad.P.force.x"`` at a marker in ground axes (of links and joints ``"joint.C.moment"``,
+        ``"joint.S.force"`` along a guide, ``"link.rod.moment"``, ``"link.rod.P.force.x"``); with
+        ``{"crank.drive": 0}`` that is what stands for the drive. By default the drivers are asked
+        for, and there are as many wanted values as drivers
     at, samples : the poses [rad or m] at which outputs are wanted of designs, as those of a run;
         one pose for an output by itself
     modes : whether all assembly modes of the dyads of a graph are gone through
@@ -151,7 +156,8 @@ def solve(
         raise refused(bad[0], "the wanted value is not finite", "give a number")
     how: dict[str, Any] = {"friction": friction, "static": static}
     if unknowns:
-        return _of_numbers(mechanism, values, unknowns, {"at": at, "samples": samples}, how)
+        mechanism, paths = with_efforts(mechanism, unknowns, parameters(mechanism))
+        return _of_numbers(mechanism, values, paths, {"at": at, "samples": samples}, how)
     of = _of_driver if len(mechanism.drivers) == 1 else _of_drivers
     if not modes:
         return of(mechanism, values, how, {})
@@ -295,7 +301,7 @@ def _reader(
 def _of_numbers(
     mechanism: Compiled,
     wanted: Mapping[str, float],
-    to: tuple[str, ...],
+    paths: Mapping[str, str],
     poses: dict[str, Any],
     how: dict[str, Any],
 ) -> Solutions:
@@ -305,7 +311,7 @@ def _of_numbers(
         raise refused(single[0], found, f"{remedy} such as max_abs({single[0]})")
     labels = [f"mean({name})" if name in single else name for name in wanted]
     with_methods: Any = mechanism  # a `Mechanism`
-    kept = with_methods.objective(to, want=labels, **poses, **how)
+    kept = with_methods.objective([*paths.values()], want=labels, **poses, **how)
     values, start = np.array([*wanted.values()]), kept.start
     sizes = np.where(start == 0, 1.0, np.abs(start))
 
@@ -316,9 +322,9 @@ def _of_numbers(
         return np.atleast_2d(kept.jacobian(x))
 
     x, slopes, misfit = _solved(read, start, sizes, jacobian)
-    known = parameters(mechanism)
-    of = {a: known[a].unit for a in kept.addresses}
-    values_of = dict(zip(kept.addresses, x.tolist(), strict=True))
+    known, names = parameters(mechanism), {path: name for name, path in paths.items()}
+    of = {names.get(path, path): known[path].unit for path in kept.addresses}
+    values_of = dict(zip(of, x.tolist(), strict=True))
     solutions = (Solution(values_of, of, slopes),) if misfit <= CLOSE else ()
     near = f"{places(values_of, of)} misses by {misfit:.3g} of the values"
     units = {n: _unit(mechanism, n) for n in wanted}
