@@ -31,14 +31,14 @@ def equilibria(
     ] = None,
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
-    how: dict[str, Any] = {"friction": friction, "time": time}
-    shown.ask(file, compiled, "searching", lambda m: m.equilibria(**how))
+    options: dict[str, Any] = {"friction": friction, "time": time}
+    shown.ask(file, compiled, "searching", lambda m: m.equilibria(**options))
 
 
 def solve(
     file: GraphFile,
     shown: Drawn,
-    wanted: Annotated[
+    want: Annotated[
         list[str], option("Output and its value, e.g. dyad.j.angle=80deg.", "OUTPUT=VALUE")
     ],
     to: Annotated[
@@ -51,11 +51,11 @@ def solve(
     static: Static = False,
 ) -> None:
     """Find the driver coordinates, parameters or loads that give wanted values."""
-    how: dict[str, Any] = {"modes": modes, "friction": friction, "static": static}
+    options: dict[str, Any] = {"modes": modes, "friction": friction, "static": static}
 
     def ask(m: Mechanism) -> Any:
-        values = dict(map(_quantity, wanted))
-        return m.solve(values, names_of(to) or (), at=coordinates(m, at), **how)
+        values = dict(map(_quantity, want))
+        return m.solve(values, names_of(to) or (), at=coordinates(m, at), **options)
 
     shown.ask(file, compiled, "solving", ask)
 
