@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.engines import enclosed
-from blockmech.engines.enclosed import Form, form, within
+from blockmech.engines.enclosed import proofs
+from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
+from blockmech.ground.plane import EPS
 from blockmech.studies.family import remade
 from tests.extremes.precise import DIGITS, Precise
 from tests.gallery import changed, document, mechanism
@@ -157,8 +158,8 @@ def test_a_chain_of_forty_loops_is_bounded():
 
 
 def test_a_shrunk_proof_fails(monkeypatch):
-    holds = enclosed.shrunk  # a box is twice what is needed: of 0.4 of it nothing is proved
-    monkeypatch.setattr(enclosed, "shrunk", lambda need, box: holds(need, 0.4 * box))
+    inside = proofs.is_inside  # a box is twice what is needed: of 0.4 of it nothing is proved
+    monkeypatch.setattr(proofs, "is_inside", lambda image, box: inside(image, 0.4 * box))
     found = mechanism("ruiz_fourbar").enclose(1.0, want="crank.drive")
     assert not found.proved
     assert not np.isfinite(found["crank.drive"]).any()
@@ -168,24 +169,24 @@ def test_a_shrunk_proof_fails(monkeypatch):
 def test_sine_and_angle_hold_60_digits(seed):
     dice = random.Random(seed)
     x = dice.uniform(-10.0, 10.0) * 10.0 ** dice.randint(-12, 8)
-    enclosed.SYMBOLS.count = 0
-    cos, sin = form(x).turned()
+    SYMBOLS.count = 0
+    cos, sin = form(x).expi()
     with mpmath.workdps(60):
         assert cos.low <= mpmath.cos(x) <= cos.high
         assert sin.low <= mpmath.sin(x) <= sin.high
-    assert sin.high - sin.low <= 4 * enclosed.EPS * abs(sin.c) + 1e-29
+    assert sin.high - sin.low <= 4 * EPS * abs(sin.c) + 1e-29
 
 
-@pytest.mark.parametrize("function", ["sqrt", "exp", "inverse", "turned"])
+@pytest.mark.parametrize("function", ["sqrt", "exp", "inverse", "expi"])
 def test_functions_hold_what_is_within_a_tolerance(function):
     dice = random.Random(function)
     for _ in range(50):
-        enclosed.SYMBOLS.count = 0
+        SYMBOLS.count = 0
         c, r = dice.uniform(0.5, 3.0), dice.uniform(0.0, 0.4)
         x = within(c, r) * 1.0
         y = getattr(x, function)()
-        y = y[1] if function == "turned" else y
-        exact = {"turned": mpmath.sin, "inverse": lambda v: 1 / v}.get(function)
+        y = y[1] if function == "expi" else y
+        exact = {"expi": mpmath.sin, "inverse": lambda v: 1 / v}.get(function)
         for t in (c - r, c + r, c + dice.uniform(-r, r)):
             value = (exact or getattr(mpmath, function))(mpmath.mpf(t))
             assert y.low <= value <= y.high

@@ -3,7 +3,7 @@
 Monte Carlo says what most parts do, an enclosure what none exceeds: rounding is in it, so with no
 tolerance at all it is a certificate of a run. Where no proof is found the answer says why.
 
-Source: `blockmech.engines.enclosed`.
+Source: `blockmech.engines.enclosed.forms`, `blockmech.engines.enclosed.proofs`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import CONTRACTION, Compiled
-from blockmech.engines.enclosed import SYMBOLS, EnclosedEngine, Form, form, within
+from blockmech.engines.enclosed.engine import EnclosedEngine
+from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, listed
 from blockmech.ground.report import DEGREES, Facts, Report, sections

@@ -1,0 +1,1 @@
+"""Enclosures: every number with proved bounds, for rounding and for tolerances."""

@@ -1,0 +1,106 @@
+"""The engine of enclosures: a program bound to affine forms, one sample at a time.
+
+Loops run on the numbers of the planned design; what they end at is proved by
+`blockmech.engines.enclosed.proofs`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from blockmech.engines.binding import Binder, bind
+from blockmech.engines.enclosed.forms import Form, form, forms_of, planned, sign, unknown
+from blockmech.engines.enclosed.primitives import (
+    angle,
+    exp,
+    expi,
+    hyp,
+    imul,
+    maximum,
+    minimum,
+    modulo,
+    mul,
+    piecewise,
+    planar,
+    power,
+    sqrt,
+    where,
+)
+from blockmech.engines.enclosed.proofs import implicit, without_bounds
+from blockmech.engines.enclosed.systems import Matrix, solve, solve_transposed, spread
+from blockmech.ground.plane import (
+    EPS,
+    REST_SHARE,
+    SCALAR_PRIMITIVES,
+    cross,
+    dot,
+    primitives_of,
+    times,
+)
+from blockmech.plan.plan import Program
+
+
+def each(function: Any, *x: Any) -> Any:
+    """A function of Python, of which nothing is known but its value at a number."""
+    (value,) = one_by_one(lambda *numbers: (function(*numbers),), *x)
+    return form(value)
+
+
+def one_by_one(function: Callable[..., tuple[float, ...]], *x: Any) -> tuple[Any, ...]:
+    """A function of numbers, of which nothing is known where they vary."""
+    numbers = [form(v) for v in x]
+    values = function(*map(planned, numbers))
+    return values if all(v.exact for v in numbers) else tuple(map(unknown, values))
+
+
+def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    """The state at which the planned design ends: numbers, of which nothing is proved yet."""
+    if not planned(state[-1]):
+        return state
+    numbers, scalar_step = planned(state), Binder(SCALAR_PRIMITIVES)(step)
+    try:
+        return forms_of(SCALAR_PRIMITIVES["repeat"](scalar_step, numbers, cap, *planned(data)))
+    except (ArithmeticError, ValueError):
+        return without_bounds(numbers)
+
+
+_OF_PLANE = (cross, dot, times, where, maximum, minimum, sqrt, exp, sign, power, modulo, piecewise)
+_OF_VECTORS = (expi, hyp, planar, mul, imul, angle)
+_OF_SOLVERS = (each, repeat, implicit, solve, solve_transposed, spread)
+PRIMITIVES: dict[str, Any] = {
+    **{f.__name__: f for f in (*_OF_PLANE, *_OF_VECTORS, *_OF_SOLVERS)},
+    "matrix": Matrix,
+    "EPS": EPS,
+}
+"""The primitives of the plane on forms."""
+
+
+def scale(a: Any, b: Any) -> float:
+    """The larger length, of the planned design: a scale does not vary."""
+    return float(max(planned(a), planned(b)))
+
+
+@primitives_of.register(Form)
+def _of_forms(x: object) -> Mapping[str, Any]:
+    return {**PRIMITIVES, "maximum": scale, "one_by_one": one_by_one}
+
+
+class EnclosedEngine:
+    """A program bound to forms, one sample at a time."""
+
+    name = "enclosed"
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        constants = {"ZERO": forms_of(0j), "ONE": forms_of(1 + 0j), "REST": REST_SHARE}
+        self._program = bind(program, PRIMITIVES, constants, _at_planned)
+
+    def one(self, inputs: Sequence[Any], parameters: Sequence[Any]) -> tuple[Any, ...]:
+        """Values of one sample, forms or `Planar` pairs of them."""
+        return self._program(*map(form, inputs), tuple(map(forms_of, parameters)))
+
+
+def _at_planned(function: Any) -> Any:
+    """A function that is no kernel, such as a group's path from home, of the planned design."""
+    return lambda *arguments: function(*planned(arguments))
