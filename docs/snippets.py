@@ -147,7 +147,9 @@ def on_files(files, config):
             if wrong:
                 raise PluginError(wrong)
             _shown_on[page.src_uri] = shown
-            for picture in re.findall(r"\]\(([\w/-]+\.(?:svg|png|gif))\)", page.content_string):
+            for picture in re.findall(
+                r"\]\(([\w/-]+\.(?:svg|png|gif|html))\)", page.content_string
+            ):
                 uri, made = (Path(page.src_uri).parent / picture).as_posix(), folder / picture
                 if files.get_file_from_path(uri):  # in the repository, made by a test
                     if made.exists():

@@ -33,5 +33,5 @@ for name, part in (("step", "x"), ("lift", "y")):
     way = leg.extremes("leg.foot.p")[part]
     print(f"{name}: {way.maximum.value - way.minimum.value:.3f} m")
 page = Path(sys.argv[1] if len(sys.argv) > 1 else "walking_leg.html")
-animate(leg, page, trace=["leg.foot"])
+animate(leg, page, trace=["leg.foot"], frames=36)
 print(f"{page} walks")

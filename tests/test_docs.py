@@ -4,6 +4,7 @@ import ast
 import doctest
 import importlib
 import inspect
+import pkgutil
 import re
 import sys
 import tomllib
@@ -15,6 +16,7 @@ import blockmech as bm
 from blockmech.blocks.contract import Block
 from blockmech.blocks.registry import REGISTRY
 from blockmech.cli import COMMANDS
+from blockmech.compiled import Compiled
 from blockmech.ground.values import StrictModel
 from docs.snippets import BrokenPage, run, workplace
 from tests.source import MODULES, trees
@@ -237,19 +239,31 @@ def test_the_reference_has_every_public_name_and_every_command():
 
 
 @pytest.mark.usefixtures("one_repeat")
-def test_python_of_the_readme_runs_from_top_to_bottom_and_prints_the_numbers_it_says(monkeypatch):
-    monkeypatch.chdir(ROOT)  # the reader stands in a checkout
-    before = {p for p in ROOT.iterdir() if p.name != "__pycache__"}
-    snippets = "\n".join(re.findall(r"```python\n.*?```", README, re.DOTALL))
-    assert len(run(snippets, "README.md")) >= 3
-    assert {p for p in ROOT.iterdir() if p.name != "__pycache__"} == before
+def test_python_of_the_readme_runs_from_top_to_bottom_and_prints_the_numbers_it_says(tmp_path):
+    snippets = re.findall(r"```python\n.*?```", README, re.DOTALL)
+    with workplace(tmp_path):
+        assert len(run("\n".join(snippets), "README.md")) == len(snippets)
+    for picture in ("slider_crank.gif", "turn.png", "blocks.svg"):
+        assert (tmp_path / picture).stat().st_size > 10_000
+    first = snippets[0].strip("`\n").splitlines()[1:]
+    assert len([line for line in first if line]) <= 14  # from pins to stroke, forces and a film
+
+
+def test_the_readme_has_at_most_900_words_beside_its_code():
+    prose = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
+    assert len(re.sub(r"\]\([^)]*\)", "]", prose).split()) <= 900
+
+
+def test_a_citation_names_the_version_of_the_package():
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.findall(r"^version: (.+)$", cited, re.MULTILINE) == [bm.__version__]
 
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.stem)
 def test_files_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
     for path in re.findall(r"\]\(([\w./-]+)\)", text):
-        drawn = page.parent != ROOT and path.endswith((".svg", ".png"))
+        drawn = page.parent != ROOT and path.endswith((".svg", ".png", ".gif", ".html"))
         assert drawn or (page.parent / path).exists(), path
     for path in re.findall(r"\bgraphs/[\w/]+\.json", text):
         assert (ROOT / path).exists(), path
@@ -269,8 +283,8 @@ def test_on_a_package_index_the_readme_links_to_nothing_that_is_not_there():
         shown = re.sub(change["pattern"], change["replacement"], shown)
     left = re.findall(r"\]\(([^)]*)\)", shown)
     assert [target for target in left if not target.startswith("https://")] == []
-    assert "Twenty-two mechanisms" not in shown  # a picture's text without the picture
-    assert "`docs`" in shown
+    assert "walking leg" not in shown  # a picture's text without the picture
+    assert "`CITATION.cff`" in shown
 
 
 def test_readme_has_its_two_one_line_commands_for_both_systems():
@@ -281,6 +295,16 @@ def test_readme_has_its_two_one_line_commands_for_both_systems():
         r"^py -m venv .*pytest",
     ):
         assert re.search(start, README, re.MULTILINE), start
+
+
+def test_the_names_of_the_architecture_page_exist():
+    text = (ROOT / "docs" / "how" / "architecture.md").read_text("utf-8")
+    table = text[text.index("## The walk") : text.index("Try it:")]
+    for name in re.findall(r"`((?:[a-z_]+\.)+[A-Za-z_]+)`", table):
+        assert pkgutil.resolve_name(f"blockmech.{name}"), name
+    for name in re.findall(r"`(Graph|Compiled)\.(\w+)`", table):
+        owner = {"Graph": bm.Graph, "Compiled": Compiled}[name[0]]
+        assert hasattr(owner, name[1]), name
 
 
 def test_the_gallery_page_has_every_mechanism():

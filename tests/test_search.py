@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("material", reason="the site's generator, extra docs")
-NODE = shutil.which("node")
+NODE, CHROMIUM = shutil.which("node"), shutil.which("chromium")
 pytestmark = pytest.mark.skipif(NODE is None, reason="needs node for the search of the browser")
 ROOT = Path(__file__).parents[1]
 
@@ -24,7 +24,14 @@ WORDS = {
     "motion": "dead centre",
     "gallery": "quick return,hydraulic,mechanical advantage",
     "limits": "three dimensions,flexible",
-    "exchange": "dxf,arduino,freecad,fmu,mujoco",
+    "exchange": "arduino,fmu",
+    "importing": "freecad,pmks,urdf",
+    "quality": "self-locked,no-assembly",
+    "units": "inch",
+    "norton": "norton,exercise",
+    "windows": "powershell",
+    "notebooks": "jupyter,xarray",
+    "five_minutes": "slider-crank",
     "couplings": "gear,cam,belt",
     "sizing": "spring,motor",
     "synthesis": "synthesis,transmission angle",
@@ -37,8 +44,8 @@ CASES = [(word, page) for page, words in WORDS.items() for word in words.split("
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    """Word -> the first pages."""
+def site(tmp_path_factory):
+    """The folder of the site, without what its programs would show."""
     home = tmp_path_factory.mktemp("site")
     (home / "docs").mkdir()
     shutil.copy(ROOT / "docs" / "docstrings.py", home / "docs")  # which the settings name
@@ -48,10 +55,16 @@ def found(tmp_path_factory):
     command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", str(home / "mkdocs.yml")]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=600)
     assert done.returncode == 0, done.stderr[-2000:]
+    return home / "site"
+
+
+@pytest.fixture(scope="module")
+def ranking(site):
+    """Word -> the first pages."""
     import mkdocs.contrib.search as plugin
 
     lunr = Path(plugin.__file__).parent / "templates" / "search" / "lunr.js"
-    index = home / "site" / "search" / "search_index.json"
+    index = site / "search" / "search_index.json"
     words = [word for word, _ in CASES]
     search = [NODE, str(ROOT / "tests" / "search.js"), str(lunr), str(index), *words]
     done = subprocess.run(search, capture_output=True, text=True, timeout=300)
@@ -64,5 +77,18 @@ def test_there_are_forty_words():
 
 
 @pytest.mark.parametrize(("word", "page"), CASES, ids=[word for word, _ in CASES])
-def test_the_right_page_is_found_first(found, word, page):
-    assert found[word][:1] == [f"{page}.html"], found[word]
+def test_the_right_page_is_found_first(ranking, word, page):
+    assert ranking[word][:1] == [f"{page}.html"], ranking[word]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
+def test_search_works_on_pages_that_lie_on_the_disk(site):
+    api = pytest.importorskip("playwright.sync_api", reason="drives the browser")
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(f"{(site / 'index.html').as_uri()}?q=flywheel")
+        page.wait_for_selector(".md-search-result__link", state="attached")
+        links = page.locator(".md-search-result__link").evaluate_all("all => all.map(a => a.href)")
+        browser.close()
+    assert any("sizing.html" in link for link in links)

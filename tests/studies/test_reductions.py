@@ -123,10 +123,20 @@ def test_what_is_no_reduction_is_refused():
 
 def test_a_result_is_a_dataset():
     run = MECH.run(at=POSES, want=["crank.drive", "dyad.C.p"])
-    found = run.to_xarray()
-    assert found["crank.drive"].attrs["units"] == "N m"
-    assert np.array_equal(found["dyad.C.p"].values, run["dyad.C.p"])
-    assert float(found["crank.drive"].sel({"crank.q": POSES[3]})) == run["crank.drive"][3]
+    dataset = run.to_xarray()
+    assert dataset["crank.drive"].attrs["units"] == "N m"
+    assert np.array_equal(dataset["dyad.C.p"].values, run["dyad.C.p"])
+    assert np.array_equal(dataset["dyad.C.p.x"].values, run["dyad.C.p"].real)
+    assert np.array_equal(dataset["dyad.C.p.y"].values, run["dyad.C.p"].imag)
+    assert dataset["dyad.C.p.y"].attrs["units"] == "m"
+    assert dataset["time"].attrs["units"] == "s"
+    assert float(dataset["crank.drive"].sel({"crank.q": POSES[3]})) == run["crank.drive"][3]
+
+
+def test_units_of_a_dataset_are_spelled_as_pint_reads_them():
+    dataset = MECH.run(at=POSES, want=["crank.J_red", "crank.acceleration"]).to_xarray()
+    assert dataset["crank.J_red"].attrs["units"] == "kg m**2"
+    assert dataset["crank.acceleration"].attrs["units"] == "rad/s**2"
 
 
 # -- where a design rests ------------------------------------------------------------------

@@ -84,7 +84,8 @@ def to_xarray(result: Labelled) -> Any:
     """The result as an `xarray.Dataset` over the samples, with units.
 
     The dimension is the coordinate of the only driver, else "sample"; drivers' coordinates and
-    the time are coordinates of the set; vectors are complex, x + iy. Raises
+    the time are coordinates of the set. Vectors are complex, x + iy, with real ``.x`` and ``.y``
+    beside them; ``attrs["units"]`` is spelled as pint reads it, "kg m**2". Raises
     `MissingEngineError` without xarray (extra ``study``).
     """
     xarray = needed("xarray", "to_xarray", "study", "to_npz needs nothing")
@@ -93,17 +94,30 @@ def to_xarray(result: Labelled) -> Any:
     dim = next(iter(drivers)) if rising else "sample"
     data = {name: result[name] for name in result}
     rows = {n: x for n, x in data.items() if np.ndim(x) == 1 and len(x) == result.n}
+    units = {name: result.output(name).unit for name in rows}
+    units |= {name: result._unit_of_driver(name) for name in drivers}
+    for name in [name for name, x in rows.items() if np.iscomplexobj(x)]:
+        rows |= {f"{name}.x": rows[name].real, f"{name}.y": rows[name].imag}
+        units |= {f"{name}.x": units[name], f"{name}.y": units[name]}
     coords = drivers | ({} if time is None else {"time": time})
+    units |= {"time": "s"} if "time" in coords else {}
     dataset = xarray.Dataset(
         {n: (dim, x) for n, x in rows.items() if n not in coords},
         {n: (dim, x) for n, x in coords.items()},
         {n: x for n, x in data.items() if np.ndim(x) == 0},
     )
-    for name in rows:
-        dataset[name].attrs["units"] = result.output(name).unit
-    for name in drivers:
-        dataset[name].attrs["units"] = result._unit_of_driver(name)
+    for name, unit in units.items():
+        dataset[name].attrs["units"] = pint_unit(unit)
     return dataset
+
+
+def pint_unit(unit: str) -> str:
+    """A unit as pint spells it.
+
+    >>> pint_unit("kg m2/rad")
+    'kg m**2/rad'
+    """
+    return re.sub(r"([A-Za-z])(\d)", r"\1**\2", unit)
 
 
 def dataframe(table: Sequence[Column], status: Sequence[str]) -> Any:

@@ -20,7 +20,7 @@ from blockmech.ground.errors import held, listed, needed, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.report import DEGREES
 from blockmech.model.parameters import Parameter
-from blockmech.result.data import dataframe
+from blockmech.result.data import dataframe, pint_unit
 from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
@@ -193,7 +193,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         poses = json.dumps({k: len(q) for k, q in self.poses.items()})
         dataset = xarray.Dataset(data, coords, {"mechanism": self.name, "poses": poses})
         for name in (*self.parameters, *(w.label for w in self.columns)):
-            dataset[name].attrs["units"] = self.unit(name)
+            dataset[name].attrs["units"] = pint_unit(self.unit(name))
         return dataset
 
     # -- for people -----------------------------------------------------------------
