@@ -73,7 +73,9 @@ def test_dry_joints_that_lock_in_motion_have_an_answer():
     del data["expect"]
     told = []
     mech = graph_of(json.dumps(data)).compile()
-    motion = mech.simulate("time=0.5", progress=lambda *now: told.append(now), want=[]).motion
+    result = mech.simulate("time=0.5", progress=lambda *now: told.append(now), want=[])
+    motion = result.motion
+    assert f"note: the motion failed after {motion.t_end:.6g} s: {motion.end}" in str(result)
     assert motion.status == "failed"
     assert motion.t_end == pytest.approx(0.417118, abs=1e-6)
     assert len(told) > 20

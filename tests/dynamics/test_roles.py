@@ -73,6 +73,7 @@ def test_a_law_that_a_motion_does_not_use_is_a_note():
     m = arm(bm.motion.ConstantRate(rate=5.0)).compile()
     (note,) = m.simulate("time=0.1", start={"a": (0.0, 5.0)}).motion.notes
     assert note == "the law of motion of a is not used: prescribed=['a'] lets the motion follow it"
+    assert f"note: {note}" in str(m.simulate("time=0.1", start={"a": (0.0, 5.0)}))
     (note,) = m.simulate("time=0.1", locked={"a": 0.0}).motion.notes
     assert "law of motion of a" in note
     g = bm.Graph.load("graphs/watt_sixbar.json")

@@ -84,6 +84,23 @@ def test_designs_side_by_side_say_what_each_says_alone(graph, address, output):
         assert abs(found[f"{how}({output})"][k] - wanted) <= 1e-9 * size
 
 
+@pytest.mark.parametrize("engine", ["numpy", "llvm"])
+@pytest.mark.parametrize("address", ["cam.law.segments[1].over", "cam.phase", "load.force.y"])
+def test_designs_of_a_law_in_segments_say_what_each_says_alone(address, engine):
+    """Tables of all designs were read as that of one: the objective ended in a ValueError."""
+    mech = mechanism("couplings/indexing_table")
+    start = mech.parameters()[address].value
+    values = start * np.array([1.0, 1.3, 0.7, 1.1])
+    label, output = "range(shaft.drive)", "shaft.drive"
+    study = mech.study({address: values}, want=label, samples=48, engine=engine)
+    for k, value in enumerate(values):
+        run = mech.document.replace({address: float(value)}).compile().run(samples=48, want=output)
+        expected, size = extreme(run, output, "range")
+        assert abs(study[label][k] - expected) <= 1e-9 * size
+    f = mech.objective([address], want=label, samples=48)
+    assert f(f.start) == pytest.approx(study[label][0], rel=1e-9)
+
+
 def test_a_design_at_its_change_point_has_no_number_and_one_word():
     edge = {"dyad.l_i": 5 + 79 * 1.5 / 99, "dyad.l_j": 2.6 + 12 * 0.8 / 99}
     want = ["max_abs(crank.drive)", "min(dyad.transmission_angle)", "at(dyad.i.angle, 0.0)"]

@@ -309,6 +309,7 @@ def test_both_frequencies_of_a_damped_mode_are_named():
     mechanism = m.compile()
     rest = mechanism.equilibria().stable[0]
     linear = mechanism.linearize(rest)
+    assert "driver.arm.drive = 0 N m keeps it up" in str(linear)  # 1.4e-15 N m was printed
     (mode,) = linear.modes
     natural, ratio = mode.frequency, mode.damping
     assert rest.frequencies == pytest.approx([natural])

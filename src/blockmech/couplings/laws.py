@@ -18,6 +18,7 @@ from fractions import Fraction
 from itertools import accumulate
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from blockmech.couplings.contract import Transmission
@@ -244,7 +245,7 @@ class Segments(Law):
     @property
     def whole(self) -> float:
         """One turn, unless it is given."""
-        return self.period or math.tau
+        return math.tau if self.period is None else self.period
 
     @property
     def step(self) -> float:
@@ -259,7 +260,7 @@ class Segments(Law):
             for s, at, level in zip(self.segments, begins, levels, strict=False)
             for piece in s.pieces(at, level)
         ]
-        if begins[-1] < self.whole * (1 - SAME):
+        if np.any(begins[-1] < self.whole * (1 - SAME)):  # of a column of designs, in any
             pieces.append(Piece(begins[-1], (levels[-1],)))
         return pieces
 

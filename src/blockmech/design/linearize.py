@@ -298,6 +298,7 @@ def linearize(
     if not mechanism.drivers:
         raise refused("linearize", "the mechanism has no driver", "what does not move has no modes")
     at = _resting(mechanism) if at is None else at
+    balanced = isinstance(at, Equilibrium) and not (at.stop or at.jump)
     if isinstance(at, Equilibrium):
         mechanism = mechanism if at.chart is None else at.chart.mechanism
         at = dict(zip(mechanism.drivers, (at.leads or at.at).values(), strict=True))
@@ -320,13 +321,14 @@ def linearize(
     space = _space(of, len(q), [*own.values()], fed)
     k = len(q)
     K, damping, M = (of.by[:k, i * k : (i + 1) * k] for i in range(3))
+    effort = 0 * of.effort if balanced else of.effort  # what is left of a balance is rounding
     units = {n: mechanism.outputs[n].unit for n in (*efforts, *wanted)}
     units |= {n: mechanism.outputs[n].unit if n in sources else known[n].unit for n in extra}
     if mechanism.frictional_joints and not slips:
         notes.append("friction of joints is left out: what rests by it does not vibrate")
     speeds = dict(zip(mechanism.drivers, qd.tolist(), strict=True))
     return Linearization(
-        mechanism, drivers, speeds, of.effort, M, damping, K, *space, (*efforts, *extra), wanted,
+        mechanism, drivers, speeds, effort, M, damping, K, *space, (*efforts, *extra), wanted,
         units, tuple(notes), {n: float(x[i]) for n, i in own.items()},
     )  # fmt: skip
 

@@ -235,8 +235,8 @@ class Motion(Facts, Report):
         return np.where(ending, self.t_end, np.where(inside, wanted, np.nan))
 
     def lines(self, degrees: bool = DEGREES) -> list[str]:
-        """What ended it, method, error and figures, one a line."""
-        return self.summary()
+        """What ended it, method, error, figures and notes, one a line."""
+        return [*self.summary(), *(f"note: {text}" for text in self.notes)]
 
     def to_dict(self) -> dict[str, Any]:
         """How it moved as a JSON object."""
@@ -262,7 +262,7 @@ class Motion(Facts, Report):
         for name, x in self.figures().items():
             line = f"{name.replace('_', ' ')} {x:.12g} {fact_unit(name, unit)}"
             lines.append(line.rstrip())
-        return [*lines, *(f"note: {text}" for text in self.notes)]
+        return lines
 
     def at(self, t: Any) -> State:
         """State at times t [s], of any shape; NaN outside the run."""

@@ -297,11 +297,17 @@ class Result(Exported, Generic[M]):
         return cut
 
     def notes(self) -> list[str]:
-        """What a reader must know: digits that are rounding, links that turn without inertia."""
+        """What a reader must know: digits that are rounding, links that turn without inertia.
+
+        Of a motion its own notes, too, and where it failed.
+        """
+        motion = [] if self.motion is None else [*self.motion.notes]
+        if self.motion is not None and self.motion.status == "failed":
+            motion.insert(0, f"the motion failed after {self.motion.t_end:.6g} s: {self.motion.end}")
         lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self.digits_lost]
         why = "; numbers of very different size cancel: are all in the same unit?"
         notes = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
-        return notes + self._left_of_friction() + self._without_inertia()
+        return motion + notes + self._left_of_friction() + self._without_inertia()
 
     @property
     def friction_error(self) -> NDArray[np.float64] | None:
