@@ -75,6 +75,20 @@ RACK = {
     "scene": {"gravity": [-3.0, -9.81], "initial": {"pinion": {"q": 0.3}}},
 }
 
+CARRIED = {
+    "format": "blockmech/graph",
+    "version": 1,
+    "name": "slide on a crank",
+    "blocks": {
+        "frame": {"type": "frame", "markers": {"A": {"at": [0, 0]}}},
+        "crank": {"type": "driver.crank", "length": 0.5, "links": {"crank": {"inertia": 0.2}}},
+        "slide": {"type": "driver.slide", "links": {"slider": {"mass": 2.0, "cm": [0.1, 0.02]}}},
+    },
+    "wires": [{"from": "frame.A", "to": "crank.A"}, {"from": "crank.B", "to": "slide.S"}],
+    "scene": {"initial": {"crank": {"q": 0.3}, "slide": {"q": 0.2}}},
+}
+
+MADE = {"rack_leads": RACK, "carried": CARRIED}
 
 SINE = {"law": "harmonic", "mean": 1.2, "amplitude": 0.3, "frequency": 1.5}
 BOTH = {"left": {"q": 1.2, "rate": 3.0}, "right": {"q": 1.9, "rate": 1.5}}
@@ -94,11 +108,17 @@ SCENES = {
         "fivebar_falling",
         {"initial": BOTH, "stops": {"left": {"to": 1.3, "restitution": 0.6}}},
     ),
+    "rough": (
+        "fivebar_falling",
+        {"initial": BOTH, "stops": {"left": {"to": 1.3, "restitution": 0.6}}},
+    ),
+    "cycloidal": ("couplings/indexing_table", {}),
     "struck": ("hammer", {"initial": {"hammer": {"q": 0.2, "rate": -1.0}}}),
     "held": ("motions/sticking_slider", {"initial": {"slider": {"q": 0.1, "rate": 0.0}}}),
 }
 """A graph of the gallery in another scene."""
-MOVING = ("shaken", "bouncing", "struck", "held", "control/speed_controlled_pump")
+DERIVED = ("ruiz_fourbar", "slider_crank", "bench", "couplings/indexing_table")
+MOVING = ("shaken", "bouncing", "rough", "struck", "held", "control/speed_controlled_pump")
 
 
 def with_masses(block, *links):
@@ -122,18 +142,27 @@ def document(name):
             elif block["type"] == "coupling.cam":
                 block["friction"] = 0.1
         return data | {"expect": []}
-    if name == "rack_leads":
-        return RACK
-    known = {"bench": "whitworth_shaper", "trammel": "elliptic_trammel"}.get(name, name)
+    if name in MADE:
+        return MADE[name]
+    known = {"bench": "whitworth_shaper", "trammel": "elliptic_trammel", "oldham": "oldham_coupling"}
+    known = known.get(name, name)
     known = SCENES[name][0] if name in SCENES else known
     data = json.loads((GRAPHS / f"{known}.json").read_text("utf-8"))
     blocks = data["blocks"]
     if name in SCENES:
         data["scene"] |= SCENES[name][1]
+    if name == "rough":
+        for driver in ("left", "right"):
+            blocks[driver]["friction"] = {"A": COULOMB | {"radius": 0.02}}
+    if name == "cycloidal":
+        for segment in blocks["cam"]["law"]["segments"][::2]:
+            segment["motion"] = "cycloidal"
     if name == "held":
         blocks["slider"]["friction"] = {"S": COULOMB | {"coefficient": 2.0}}
     if name == "trammel":
         blocks["bar"] = with_masses(blocks["bar"], "i", "j")
+    if name == "oldham":
+        blocks["disc"] = with_masses(blocks["disc"], "i", "j")
     if name == "bench":
         rubbed = {"S": COULOMB | {"guide_length": 0.05}, "C": COULOMB | {"radius": 0.02}}
         blocks["ram"] |= {"h": 0.02, "x_S": 0.05, "friction": rubbed}
@@ -146,12 +175,16 @@ def document(name):
 def checked(name, samples=4):
     """The verification of a graph, at a few samples of its law, or of places about its start."""
     moving, name = name.startswith("moving "), name.removeprefix("moving ")
+    derived, name = name.startswith("derived "), name.removeprefix("derived ")
     mechanism = bm.Graph.from_json(json.dumps(document(name))).compile()
     if moving:  # by plain Python: machine code that is kept does not know of mistakes
         prescribed = ["left"] if name == "shaken" else ()
         return mechanism.verify(
             mechanism.simulate("time=0.2", prescribed=prescribed, engine="scalar")
         )
+    if derived:
+        output = f"{mechanism.drivers[0]}.drive"
+        return mechanism.verify(mechanism.sensitivity(output, samples=samples))
     if mechanism.scene.drive:
         return mechanism.verify(samples=samples)
     starts = {d: mechanism.scene.initial[d].q for d in mechanism.drivers}
@@ -159,7 +192,7 @@ def checked(name, samples=4):
     return mechanism.verify(at=at, rates=dict.fromkeys(at, 2.0))
 
 
-@pytest.mark.parametrize("name", [*SHORT, "bench", "trammel", *LOSSY, "shaken", "braked"])
+@pytest.mark.parametrize("name", [*SHORT, "bench", "trammel", "oldham", "carried", *LOSSY, "shaken", "braked", "cycloidal"])
 def test_right_graph_is_verified(name):
     found = checked(name)
     assert found.ok, str(found)
@@ -169,6 +202,13 @@ def test_right_graph_is_verified(name):
 def test_right_motion_is_verified(name):
     found = checked(f"moving {name}")
     assert found.ok, str(found)
+
+
+@pytest.mark.parametrize("name", DERIVED)
+def test_right_derivatives_are_verified(name):
+    report = checked(f"derived {name}")
+    assert report.ok, str(report)
+    assert len(report.rows) > 5
 
 
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda m: m.what.replace(" ", "_"))

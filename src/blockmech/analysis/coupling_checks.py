@@ -2,7 +2,8 @@
 
 Power and balances say what turns a wheel; what only loads its bearings is said here, from the
 centres and the sense of the moment. Couplings of other packages, and subclasses of these, are
-taken at their word; so are Geneva drives, segments, profiles of points and cams that rub.
+taken at their word; so are the coordinates of Geneva drives, segments and profiles of points,
+whose derivatives are not, and the lines of action of cams that rub.
 
 Source: Niemann & Winter, Maschinenelemente II, 2003, ch. 21, and III, 2004, ch. 27.
 """
@@ -17,13 +18,16 @@ import numpy as np
 from numpy.polynomial import Polynomial as Series
 
 from blockmech.analysis.evidence import Evidence, Residual
+from blockmech.analysis.force_checks import bound_kernel
 from blockmech.analysis.free_bodies import Array, Body
+from blockmech.analysis.quadrature import Stretches
 from blockmech.couplings.belt import Belt
 from blockmech.couplings.cam import Cam
 from blockmech.couplings.gear import Gear
 from blockmech.couplings.laws import Polynomial, Table
 from blockmech.couplings.rack import Rack
 from blockmech.couplings.ratio import Ratio
+from blockmech.model.meshing import coupling_numbers
 from blockmech.model.structure import Follower
 
 
@@ -202,6 +206,21 @@ def laws(e: Evidence) -> Iterator[Residual]:
         ):
             scale = size + np.sum([np.abs(t) + 0 * x for t in terms], axis=0)
             yield Residual("law of", follower.coupling, sum(terms, 0 * x), scale)
+
+
+def derivatives(e: Evidence) -> Iterator[Residual]:
+    """The first and second derivative of each law are those of its coordinate."""
+    s = e.structure
+    for driver, follower in s.followers.items():
+        name, kind = follower.coupling, s.couplings[follower.coupling]
+        _, x, _ = _counted(e, driver, follower, "q")
+        low, high = float(np.nanmin(x)), float(np.nanmax(x))
+        over = Stretches.between(low, high, kind.knots(low, high), e.run.n)
+        law = bound_kernel(kind.transmission(s.coupled_pair(name)))
+        motion = law(over.nodes, coupling_numbers(s, name))
+        q, slope, curve = (value + 0 * over.nodes for value in motion)
+        for value, rate in ((q, slope), (slope, curve)):
+            yield Residual("slope of", name, over.gap(value, rate), over.size(value, rate))
 
 
 def _counted(e: Evidence, driver: str, f: Follower, what: str) -> tuple[Array, Array, Array]:

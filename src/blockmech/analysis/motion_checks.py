@@ -18,9 +18,10 @@ from blockmech.analysis.free_bodies import Array, Body
 from blockmech.analysis.quadrature import Stretches
 from blockmech.blocks.modes import FOLLOW
 from blockmech.model.laws_of_motion import OverRange
-from blockmech.model.structure import JointRef
+from blockmech.model.structure import JointRef, LinkRef
 
-SHARES = 64  # of the range of a law of motion: half a stretch over which it is looked at
+ACROSS = {"RRR": False, "RRP": True, "RPR": True, "RPP": False, "PRP": False}
+"""Dyads, and whether their dead centre is where two directions are square to each other."""
 
 
 def closures(e: Evidence) -> Iterator[Residual]:
@@ -99,12 +100,9 @@ def laws_of_motion(e: Evidence) -> Iterator[Residual]:
     for driver, law in e.run.mechanism.scene.drive.items():
         begin, lasts = law.begin(), law.duration()
         lasts = lasts if 0 < lasts < math.inf else 1.0
-        t = begin + lasts * (np.arange(e.run.n) + 0.4) / e.run.n
-        kinks = np.unique(
-            [begin, *(x for x in law.kinks if begin < x < begin + lasts), begin + lasts]
+        over = Stretches.between(
+            begin, begin + lasts, (x for x in law.kinks if begin < x < begin + lasts), e.run.n
         )
-        i, half = np.searchsorted(kinks, t, "right"), lasts / SHARES
-        over = Stretches(np.maximum(t - half, kinks[i - 1]), np.minimum(t + half, kinks[i]))
         q, rate, acceleration = (
             x.reshape(over.nodes.shape) for x in law.at_times(over.nodes.ravel())
         )
@@ -134,6 +132,22 @@ def modes(e: Evidence) -> Iterator[Residual]:
             det = (np.conj(c) * d).real
         wrong = np.minimum(_asked(e, name) * det, 0.0)
         yield Residual("mode of", name, wrong, np.abs(d) * np.abs(c))
+
+
+def margins(e: Evidence) -> Iterator[Residual]:
+    """The margin of a dyad is the squared sine of its transmission angle."""
+    for name, block in e.structure.blocks.items():
+        if (margin := e.run.quality.margin.get(name)) is None or block.kind not in ACROSS:
+            continue
+        first, second = (e.bodies.link(LinkRef(name, link)).e for link in block.link_names)
+        if block.kind == "RPR":
+            d = e.bodies.ends(JointRef(name, "D"))[0].p - e.bodies.ends(JointRef(name, "B"))[0].p
+            second = d / np.abs(d)
+        product = np.conj(first) * second
+        sine = np.abs(product.real if ACROSS[block.kind] else product.imag)
+        yield Residual("margin of", name, margin - sine**2, 1 + 0 * sine)
+        angle = e.run[f"{name}.transmission_angle"]
+        yield Residual("transmission angle of", name, np.sin(angle) - sine, 1 + 0 * sine)
 
 
 def _asked(e: Evidence, name: str) -> Array | int:

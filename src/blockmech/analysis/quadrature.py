@@ -9,6 +9,7 @@ Source: Abramowitz & Stegun, Handbook of Mathematical Functions, 1964, 25.4.32.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -35,6 +36,14 @@ class Stretches:
 
     begin: Array
     end: Array
+
+    @classmethod
+    def between(cls, begin: float, end: float, kinks: Iterable[float], n: int) -> Stretches:
+        """Stretches (n,) over a range, each cut off at the kinks beside its middle."""
+        edges, half = np.unique([begin, *kinks, end]), (end - begin) / (2 * n)
+        middle = begin + (end - begin) * (np.arange(n) + 0.4) / n
+        i = np.searchsorted(edges, middle, "right").clip(1, len(edges) - 1)
+        return cls(np.maximum(middle - half, edges[i - 1]), np.minimum(middle + half, edges[i]))
 
     @cached_property
     def length(self) -> Array:

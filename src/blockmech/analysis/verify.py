@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from blockmech.analysis.blow_checks import blows
-from blockmech.analysis.coupling_checks import laws, lines_of_action
+from blockmech.analysis.coupling_checks import derivatives, laws, lines_of_action
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Part, Residual
 from blockmech.analysis.force_checks import (
     blocks,
@@ -28,7 +28,14 @@ from blockmech.analysis.force_checks import (
     whole,
 )
 from blockmech.analysis.load_checks import energies, loads
-from blockmech.analysis.motion_checks import closures, drivers, laws_of_motion, markers, modes
+from blockmech.analysis.motion_checks import (
+    closures,
+    drivers,
+    laws_of_motion,
+    margins,
+    markers,
+    modes,
+)
 from blockmech.analysis.signal_checks import outputs
 from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.dynamics.chart_outputs import ChartedResult, result_along
@@ -54,6 +61,7 @@ CHECKS: tuple[CheckOf, ...] = (
     drivers,
     laws_of_motion,
     modes,
+    margins,
     outputs,
     loads,
     links,
@@ -62,6 +70,7 @@ CHECKS: tuple[CheckOf, ...] = (
     blocks,
     couplings,
     laws,
+    derivatives,
     lines_of_action,
     energies,
     whole,
@@ -153,7 +162,7 @@ def verify(
         Or an answer of this mechanism: of a run its samples, with its friction; of a simulation
         the states are also held against one another, blows keep momentum, restitution and loss,
         and the drives of free drivers must be nothing; of a study some designs are made again,
-        each by itself.
+        each by itself; derivatives (`sensitivity`) are held against differences of designs.
     friction, static, engine, precision, chunk : as in a run
 
     Returns
