@@ -88,6 +88,7 @@ CARRIED = {
     "scene": {"initial": {"crank": {"q": 0.3}, "slide": {"q": 0.2}}},
 }
 
+LADEN = {"bench": "whitworth_shaper", "trammel": "elliptic_trammel", "oldham": "oldham_coupling"}
 MADE = {"rack_leads": RACK, "carried": CARRIED}
 
 SINE = {"law": "harmonic", "mean": 1.2, "amplitude": 0.3, "frequency": 1.5}
@@ -144,8 +145,7 @@ def document(name):
         return data | {"expect": []}
     if name in MADE:
         return MADE[name]
-    known = {"bench": "whitworth_shaper", "trammel": "elliptic_trammel", "oldham": "oldham_coupling"}
-    known = known.get(name, name)
+    known = LADEN.get(name, name)
     known = SCENES[name][0] if name in SCENES else known
     data = json.loads((GRAPHS / f"{known}.json").read_text("utf-8"))
     blocks = data["blocks"]
@@ -192,7 +192,10 @@ def checked(name, samples=4):
     return mechanism.verify(at=at, rates=dict.fromkeys(at, 2.0))
 
 
-@pytest.mark.parametrize("name", [*SHORT, "bench", "trammel", "oldham", "carried", *LOSSY, "shaken", "braked", "cycloidal"])
+OTHERS = ("bench", "trammel", "oldham", "carried", "shaken", "braked", "cycloidal")
+
+
+@pytest.mark.parametrize("name", [*SHORT, *LOSSY, *OTHERS])
 def test_right_graph_is_verified(name):
     found = checked(name)
     assert found.ok, str(found)

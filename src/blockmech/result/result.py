@@ -303,7 +303,9 @@ class Result(Exported, Generic[M]):
         """
         motion = [] if self.motion is None else [*self.motion.notes]
         if self.motion is not None and self.motion.status == "failed":
-            motion.insert(0, f"the motion failed after {self.motion.t_end:.6g} s: {self.motion.end}")
+            motion.insert(
+                0, f"the motion failed after {self.motion.t_end:.6g} s: {self.motion.end}"
+            )
         lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self.digits_lost]
         why = "; numbers of very different size cancel: are all in the same unit?"
         notes = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []

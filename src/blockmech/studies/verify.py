@@ -26,7 +26,7 @@ P = ParamSpec("P")
 DESIGNS = 8  # of a study, made again
 
 
-def _also_studies(function: Callable[P, Verification]) -> Callable[P, Verification]:
+def _with_studies(function: Callable[P, Verification]) -> Callable[P, Verification]:
     """The same, of a study and of derivatives as well."""
 
     @functools.wraps(function)
@@ -35,7 +35,7 @@ def _also_studies(function: Callable[P, Verification]) -> Callable[P, Verificati
         if len(arguments) == 2 and not settings:
             mechanism, answer = arguments
             if isinstance(answer, Study):
-                return _made_again(mechanism, answer)
+                return _recompute_designs(mechanism, answer)
             if isinstance(answer, Sensitivity):
                 return _differences(mechanism, answer)
         return function(*args, **settings)
@@ -43,7 +43,7 @@ def _also_studies(function: Callable[P, Verification]) -> Callable[P, Verificati
     return verify
 
 
-def _made_again(mechanism: Compiled, study: Study) -> Verification:
+def _recompute_designs(mechanism: Compiled, study: Study) -> Verification:
     """Some designs of a study, each made from the document and run by itself, against its rows.
 
     Errors are relative to the column's largest number, times the conditioning of the design.
@@ -77,7 +77,7 @@ def _condition(mechanism: Compiled, samples: Samples) -> float:
 
 
 def _differences(mechanism: Compiled, derivatives: Sensitivity) -> Verification:
-    """Derivatives of outputs by some numbers, against differences of designs made from the document.
+    """Derivatives of outputs by some numbers, against differences of designs near by.
 
     Numbers at a bound and samples at kinks are left out, and what differences of the wider step may
     be off by.
@@ -100,7 +100,7 @@ def _differences(mechanism: Compiled, derivatives: Sensitivity) -> Verification:
             continue
         for name in names:
             centre = np.asarray(run[name])
-            y = {side: _beside(centre, near[side], name) for side in near}
+            y = {side: _nearest_turn(centre, near[side], name) for side in near}
             wide, narrow = (y[2] - y[-2]) / (4 * step), (y[1] - y[-1]) / (2 * step)
             slope = (4 * narrow - wide) / 3
             gap = np.abs(derivatives[name, address] - slope) - np.abs(slope - wide)
@@ -111,11 +111,11 @@ def _differences(mechanism: Compiled, derivatives: Sensitivity) -> Verification:
     return Verification(tuple(rows), run.n, condition)
 
 
-def _beside(centre: Any, run: Result, name: str) -> Any:
+def _nearest_turn(centre: Any, run: Result, name: str) -> Any:
     """An output (n,) of a design near by; angles without a turn more or less."""
     y = np.asarray(run[name])
     return y - math.tau * np.round((y - centre) / math.tau) if name.endswith("angle") else y
 
 
-verify = _also_studies(verified)
+verify = _with_studies(verified)
 """`blockmech.analysis.verify.verify`, which takes studies and derivatives as well."""
