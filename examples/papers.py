@@ -33,7 +33,7 @@ found = {label: (run.drivers[next(iter(run.drivers))], run) for label, run in ru
 draw("ruiz_12_to_14.png", "crank angle [rad]", FRICTION, found)
 watt, want = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile(), [*MOTION, "mechanism.*_energy"]
 for how, step in (("euler_q", 1e-3), ("energy", None)):  # Figs. 6 and 7 of 2014
-    run = watt.simulate("standstill", method=how, step=step, want=want)
+    run = watt.simulate("standstill", method=bm.FixedStep(how, step), want=want)
     total = run["mechanism.kinetic_energy"] + run["mechanism.potential_energy"]
     found[how] = (run.time, {**run, "sum": total})
     print(f"{how}: the energy drifts by {abs(total - total[0]).max():.3f} J")  # 0.293 in the paper

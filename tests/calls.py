@@ -291,7 +291,7 @@ MORE: dict[str, Call] = {
         MOVES, start={d: (q, 0.0) for d, q in s.pose.items()}
     ),
     "steady": lambda s: s.mechanism.simulate("steady", budget=1.0),
-    "until it stands": lambda s: s.mechanism.simulate("time=0.2", method="rk4", step=0.01),
+    "until it stands": lambda s: s.mechanism.simulate("time=0.2", method=bm.FixedStep("rk4", 0.01)),
     "trade of a motion": lambda s: s.mechanism.trade("simulate", budget=0.05, until="time=0.01"),
     "study in a folder": _study_out,
     "study of motions": _study_of_motions,

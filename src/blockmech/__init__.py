@@ -41,6 +41,7 @@ with uncollected():  # all that is made here is kept
     from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
     from blockmech.model import laws_of_motion as motion
     from blockmech.model.subgraph import Subgraph
+    from blockmech.typing import FixedStep
 
     grown_old()
 
@@ -67,6 +68,7 @@ __all__ = [
     "Couple",
     "Crank",
     "Cylinder",
+    "FixedStep",
     "Force",
     "FormatError",
     "Frame",

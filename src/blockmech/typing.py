@@ -65,7 +65,34 @@ FrictionMethod: TypeAlias = FrictionName | Successive
 EngineName: TypeAlias = Literal["auto", "scalar", "numpy", "llvm"]
 Precision: TypeAlias = Literal["complex64", "complex128", "clongdouble"]
 OnGap: TypeAlias = Literal["raise", "mark", "stop"]
-MotionMethod: TypeAlias = Literal["auto", "energy", "dop853", "radau", "rk4", "euler_q"]
+FixedStepName: TypeAlias = Literal["rk4", "euler_q"]
+
+
+@dataclass(frozen=True)
+class FixedStep:
+    """A textbook method of motions with a step of one's own.
+
+    ``method="rk4"`` is this with a step that is fine enough for the accuracy.
+
+    Parameters
+    ----------
+    method : "rk4", the classic scheme in time, or "euler_q", Euler's in the coordinate
+    step : of time [s] for rk4, of the driver's coordinate [rad or m] for euler_q
+
+    >>> import blockmech as bm
+    >>> bm.FixedStep("rk4", step=1e-3)
+    FixedStep(method='rk4', step=0.001)
+    """
+
+    method: FixedStepName
+    step: float | str
+
+    def __str__(self) -> str:
+        return self.method
+
+
+MotionName: TypeAlias = Literal["auto", "energy", "dop853", "radau", "rk4", "euler_q"]
+MotionMethod: TypeAlias = MotionName | FixedStep
 
 
 class Named(Protocol):

@@ -96,7 +96,7 @@ def test_fixed_steps_show_their_orders(method: str, order: float, off: float) ->
     fine = [s.options for s in question.settings() if s.method == method][-2:]
     e, finer = (question.error(question.run(options, PLENTY))[0] for options in fine)
     assert finer > 10 * question.reference.floor
-    refined = math.log(fine[0]["step"] / fine[1]["step"])
+    refined = math.log(fine[0]["method"].step / fine[1]["method"].step)
     assert math.log(e / finer) / refined == pytest.approx(order, abs=off)
 
 

@@ -30,8 +30,8 @@ REQUESTS = [
     (["--times", "0:1:5"], {"times": [0.0, 0.25, 0.5, 0.75, 1.0]}),
     (["--until", "time=1", "--want", "*.reaction"], {"until": "time=1", "want": ["*.reaction"]}),
     (["--until", "angle=-1", "--accuracy", "1e-6"], {"until": "angle=-1", "accuracy": 1e-6}),
-    (["--method", "rk4", "--step", "0.01"], {"method": "rk4", "step": 0.01}),
-    (["--method", "euler_q", "--step", "0.01"], {"method": "euler_q", "step": 0.01}),
+    (["--method", "rk4", "--step", "0.01"], {"method": bm.FixedStep("rk4", 0.01)}),
+    (["--method", "euler_q", "--step", "0.01"], {"method": bm.FixedStep("euler_q", 0.01)}),
     (["--engine", "scalar"], {"engine": "scalar"}),
     (["--friction", "none"], {"friction": "none"}),
     (["--start", "crank=60deg"], {"start": {"crank": (60 * DEGREES, 0.0)}}),
@@ -57,11 +57,11 @@ def test_roles_of_drivers_are_options(call):
     words = ["--until", "time=0.1", "--locked", f"{right}={q / DEGREES!r}deg", "--json"]
     found = json.loads(call("simulate", FIVEBAR, *words).out)
     jsonschema.validate(found, result_schema())
-    same = linkage.compile().simulate("time=0.1", locked={right: q / DEGREES * DEGREES})
+    same = linkage.compile().simulate("time=0.1", roles={right: q / DEGREES * DEGREES})
     assert found == json.loads(json.dumps(same.to_dict()))
     said = call("simulate", FIVEBAR, "--prescribed", left)
     assert said.code == 2
-    assert f"prescribed.{left}: {left} has no law of motion" in said.err
+    assert f"roles.{left}: {left} has no law of motion" in said.err
 
 
 def test_the_standstill_is_an_event_with_time_and_place(call):

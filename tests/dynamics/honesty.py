@@ -103,7 +103,9 @@ def moved(name, run, method, accuracy, step=None, *, alone=False):
     """The motion; ``alone`` in the chart of its driver, up to where no pose is ahead of that."""
     mech = mechanism(name)
     (driver,) = mech.drivers
-    until, asked = f"time={run.span!r}", {"method": method, "accuracy": accuracy, "step": step}
+    until, asked = f"time={run.span!r}", {"method": method, "accuracy": accuracy}
+    if step is not None:
+        asked["method"] = bm.FixedStep(method, step)
     asked["times"] = np.linspace(0.0, run.span, REQUESTED + 1)[1:]
     asked |= {"start": {driver: (run.q, run.rate)}, "friction": "none"}
     if alone:

@@ -277,7 +277,10 @@ def test_a_locked_driver_is_a_frame():
         bm.Linkage.from_data(five)
         .compile()
         .simulate(
-            times=times, locked=["base"], want=["driver.*.q", "driver.*.drive"], accuracy=1e-10
+            times=times,
+            roles={"base": "locked"},
+            want=["driver.*.q", "driver.*.drive"],
+            accuracy=1e-10,
         )
     )
     free = (

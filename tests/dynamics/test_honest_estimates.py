@@ -147,7 +147,7 @@ def test_steps_that_agree_by_chance_in_front_of_a_dead_centre_are_not_believed()
     _, mech, start, span = scene(958_000_005)
     exact = in_one_chart(mech, f"time={span!r}", method="energy", accuracy=1e-13, start=start)
     step = 0.000162587825116848
-    found = mech.simulate(f"time={span!r}", method="rk4", step=step, start=start).motion
+    found = mech.simulate(f"time={span!r}", method=bm.FixedStep("rk4", step), start=start).motion
     assert_honest(found, exact)
     assert found.error < 1e-5
 

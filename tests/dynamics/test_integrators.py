@@ -132,7 +132,7 @@ def test_between_a_step_and_the_kink_that_cuts_it_the_motion_is_as_exact():
     """Dense output was that of the whole step, which had seen the load beyond: 5e-8."""
     graph = bm.Graph.load(GRAPHS / "motions" / "gas_crank.json").compile()
     request = {"until": "time=0.08", "start": {"crank": (0.0966, 30.3)}}
-    steps, exact = (graph.simulate(method=m, step=h, **request).motion
+    steps, exact = (graph.simulate(method=bm.FixedStep(m, h), **request).motion
                     for m, h in (("rk4", 4e-4), ("energy", None)))  # fmt: skip
     times = steps.times(800)
     assert np.abs(steps.at(times).q - exact.at(times).q).max() <= steps.error < 2e-8
@@ -171,7 +171,7 @@ def test_the_papers_scheme_ends_after_as_many_steps_as_it_says(monkeypatch):
 def test_a_run_shorter_than_its_step_tells_its_error(method, step):
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
     start = {"crank": (1.0471975511965976, 0.0)}
-    runs = [graph.simulate("time=0.1", start=start, method=m, step=h).motion
+    runs = [graph.simulate("time=0.1", start=start, method=bm.FixedStep(m, h)).motion
             for m, h in ((method, step), ("energy", None))]  # fmt: skip
     assert abs(runs[0].q_end - runs[1].q_end) <= runs[0].error < math.inf
 

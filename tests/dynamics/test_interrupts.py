@@ -37,7 +37,7 @@ CASES = [
     ("watt_sixbar", "dop853", 3, {}, COARSE),  # by machine code its first run tells four times
     ("watt_sixbar", "dop853", 3, {"stops": {"crank": (-9.0, 9.0)}}, COARSE),
     ("watt_sixbar", "radau", 5, {}, COARSE),
-    ("watt_sixbar", "rk4", 3, {"step": 1e-3}, COARSE),
+    ("watt_sixbar", bm.FixedStep("rk4", 1e-3), 3, {}, COARSE),
     ("pump", "dop853", 5, {}, COARSE),
     ("engine", "energy", 20, {}, PANELS),
     ("engine", "dop853", 5, {}, COARSE),
@@ -46,7 +46,7 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "method", "n", "more", "tolerance"), CASES)
 def test_one_driver_keeps_the_motion_as_far_as_it_came(name, method, n, more, tolerance):
-    stop = Stopping(n, {"energy": "moving"}.get(method, method))
+    stop = Stopping(n, {"energy": "moving"}.get(method, str(method)))
     r = mechanism(name).simulate(f"time={LONG}", method=method, progress=stop, **more)
     assert (r.motion.status, r.motion.end) == ("ended", "interrupted")
     assert 0 < r.motion.t_end < LONG
@@ -59,7 +59,9 @@ def test_one_driver_keeps_the_motion_as_far_as_it_came(name, method, n, more, to
 
 def test_euler_q_keeps_its_steps():
     stop = Stopping(1500, "euler_q")
-    r = mechanism("watt_sixbar").simulate("swings=99", method="euler_q", step=1.6e-3, progress=stop)
+    r = mechanism("watt_sixbar").simulate(
+        "swings=99", method=bm.FixedStep("euler_q", 1.6e-3), progress=stop
+    )
     assert r.motion.end == "interrupted"
     early = r.time < 0.5
     wanted = mechanism("watt_sixbar").simulate(times=r.time[early])["crank.q"]

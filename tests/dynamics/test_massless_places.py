@@ -113,7 +113,7 @@ def test_a_long_step_does_not_pass_the_whole_place(method):
 def test_steps_of_the_coordinate_stop_before_it_whatever_lies_behind_the_start(yoke):
     """Another such place just behind the start was taken for the only one."""
     start = {"crank": (-0.0136, 0.0)}
-    found = yoke.simulate("time=0.2", method="euler_q", step=1e-2, start=start).motion
+    found = yoke.simulate("time=0.2", method=bm.FixedStep("euler_q", 1e-2), start=start).motion
     assert found.end == "no inertia"
     assert abs(found.q_end + math.pi) <= 1e-2
     t = np.linspace(0.0, found.t_end, 65)
@@ -141,5 +141,5 @@ def test_freedoms_that_move_no_mass_together_end_at_the_start(coefficient, rate)
     start = {"a": (0.3, 0.0), "b": (0.6, rate), "c": (0.8, 0.0)}
     motion = arms.simulate("time=0.1", start=start).motion
     assert (motion.status, motion.end) == ("failed", "no inertia")
-    one = arms.simulate("time=0.1", start=start, locked=["a"]).motion
+    one = arms.simulate("time=0.1", start=start, roles={"a": "locked"}).motion
     assert one.status == "reached"

@@ -45,12 +45,16 @@ def test_an_angle_may_be_in_degrees():
     assert motion.q_end == pytest.approx(-math.pi / 3, abs=motion.error)
 
 
-@pytest.mark.parametrize("what", ["step", "accuracy"])
-@pytest.mark.parametrize("given", [0, -1.0, NAN, math.inf, "small"])
-def test_sizes_are_above_zero(what, given):
-    assert f"{what}: {given!r} is not a number above zero" in said(
-        rod(), "time=1", method="rk4", **{what: given}
-    )
+@pytest.mark.parametrize("size", [0, -1.0, NAN, math.inf, "small"])
+def test_sizes_are_above_zero(size):
+    for request in ({"accuracy": size}, {"method": bm.FixedStep("rk4", size)}):
+        assert f"{size!r} is not a number above zero" in said(rod(), "time=1", **request)
+
+
+def test_steps_are_fixed_of_textbook_methods_alone():
+    message = said(rod(), "time=1", method=bm.FixedStep("dop853", 1e-3))
+    assert 'method: there is no method "dop853" of fixed steps' in message
+    assert "valid: rk4, euler_q" in message
 
 
 @pytest.mark.parametrize(
@@ -199,7 +203,9 @@ def test_wrong_kinds_of_arguments_are_refused_in_words():
 
 def test_more_steps_than_can_be_made_are_refused_before_the_first():
     with pytest.raises(RequestError, match="at most 500,000"):
-        scenes.rod().simulate("time=1", method="rk4", step=1e-12, start={"crank": (0.3, 0.0)})
+        scenes.rod().simulate(
+            "time=1", method=bm.FixedStep("rk4", 1e-12), start={"crank": (0.3, 0.0)}
+        )
 
 
 def test_rk4_gives_up_a_goal_that_is_never_met(monkeypatch):

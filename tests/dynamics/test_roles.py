@@ -54,7 +54,7 @@ def at_time(name, t, **then):
 
 def test_one_arm_is_prescribed_and_the_other_free():
     m = arm(bm.motion.ConstantRate(rate=5.0)).compile()
-    r = m.simulate("time=1", prescribed=["a"], want=WANT, accuracy=1e-11)
+    r = m.simulate("time=1", roles={"a": "prescribed"}, want=WANT, accuracy=1e-11)
     assert r["a.q"][-1] == pytest.approx(5.0, abs=1e-14)
     # explicit integration to 1e-12, of the equation written out by hand
     assert r["b.q"][-1] == pytest.approx(1.095716533108803, abs=5e-12)
@@ -72,9 +72,10 @@ def test_one_arm_is_prescribed_and_the_other_free():
 def test_a_law_that_a_motion_does_not_use_is_a_note():
     m = arm(bm.motion.ConstantRate(rate=5.0)).compile()
     (note,) = m.simulate("time=0.1", start={"a": (0.0, 5.0)}).motion.notes
-    assert note == "the law of motion of a is not used: prescribed=['a'] lets the motion follow it"
+    law = "the law of motion of a is not used"
+    assert note == f"{law}: roles={{'a': 'prescribed'}} lets the motion follow it"
     assert f"note: {note}" in str(m.simulate("time=0.1", start={"a": (0.0, 5.0)}))
-    (note,) = m.simulate("time=0.1", locked={"a": 0.0}).motion.notes
+    (note,) = m.simulate("time=0.1", roles={"a": 0.0}).motion.notes
     assert "law of motion of a" in note
     g = bm.Graph.load("graphs/watt_sixbar.json")
     g.drive("crank", bm.motion.ConstantRate(rate=1.0))
@@ -89,7 +90,7 @@ def test_roles_that_are_all_free_change_no_bit(friction):
     plain = g.compile().simulate("time=0.5", want=WANT)
     g.drive("a", SINE)
     g.prescribe("a")
-    other = g.compile().simulate("time=0.5", want=WANT, prescribed=[])
+    other = g.compile().simulate("time=0.5", want=WANT, roles={})
     assert all(np.array_equal(plain[n], other[n], equal_nan=True) for n in plain)
     assert plain.motion.roles == other.motion.roles == ()
     assert plain.motion.facts == other.motion.facts
@@ -98,25 +99,25 @@ def test_roles_that_are_all_free_change_no_bit(friction):
 def test_places_of_locks_and_stops_may_have_units():
     m, moves = arm(gravity=0.0).compile(), {"start": {"a": (0.4, 3.0)}, "want": WANT}
     texts = m.simulate(
-        "time=0.1", locked={"b": "30deg"}, stops={"a": ("-90deg", "0.5turns")}, **moves
+        "time=0.1", roles={"b": "30deg"}, stops={"a": ("-90deg", "0.5turns")}, **moves
     )
     stops = {"a": (-np.pi / 2, np.pi)}
-    numbers = m.simulate("time=0.1", locked={"b": np.pi / 6}, stops=stops, **moves)
+    numbers = m.simulate("time=0.1", roles={"b": np.pi / 6}, stops=stops, **moves)
     assert all(np.array_equal(texts[name], numbers[name], equal_nan=True) for name in texts)
 
 
 def test_the_free_motion_as_a_law_needs_no_drive():
     g = arm(gravity=0.0)  # both turn as one, at a constant rate, while b is locked
     g.start("a", q=0.4, rate=3.0)
-    free = g.compile().simulate("time=1", locked={"b": 0.0}, want=WANT)
+    free = g.compile().simulate("time=1", roles={"b": 0.0}, want=WANT)
     assert free["a.q"] == pytest.approx(0.4 + 3.0 * np.linspace(0, 1, 201), abs=1e-12)
     g.drive("a", bm.motion.ConstantRate(rate=3.0, start=0.4, end=1.0))
-    both = g.compile().simulate("time=1", prescribed=["a"], locked={"b": 0.0}, want=WANT)
+    both = g.compile().simulate("time=1", roles={"a": "prescribed", "b": 0.0}, want=WANT)
     assert np.abs(both["a.drive"]).max() < 1e-13
     assert both["b.drive"] == pytest.approx(free["b.drive"], abs=1e-11)
     let_go = at_time("off", 0.5, a="free")
     off = g.compile().simulate(
-        "time=1", prescribed=["a"], locked={"b": 0.0}, want=WANT, watch=[let_go]
+        "time=1", roles={"a": "prescribed", "b": 0.0}, want=WANT, watch=[let_go]
     )
     assert off["a.q"] == pytest.approx(both["a.q"], abs=1e-12)
     assert off.motion.impacts == ()
@@ -132,7 +133,7 @@ def test_the_drive_that_follows_a_free_motion_vanishes_with_the_steps_of_its_tab
         law = bm.motion.Table(
             times=t, values=free.simulate(times=t, want=["a.q"], accuracy=1e-11)["a.q"]
         )
-        r = arm(law).compile().simulate(times=[0.3, 0.6], prescribed=["a"], want=WANT)
+        r = arm(law).compile().simulate(times=[0.3, 0.6], roles={"a": "prescribed"}, want=WANT)
         right = free.simulate(times=[0.3, 0.6], want=["b.q"], accuracy=1e-10)["b.q"]
         off.append((np.abs(r["b.q"] - right).max(), abs(r["a.drive"][0])))
     assert off[1][0] < off[0][0] / 6  # the spline errs with the third power of its steps at an end
@@ -184,7 +185,7 @@ def test_a_five_bar_with_a_locked_crank_is_a_four_bar():
 def test_a_latch_takes_along_what_it_holds_and_lets_it_go():
     m = arm(bm.motion.ConstantRate(rate=5.0)).compile()
     watch = [at_time("latch", 0.4, b="locked"), at_time("release", 0.8, b="free")]
-    r = m.simulate("time=1", prescribed=["a"], watch=watch, want=WANT, accuracy=1e-10)
+    r = m.simulate("time=1", roles={"a": "prescribed"}, watch=watch, want=WANT, accuracy=1e-10)
     t = np.asarray(r.time)
     roles = [(x.begin, x.of["b"]) for x in r.motion.roles]
     assert [role for _, role in roles] == ["free", "locked", "free"]
@@ -253,7 +254,7 @@ def test_a_driver_follows_its_law_from_where_it_meets_it():
 @pytest.mark.parametrize("friction", [(0.1, 0.0), (0.3, 0.3)])
 def test_prescribed_by_a_sine_with_friction_work_is_energy(friction):
     m = arm(SINE, friction).compile()
-    r = m.simulate(times=FINE, prescribed=["a"], want=WANT)
+    r = m.simulate(times=FINE, roles={"a": "prescribed"}, want=WANT)
     assert m.verify(r).ok
     assert r["a.q"] == pytest.approx(np.sin(1.4 * math.pi * FINE), abs=1e-14)
     f = r.motion.facts
@@ -270,14 +271,14 @@ def test_prescribed_by_a_sine_with_friction_work_is_energy(friction):
 def test_what_a_lock_holds_needs_no_friction_and_the_free_pin_holds_by_statics():
     g = arm(None, (0.3, 0.3))
     hanging = {"b": (-math.pi - 0.002, 0.0)}
-    r = g.compile().simulate("time=1", locked={"a": math.pi / 2}, start=hanging, want=WANT)
+    r = g.compile().simulate("time=1", roles={"a": math.pi / 2}, start=hanging, want=WANT)
     assert (r.motion.end, r.motion.events[0].kind) == ("time", "rest")
     moment = 9.81 * 0.5 * math.cos(math.pi / 2 + hanging["b"][0])  # within 0.3 * 0.05 * 9.81
     assert r["b.A.friction"][-1] == pytest.approx(moment, abs=1e-13)
     assert r["b.drive"][-1] == pytest.approx(0.0, abs=1e-15)
     assert r["a.A.friction"][-1] == 0.0
     assert r["a.drive"][-1] == pytest.approx(moment, abs=1e-12)
-    both = g.compile().simulate("time=1", locked={"a": 0.1, "b": 0.3}, want=WANT)
+    both = g.compile().simulate("time=1", roles={"a": 0.1, "b": 0.3}, want=WANT)
     fore = 9.81 * 0.5 * math.cos(0.4)
     assert both["b.drive"][-1] == pytest.approx(fore, rel=1e-13)
     assert both["a.drive"][-1] == pytest.approx(fore + 9.81 * 1.5 * math.cos(0.1), rel=1e-13)
@@ -285,12 +286,12 @@ def test_what_a_lock_holds_needs_no_friction_and_the_free_pin_holds_by_statics()
 
 def test_a_pin_that_a_law_alone_moves_rubs_while_that_moves():
     m = arm(CYCLOID, (0.3, 0.1)).compile()
-    r = m.simulate(times=FINE, prescribed=["a"], want=WANT)
+    r = m.simulate(times=FINE, roles={"a": "prescribed"}, want=WANT)
     moves = (FINE > 0) & (FINE < 1)
     assert (r["a.A.friction"][moves] != 0).all()
     assert (r["a.A.friction"][FINE > 1] == 0).all()
     assert "sticking of a.A" in [e.kind for e in r.motion.events]
-    given = m.simulate(times=FINE, prescribed=["a"], locked={"b": 0.3}, want=WANT)
+    given = m.simulate(times=FINE, roles={"a": "prescribed", "b": 0.3}, want=WANT)
     assert given["a.q"] == pytest.approx(r["a.q"], abs=0)
     f = given.motion.facts
     gained = energy(given)[-1] - energy(given)[0]
@@ -300,7 +301,7 @@ def test_a_pin_that_a_law_alone_moves_rubs_while_that_moves():
 @pytest.mark.parametrize("friction", [(0.0, 0.0), (0.1, 0.1)])
 def test_blows_on_stops_while_another_driver_is_prescribed(friction):
     m = arm(SINE, friction, stop=(-0.5, 0.8, 0.6)).compile()
-    r = m.simulate(times=FINE, prescribed=["a"], want=WANT)
+    r = m.simulate(times=FINE, roles={"a": "prescribed"}, want=WANT)
     assert len(r.motion.impacts) == 4
     for blow in r.motion.impacts:
         M, jump = inertia(blow.q[1]), blow.after - blow.before
@@ -317,7 +318,7 @@ def test_blows_on_stops_while_another_driver_is_prescribed(friction):
 def test_a_prescribed_driver_ends_at_its_own_stop():
     g = arm(SINE)
     g.stop("a", -0.5, 0.8, 0.6)
-    motion = g.compile().simulate("time=2", prescribed=["a"]).motion
+    motion = g.compile().simulate("time=2", roles={"a": "prescribed"}).motion
     assert motion.end == "end stop of a"
     assert motion.t_end == pytest.approx(math.asin(0.8) / (1.4 * math.pi), abs=1e-10)
 
@@ -325,7 +326,7 @@ def test_a_prescribed_driver_ends_at_its_own_stop():
 def test_a_motion_ends_where_a_law_does():
     g = arm(bm.motion.Table(**TABLE))
     never = bm.Watch("never", lambda t, q, rate: 1.0)
-    motion = g.compile().simulate("event", watch=[never], prescribed=["a"]).motion
+    motion = g.compile().simulate("event", watch=[never], roles={"a": "prescribed"}).motion
     assert (motion.end, motion.status) == ("law of motion ends", "ended")
     assert motion.t_end == 2.0
 
@@ -352,16 +353,16 @@ def test_a_stepper_knows_the_roles_of_the_scene():
     for name, x in env.observe().items():
         assert x == pytest.approx(whole[name][-1], abs=1e-7), name
     assert env.observe()["a.q"] == pytest.approx(math.sin(0.56 * math.pi), abs=1e-14)
-    held = m.stepper(prescribed=["a"], locked=["b"]).step(0.3, {"moment": 5.0})
+    held = m.stepper(roles={"a": "prescribed", "b": "locked"}).step(0.3, {"moment": 5.0})
     assert held["b.q"] == [0.3]
 
 
 def test_a_study_moves_designs_by_their_roles():
     m = arm(SINE).compile()
-    how = {"until": "time=0.3", "prescribed": ["a"]}
+    how = {"until": "time=0.3", "roles": {"a": "prescribed"}}
     want = ["final(b.q)", "motion.drive_work"]
     found = m.study({"b.links.crank.mass": [1.0, 2.0]}, want=want, simulate=how)
-    alone = m.simulate("time=0.3", prescribed=["a"], want=["b.q"])
+    alone = m.simulate("time=0.3", roles={"a": "prescribed"}, want=["b.q"])
     assert found["final(b.q)"][0] == pytest.approx(alone["b.q"][-1], abs=1e-12)
     work = found["motion.drive_work"]
     assert work[0] == pytest.approx(alone.motion.facts["drive_work"], rel=1e-12)
@@ -392,20 +393,29 @@ def test_roles_stand_in_the_scene():
 
 TABLE = {"times": [0, 1, 2], "values": [0, 1, 0]}
 MISTAKES = {
-    "unknown": ({"prescribed": ["c"]}, SINE, 'prescribed.c: no driver "c"'),
-    "no law": ({"prescribed": ["b"]}, SINE, "prescribed.b: b has no law of motion"),
-    "two roles": ({"prescribed": ["a"], "locked": ["a"]}, SINE, "locked: a is prescribed as well"),
-    "no number": ({"locked": {"b": "x"}}, SINE, "locked.b: 'x' is no coordinate"),
-    "start": ({"prescribed": ["a"], "start": {"a": (1.0, 0.0)}}, SINE, "start.a: .* contradicts"),
-    "stop": ({"prescribed": ["a"], "locked": {"b": 5.0}}, SINE, "b.* 5 .*stop"),
-    "steady": ({"prescribed": ["a"], "until": "steady"}, SINE, "no steady state is looked for"),
+    "unknown": ({"roles": {"c": "prescribed"}}, SINE, 'roles.c: no driver "c"'),
+    "no role": ({"roles": {"b": "loked"}}, SINE, "no role .loked."),
+    "no driver": ({"roles": ["a"]}, SINE, "names no drivers"),
+    "no law": ({"roles": {"b": "prescribed"}}, SINE, "roles.b: b has no law of motion"),
+    "no number": ({"roles": {"b": "3 x"}}, SINE, "roles.b: '3 x' is no coordinate"),
+    "start": (
+        {"roles": {"a": "prescribed"}, "start": {"a": (1.0, 0.0)}},
+        SINE,
+        "start.a: .* contradicts",
+    ),
+    "stop": ({"roles": {"a": "prescribed", "b": 5.0}}, SINE, "b.* 5 .*stop"),
+    "steady": (
+        {"roles": {"a": "prescribed"}, "until": "steady"},
+        SINE,
+        "no steady state is looked for",
+    ),
     "corner": (
-        {"prescribed": ["a"]},
+        {"roles": {"a": "prescribed"}},
         bm.motion.Table(**TABLE, interpolation="linear"),
         "the rate of the law of a jumps at 1 s",
     ),
     "short law": (
-        {"prescribed": ["a"], "until": "time=5"},
+        {"roles": {"a": "prescribed"}, "until": "time=5"},
         bm.motion.Table(**TABLE),
         "says nothing at 5",
     ),
@@ -431,4 +441,4 @@ def test_a_mechanism_whose_only_driver_is_given_is_told_to_run():
     g = bm.Graph.load("graphs/watt_sixbar.json")
     g.drive("crank", bm.motion.ConstantRate(rate=1.0))
     with pytest.raises(bm.RequestError, match=r"run\(\) computes a motion by its law"):
-        g.compile().simulate("time=1", prescribed=["crank"])
+        g.compile().simulate("time=1", roles={"crank": "prescribed"})

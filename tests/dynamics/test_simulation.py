@@ -108,7 +108,7 @@ EULER = {  # step [rad] -> error of the standstill's time [s], and of its place 
 
 @pytest.mark.parametrize("step", EULER)
 def test_the_papers_scheme_reproduces_its_error(step):
-    motion = simulated("watt_sixbar", "standstill", method="euler_q", step=step).motion
+    motion = simulated("watt_sixbar", "standstill", method=bm.FixedStep("euler_q", step)).motion
     error = motion.t_end - WATT["from_0"]["time_until_standstill"]
     time, place = EULER[step]
     assert error == pytest.approx(time, rel=1e-3)
@@ -122,7 +122,10 @@ def test_rk4_is_of_order_4():
     steps = [0.02, 0.01, 0.005]
     wanted = simulated("watt_sixbar", times=[1.0])["crank.q"][0]
     errors = [
-        abs(simulated("watt_sixbar", method="rk4", step=h, times=[1.0])["crank.q"][0] - wanted)
+        abs(
+            simulated("watt_sixbar", method=bm.FixedStep("rk4", h), times=[1.0])["crank.q"][0]
+            - wanted
+        )
         for h in steps
     ]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])

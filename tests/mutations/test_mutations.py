@@ -178,10 +178,8 @@ def checked(name, samples=4):
     derived, name = name.startswith("derived "), name.removeprefix("derived ")
     mechanism = bm.Graph.from_json(json.dumps(document(name))).compile()
     if moving:  # by plain Python: machine code that is kept does not know of mistakes
-        prescribed = ["left"] if name == "shaken" else ()
-        return mechanism.verify(
-            mechanism.simulate("time=0.2", prescribed=prescribed, engine="scalar")
-        )
+        roles = {"left": "prescribed"} if name == "shaken" else {}
+        return mechanism.verify(mechanism.simulate("time=0.2", roles=roles, engine="scalar"))
     if derived:
         output = f"{mechanism.drivers[0]}.drive"
         return mechanism.verify(mechanism.sensitivity(output, samples=samples))

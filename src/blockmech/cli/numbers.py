@@ -45,9 +45,17 @@ def starts(mechanism: Compiled, given: list[str] | None) -> dict[str, tuple[floa
     return _by_driver(mechanism, given, "--start", "0.5", _start)
 
 
-def places(mechanism: Compiled, given: list[str] | None) -> dict[str, float] | None:
-    """Driver -> q [rad or m] from the ``--locked`` options; None without any."""
-    return _by_driver(mechanism, given, "--locked", "0.5", _number)
+def roles(
+    mechanism: Compiled, prescribed: list[str] | None, locked: list[str] | None
+) -> dict[str, str | float] | None:
+    """Roles of drivers from the ``--prescribed`` and ``--locked`` options; None without any."""
+    coordinates = _by_driver(mechanism, locked, "--locked", "0.5", _number)
+    if prescribed is None and coordinates is None:
+        return None
+    if both := sorted({*(prescribed or ())} & {*(coordinates or ())}):
+        found, remedy = f"{listed(both)} is prescribed as well", "give each driver one role"
+        raise RequestError(Problem("roles", "--locked", found, "", remedy))
+    return dict.fromkeys(prescribed or (), "prescribed") | (coordinates or {})
 
 
 def _by_driver(

@@ -20,7 +20,7 @@ from blockmech.cli.numbers import MOST, coordinates, times
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.units import NoQuantity, quantity
 from blockmech.testing.graph_files import gallery
-from blockmech.typing import MotionMethod, Successive
+from blockmech.typing import MotionName, Successive
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -221,7 +221,7 @@ Locked = Annotated[
 ]
 Method = Annotated[
     str,
-    option(f"{', '.join(get_args(MotionMethod))}.", "METHOD"),
+    option(f"{', '.join(get_args(MotionName))}.", "METHOD"),
 ]
 Accuracy = Annotated[
     float | None,

@@ -10,7 +10,7 @@ import typer
 
 from blockmech.builders import compiled
 from blockmech.cli.motions import motion_lines
-from blockmech.cli.numbers import places, starts, times
+from blockmech.cli.numbers import roles, starts, times
 from blockmech.cli.options import (
     Accuracy,
     Explain,
@@ -31,6 +31,7 @@ from blockmech.cli.output import Output
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.result.exported import gap_lines
+from blockmech.typing import FixedStep
 
 if TYPE_CHECKING:
     from blockmech.result.result import Result
@@ -84,16 +85,15 @@ def simulate(
         say(mechanism.explain(names, **settings), "\n\n", evaluation_cost(mechanism, **settings))
         return
     given, begun = times(at_times), starts(mechanism, start)
-    settings |= {"method": method, "engine": engine}
+    fixed: Any = method if step is None else FixedStep(method, step)  # type: ignore[arg-type]
+    settings |= {"method": fixed, "engine": engine}
     with progress_bar("simulating") as progress:
         result = mechanism.simulate(
             until,
             accuracy=accuracy,
-            step=step,
             times=given,
             start=begun,
-            prescribed=prescribed,
-            locked=places(mechanism, locked),
+            roles=roles(mechanism, prescribed, locked),
             want=names,
             budget=budget,
             progress=progress,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple, get_args
 
-from blockmech.typing import MotionMethod
+from blockmech.typing import MotionName
 
 Q = frozenset({"q"})
 ALL = frozenset({"q", "rate", "time", "state"})
@@ -64,4 +64,4 @@ METHODS: Mapping[str, Method] = {
         ALL - {"state"}, False, finds_steady=False, compared=(100, 1000, 10_000),
     ),
 }  # fmt: skip
-assert ("auto", *METHODS) == get_args(MotionMethod)  # what checkers of types read
+assert ("auto", *METHODS) == get_args(MotionName)  # what checkers of types read

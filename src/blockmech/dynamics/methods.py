@@ -18,7 +18,7 @@ from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.method_table import METHODS, Method
 from blockmech.dynamics.path import along_path
-from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
+from blockmech.dynamics.request import WATCH, SimulationRequest
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
 from blockmech.dynamics.signals import felt
@@ -108,7 +108,6 @@ def check(system: System, request: SimulationRequest) -> None:
         if sensors:
             found = "it follows the friction of joints at once, so no signal in motion reads it"
             raise refused(listed(sensors), found, WITHOUT, code="friction-in-motion")
-    check_method(name)
     if name == "auto":
         return
     why = _unfit(METHODS[name], system, request)

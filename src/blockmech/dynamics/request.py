@@ -12,14 +12,14 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from blockmech.dynamics.ends import STANDSTILL, Budget
-from blockmech.dynamics.roles import Roles, roles_of
+from blockmech.dynamics.roles import Roles, RolesGiven, located, roles_of
 from blockmech.ground.errors import RequestError, close_match, listed, refused
 from blockmech.ground.units import NoQuantity, in_si, number_in_si, quantity, unit_behind
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
 from blockmech.result.motion import Event, Floats, Motion, Still
 from blockmech.signals.functions import Python
-from blockmech.typing import MotionMethod, Numbers, Progress
+from blockmech.typing import FixedStep, FixedStepName, MotionMethod, MotionName, Numbers, Progress
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
 Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value
@@ -49,7 +49,8 @@ GOALS = {
     ),
     "event": GoalNumber("event"),
 }
-NAMES = get_args(MotionMethod)
+NAMES: tuple[str, ...] = get_args(MotionName)
+FIXED: tuple[str, ...] = get_args(FixedStepName)
 ENGINES = ("auto", "scalar", "llvm")
 OUTPUTS = 201  # output times where none are named
 ELSEWHERE = 0.125  # [rad or m, per s, s] or a signal: where a user's function is asked besides
@@ -227,15 +228,13 @@ def request_of(
     scene: Scene,
     drivers: Mapping[str, str],
     until: str | Until | None = None,
-    method: str = "auto",
+    method: MotionMethod = "auto",
     accuracy: float | None = None,
-    step: float | None = None,
     times: Numbers | None = None,
     start: Pairs | None = None,
     stops: Pairs | None = None,
     watch: Sequence[Watch] = (),
-    prescribed: Sequence[str] | None = None,
-    locked: Mapping[str, float] | Sequence[str] | None = None,
+    roles: RolesGiven | None = None,
     engine: str = "auto",
 ) -> tuple[SimulationRequest, Pairs]:
     """What `simulate` is asked for, read, but for its end stops; and the starts.
@@ -244,7 +243,7 @@ def request_of(
 
     Raises `RequestError` for what cannot be.
     """
-    check_method(method)
+    name, step = method_of(method)
     if engine not in ENGINES:
         found, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
         raise refused("engine", found, valid=valid, code="unknown-engine")
@@ -253,14 +252,14 @@ def request_of(
     events = watches_of(watch)
     last = goal.value if goal.goal == "time" else math.inf
     changes = {w.name: w.then for w in events if w.then}
-    roles, bound = roles_of(scene, drivers, prescribed, locked, changes, last)
-    starts = starts_of(scene, drivers, start, bound, locked or ())
-    target, size = size_of("accuracy", accuracy), size_of("step", step)
+    at_start, bound = roles_of(scene, drivers, roles, changes, last)
+    starts = starts_of(scene, drivers, start, bound, located(roles))
+    target = size_of("accuracy", accuracy)
     pairs_of("stops", stops, STOPS, drivers)  # where they are, the mechanism says: see `stops_of`
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
-    asked = goal, target, method, size, tuple(shown.tolist()), events
-    return SimulationRequest(start_of(starts), *asked, roles=roles), starts
+    asked = goal, target, name, step, tuple(shown.tolist()), events
+    return SimulationRequest(start_of(starts), *asked, roles=at_start), starts
 
 
 def start_of(starts: Pairs) -> Start:
@@ -270,11 +269,18 @@ def start_of(starts: Pairs) -> Start:
     return Start(*np.array([*starts.values()], dtype=float).T.copy())
 
 
-def check_method(name: str) -> None:
-    """Raise `RequestError` for a method that there is not."""
-    if name not in NAMES:
-        hint, found = close_match(str(name), NAMES), f'there is no method "{name}"'
-        raise refused("method", found, hint, f"valid: {listed(NAMES)}", "method")
+def method_of(method: MotionMethod) -> tuple[str, float | None]:
+    """Name of a method, and its step where that is fixed.
+
+    Raises `RequestError` for a method that there is not.
+    """
+    name, step = (method.method, method.step) if isinstance(method, FixedStep) else (method, None)
+    valid = NAMES if step is None else FIXED
+    if name not in valid:
+        hint, found = close_match(str(name), valid), f'there is no method "{name}"'
+        found += "" if step is None else " of fixed steps"
+        raise refused("method", found, hint, f"valid: {listed(valid)}", "method")
+    return name, size_of("step", step)
 
 
 def goal_of(until: Any, times: Floats | None) -> Until:

@@ -19,7 +19,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -27,12 +27,14 @@ from blockmech.dynamics.contacts import Held
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.units import number_in_si
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.scene import Locked, Scene
+from blockmech.model.scene import Locked, Role, Scene
 from blockmech.result.motion import Floats
 
 FREE, PRESCRIBED, LOCKED = "free", "prescribed", "locked"
 END = 1e-9  # [s] after which a law is looked for beyond its last time
 ROLES = (FREE, PRESCRIBED, LOCKED)
+RolesGiven: TypeAlias = Mapping[str, str | float]
+"""Driver -> its role, or the coordinate [rad or m] at which it is locked."""
 
 
 @dataclass(frozen=True)
@@ -137,28 +139,22 @@ class Roles:
 def roles_of(
     scene: Scene,
     drivers: Mapping[str, str],
-    prescribed: Sequence[str] | None,
-    locked: Mapping[str, float] | Sequence[str] | None,
+    given: RolesGiven | None,
     changes: Mapping[str, Mapping[str, str]],
     last: float,
 ) -> tuple[Roles | None, dict[str, tuple[float, float]]]:
     """The roles at the start, None where all are free at all times; and starts that they say.
 
     ``drivers`` : unit of each driver's coordinate
+    ``given`` : those of a call, in place of the scene's
     ``changes`` : event -> driver -> role; ``last`` : time [s] to which laws must reach
 
     Raises `RequestError` for roles that cannot be.
     """
-    by_call = prescribed is not None or locked is not None
-    choices: dict[str, Any] = {} if by_call else dict(scene.motion)
-    names = _named("prescribed", prescribed, 'names, like ["crank"]')
-    laws_followed, places = dict.fromkeys(names, PRESCRIBED), _locked(locked, drivers)
-    if both := laws_followed.keys() & places.keys():
-        found = f"{listed(sorted(both))} is prescribed as well"
-        raise refused("locked", found, "give each driver one role", code="roles")
-    choices |= laws_followed | places
+    choices = scene.motion if given is None else _read_roles(given, drivers)
     of = {d: LOCKED if isinstance(role, Locked) else role for d, role in choices.items()}
-    wishes = [(d, role, _where(scene, d, role, by_call)) for d, role in of.items()]
+    where = scene.address("motion", "") if given is None else "roles."
+    wishes = [(d, role, f"{where}{d}") for d, role in of.items()]
     for name, then in changes.items():
         wishes += [(d, role, f"watch.{name}.then.{d}") for d, role in then.items()]
     for driver, role, where in wishes:
@@ -176,26 +172,32 @@ def roles_of(
     return roles, starts
 
 
-def _where(scene: Scene, driver: str, role: str, by_call: bool) -> str:
-    return f"{role}.{driver}" if by_call else scene.address("motion", driver)
+def located(given: RolesGiven | None) -> list[str]:
+    """Drivers that a call locks at a coordinate."""
+    return [driver for driver, role in (given or {}).items() if not _is_word(role)]
 
 
-def _named(where: str, given: Any, example: str) -> Sequence[str]:
-    """Names of drivers, one or some."""
-    names = [given] if isinstance(given, str) else given or ()
-    if not isinstance(names, Sequence):
-        raise refused(where, f"{given!r} names no drivers", f"give {example}")
-    return names
+def _is_word(role: object) -> bool:
+    """Whether a role is given by a word, not by a coordinate such as 0.3 or "30deg"."""
+    return isinstance(role, str) and role[:1].isalpha()
 
 
-def _locked(given: Any, units: Mapping[str, str]) -> dict[str, Any]:
+def _read_roles(given: Any, units: Mapping[str, str]) -> dict[str, Role]:
+    """Driver -> role, where a coordinate [rad or m] is that at which the driver is locked."""
     if not isinstance(given, Mapping):
-        return dict.fromkeys(_named("locked", given, 'places, like {"crank": 0.3}'), LOCKED)
-    places = {driver: number_in_si(x, units.get(driver, "")) for driver, x in given.items()}
-    for driver in (driver for driver, x in places.items() if not math.isfinite(x)):
-        found, remedy = f"{given[driver]!r} is no coordinate", "give a number [rad or m]"
-        raise refused(f"locked.{driver}", found, remedy)
-    return {driver: Locked(locked=x) for driver, x in places.items()}
+        remedy = 'give each its role, like {"crank": "prescribed", "arm": 0.3}'
+        raise refused("roles", f"{given!r} names no drivers", remedy)
+    roles: dict[str, Role] = {}
+    for driver, role in given.items():
+        if _is_word(role):
+            roles[driver] = role
+            continue
+        coordinate = number_in_si(role, units.get(driver, ""))
+        if not math.isfinite(coordinate):
+            found, remedy = f"{role!r} is no coordinate", "give a number [rad or m]"
+            raise refused(f"roles.{driver}", found, remedy)
+        roles[driver] = Locked(locked=coordinate)
+    return roles
 
 
 def _check_role(
@@ -238,4 +240,4 @@ def unused_laws(scene: Scene, drivers: Sequence[str], roles: Sequence[Mapping[st
     whose = f"the law of motion of {listed(unused)} is not used: "
     if len(drivers) == 1:
         return f"{whose}the loads alone move it"
-    return f"{whose}prescribed={unused!r} lets the motion follow it"
+    return f"{whose}roles={dict.fromkeys(unused, PRESCRIBED)!r} lets the motion follow it"

@@ -39,7 +39,7 @@ from blockmech.dynamics.request import (
     refuse_no_inertia,
     request_of,
 )
-from blockmech.dynamics.roles import unused_laws
+from blockmech.dynamics.roles import RolesGiven, unused_laws
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.ground.errors import listed
@@ -62,13 +62,11 @@ def simulate(
     *,
     method: MotionMethod = "auto",
     accuracy: float | None = None,
-    step: float | None = None,
     times: Numbers | None = None,
     start: Pairs | None = None,
     stops: Pairs | None = None,
     watch: Sequence[Watch] = (),
-    prescribed: Sequence[str] | None = None,
-    locked: Mapping[str, float] | Sequence[str] | None = None,
+    roles: RolesGiven | None = None,
     want: Iterable[str] | str = ("*.q", "*.rate"),
     friction: FrictionMethod | None = None,
     engine: EngineName = "auto",
@@ -82,17 +80,17 @@ def simulate(
     until : "standstill" (default), "swings=3", "turns=3", "time=2", "angle=360deg",
         "steady" or "event"; with ``times`` and without ``until`` the last of them.
         ``"steady=<s>"`` names the period of loads that follow the time by a function
-    method : "auto", "energy", "dop853", "radau", "rk4" or "euler_q", see `METHODS`
+    method : "auto", "energy", "dop853", "radau", "rk4" or "euler_q", see `METHODS`; or a
+        `FixedStep`
     accuracy : target [rad or m] of the driver coordinate at all times
-    step : of the fixed-step methods: time [s] for rk4, driver coordinate for euler_q
     times : (n,) output times [s]; by default 201 over the whole run
     start : driver -> (q [rad or m], rate); by default the scene's ``initial``
     stops : driver, or the coordinate of a pair such as ``"rod.S.coordinate"`` -> (lowest,
         highest) [rad or m]; by default the scene's
     watch : the user's events
-    prescribed : drivers that follow their laws of motion while the others are free
-    locked : driver -> coordinate [rad or m] at which it is held, or names: where they start. With
-        one of both the roles that the scene gives in ``motion`` do not count
+    roles : driver -> "prescribed" (it follows its law of motion while the others are free),
+        "locked" where it starts, or the coordinate [rad or m] at which it is locked; in place of
+        the roles that the scene gives in ``motion``
     want : outputs at the output times
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     engine : "scalar", "llvm" (machine code), or "auto": machine code once the mechanism's motions
@@ -112,7 +110,7 @@ def simulate(
     method does not apply, a number or engine cannot be; MissingEngineError without llvmlite
     """
     how, settings = friction_asked(friction), {"friction": friction or "newton"}
-    about = until, method, accuracy, step, times, start, stops, watch, prescribed, locked, engine
+    about = until, method, accuracy, times, start, stops, watch, roles, engine
     request, starts = request_of(mechanism.scene, mechanism._coordinate_units, *about)
     report, limit = progress_of(progress), budget_of(budget)
     asked = {"method": how, "progress": report, "engine": engine, "budget": limit}

@@ -7,7 +7,7 @@ step. All else, friction, events, sampled blocks, is that of `simulate`, by the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +30,7 @@ from blockmech.dynamics.request import (
     size_of,
     starts_of,
 )
-from blockmech.dynamics.roles import roles_of
+from blockmech.dynamics.roles import RolesGiven, located, roles_of
 from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
@@ -227,8 +227,7 @@ def stepper(
     copies: int = 1,
     start: Pairs | None = None,
     stops: Pairs | None = None,
-    prescribed: Sequence[str] | None = None,
-    locked: Mapping[str, float] | Sequence[str] | None = None,
+    roles: RolesGiven | None = None,
     friction: FrictionMethod | None = None,
     accuracy: float | None = None,
     engine: EngineName = "auto",
@@ -241,7 +240,7 @@ def stepper(
     copies : number of copies, each with a state of its own
     start : driver -> (q [rad or m], rate); by default the scene's ``initial``
     stops : driver, or coordinate of a pair -> (lowest, highest) [rad or m]; by default the scene's
-    prescribed, locked : drivers that are not free, as `simulate` takes them
+    roles : of drivers that are not free, as `simulate` takes them
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     accuracy : relative tolerance of a step; default 1e-9
     engine : "scalar", "llvm" (machine code), or "auto": machine code once it pays
@@ -274,12 +273,12 @@ def stepper(
             "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
         )
     scene, drivers = mechanism.scene, mechanism._coordinate_units
-    roles, bound = roles_of(scene, drivers, prescribed, locked, {}, math.inf)
-    starts = starts_of(scene, drivers, start, bound, locked or ())
+    at_start, bound = roles_of(scene, drivers, roles, {}, math.inf)
+    starts = starts_of(scene, drivers, start, bound, located(roles))
     between = stops_of(mechanism, starts, stops)
     counted = counted_pairs(mechanism, starts, between)
-    at_stops = {"stops": bounds_of(between), "counted": counted, "roles": roles}
-    if roles is None:
+    at_stops = {"stops": bounds_of(between), "counted": counted, "roles": at_start}
+    if at_start is None:
         mechanism._once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
     how = friction_asked(friction)

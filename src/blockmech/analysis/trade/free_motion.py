@@ -21,7 +21,7 @@ from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.ground.errors import RequestError, refused
 from blockmech.result.motion import Motion
 from blockmech.result.result import Result
-from blockmech.typing import Successive
+from blockmech.typing import FixedStep, Successive
 
 FINEST = (  # references and checks, best first; coarser ones where those do not end in time
     ("auto", 1e-14),
@@ -171,7 +171,7 @@ class FreeMotion(Question):
             unit = self.mechanism.structure.driver_joint(self.mechanism.drivers[0]).coordinate_unit
         for count in compared:
             step = float(f"{length / count:.1e}")
-            yield Setting(method, f"step {step:g} {unit}", {"method": method, "step": step})
+            yield Setting(method, f"step {step:g} {unit}", {"method": FixedStep(method, step)})
 
     def run(self, options: Mapping[str, Any], seconds: float) -> SimulationResult | None:
         """The simulation with a setting, through the public call; None if it took longer.
