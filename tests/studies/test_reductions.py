@@ -83,7 +83,7 @@ def test_tolerance_takes_reductions():
     bands = MECH.tolerance(made, want=[label, "dyad.C.p.x"], at=POSES, count=800)
     assert bands[label].shape == (1,)
     assert bands["dyad.C.p.x"].shape == (59,)
-    drawn = MECH.study(made, want=label, at=POSES, count=800)[label]
+    drawn = MECH.study(made, want=label, at=POSES, sampling=bm.dist.Sample(800))[label]
     assert bands[label][0] == pytest.approx(np.std(drawn, ddof=1), rel=0.1)
     assert bands.sampled[label].deviation[0] == pytest.approx(bands[label][0], rel=0.1)
     assert bands.shares(label)[:, 0].sum() == pytest.approx(1.0)

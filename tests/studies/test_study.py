@@ -141,11 +141,12 @@ def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
 @pytest.mark.parametrize("sampling", ["latin", "sobol", "random"])
 def test_points_of_distributions_are_the_same_for_a_seed(fourbar, sampling):
     vary = {"dyad.l_i": bm.dist.Normal(6.0, 0.01), "frame.D.x": bm.dist.Uniform(5.4, 5.6)}
-    request = {"at": TURN, "want": "max(crank.drive)", "sampling": sampling, "count": 256}
+    request = {"at": TURN, "want": "max(crank.drive)", "sampling": bm.dist.Sample(256, sampling)}
     found = fourbar.study(vary, **request)
     again = fourbar.study(vary, **request)
+    second = {"sampling": bm.dist.Sample(256, sampling, seed=1)}
     np.testing.assert_array_equal(found["dyad.l_i"], again["dyad.l_i"])
-    assert (found["dyad.l_i"] != fourbar.study(vary, seed=1, **request)["dyad.l_i"]).any()
+    assert (found["dyad.l_i"] != fourbar.study(vary, **request | second)["dyad.l_i"]).any()
     spread = 4 / np.sqrt(256)  # four standard errors
     assert abs(found["dyad.l_i"].mean() - 6.0) < spread * 0.01
     assert abs(found["frame.D.x"].std() - 0.2 / np.sqrt(12)) < spread * 0.2
@@ -220,7 +221,7 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
         ({"vary": {"dyad.l_i": [6.0], "dyad.l_j": bm.dist.Normal(3.0, 0.1)}}, "bm.dist.Uniform"),
         ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}}, "say how many designs"),
         (
-            {"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}, "count": 9, "sampling": "sobol"},
+            {"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}, "sampling": bm.dist.Sample(9, "sobol")},
             "e.g. 16",
         ),
         ({"vary": {"dyad.l_i": [1, 2], "dyad.l_j": [3]}, "sampling": "paired"}, "equally many"),
@@ -234,8 +235,8 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
         ({"want": {"crank.drive": 3}}, "want[crank.drive]: got 3"),
         ({"vary": {"dyad.branch": [-1, 0.5, 1]}}, 'must be -1, 1 or "follow", got 0.5'),
         ({"vary": {"dyad.l_i": [1.0, 0.0, 6.0]}}, "l_i must be > 0 m, got 0"),
-        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 9.0)}, "count": 99}, "l_i must be > 0 m, got -"),
-        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}, "count": 9, "seed": -1}, "seed: got -1"),
+        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 9.0)}, "sampling": bm.dist.Sample(99)}, "l_i must be > 0 m, got -"),
+        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}, "sampling": bm.dist.Sample(9, seed=-1)}, "seed: got -1"),
         ({"engine": "scalar"}, "engines: auto, numpy, llvm"),
         ({"want": "crank.drive"}, "how it is reduced is not said"),
     ],

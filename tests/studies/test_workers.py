@@ -18,8 +18,7 @@ VARY = {"dyad.l_i": bm.dist.Normal(6.0, 0.5), "frame.D.x": bm.dist.Uniform(5.4, 
 REQUEST = {
     "want": ["max_abs(crank.drive)", "mean(dyad.C.reaction)", "poses(dyad.C.p)"],
     "samples": 6,
-    "sampling": "random",
-    "count": 400,
+    "sampling": bm.dist.Sample(400, "random"),
 }
 PART = 20  # designs, so that a small study has some parts
 
@@ -55,7 +54,7 @@ def test_parts_read_as_what_the_study_found(fourbar, whole, tmp_path):
     parted = fourbar.study(VARY, **REQUEST, out=tmp_path / "new" / "parts")
     assert_same(whole, parted)
     assert set(whole.status) == {"ok", "no-assembly"}
-    assert len(files(tmp_path / "new" / "parts")) == REQUEST["count"] // PART
+    assert len(files(tmp_path / "new" / "parts")) == REQUEST["sampling"].count // PART
     assert parted.grid("poses(dyad.C.p)").shape == (400, 6)
     import pandas
 
@@ -136,11 +135,13 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed(fourbar, whole, tmp_
                 killed.append(next(iter(client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        found = fourbar.study(VARY, **REQUEST, out=tmp_path / "there", client=client, progress=kill)
+        found = fourbar.study(
+            VARY, **REQUEST, out=tmp_path / "there", workers=client, progress=kill
+        )
         assert_same(whole, found)
         assert killed
         assert files(tmp_path / "here") == files(tmp_path / "there")
-        assert_same(whole, fourbar.study(VARY, **REQUEST, client=client))
+        assert_same(whole, fourbar.study(VARY, **REQUEST, workers=client))
 
 
 @pytest.mark.parametrize("sampling", ["latin", "sobol", "random", "grid", "paired"])
@@ -149,7 +150,7 @@ def test_a_design_does_not_depend_on_the_part_that_makes_it(fourbar, sampling):
 
     drawn = sampling not in ("grid", "paired")
     rows = {"dyad.l_i": np.linspace(5.0, 6.0, 16), "frame.D.x": np.linspace(5.0, 6.0, 16)}
-    chosen = designs(VARY if drawn else rows, sampling, 256 if drawn else None, 3)
+    chosen = designs(VARY, bm.dist.Sample(256, sampling, 3)) if drawn else designs(rows, sampling)
     every = chosen.columns(0, chosen.count)
     for start, stop in ((0, 5), (5, 16), (7, 8)):
         part = chosen.part(start, stop)
@@ -163,9 +164,9 @@ def test_a_design_does_not_depend_on_the_part_that_makes_it(fourbar, sampling):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"workers": 0}, "must be a whole number from 1 on"),
-        ({"workers": 2, "client": "tcp://nowhere"}, "give workers of this machine, or"),
-        ({"client": "tcp://nowhere:1"}, "give a dask.distributed.Client"),
+        ({"workers": 0}, "got 0. give a whole number from 1 on"),
+        ({"workers": 2.0}, "got 2.0. give a whole number from 1 on"),
+        ({"workers": "tcp://nowhere:1"}, "or a dask.distributed.Client"),
     ],
 )
 def test_workers_that_are_none_are_refused(fourbar, more, words):
@@ -176,7 +177,7 @@ def test_workers_that_are_none_are_refused(fourbar, more, words):
 @pytest.mark.parametrize(("module", "extra"), [("pyarrow", "study"), ("distributed", "cluster")])
 def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, module, extra):
     monkeypatch.setitem(sys.modules, module, None)
-    more = {"out": tmp_path} if module == "pyarrow" else {"client": object()}
+    more = {"out": tmp_path} if module == "pyarrow" else {"workers": object()}
     with pytest.raises(bm.MissingEngineError, match=rf"blockmech\[{extra}\]"):
         fourbar.study(VARY, **REQUEST, **more)
 
@@ -244,7 +245,7 @@ def test_a_part_that_is_none_is_done_again(fourbar, whole, tmp_path, harm):
     harm(path, other)
     done = []
     again = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=lambda *x: done.append(x[1]))
-    assert done == [REQUEST["count"]]
+    assert done == [REQUEST["sampling"].count]
     assert_same(whole, again)
     assert files(tmp_path) == before
     assert f"1 damaged part done again: {path.name}" in str(again)

@@ -25,7 +25,8 @@ from blockmech.cli.output import check_places, write_answer
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
 from blockmech.ground.errors import needed, refused
 from blockmech.model.parameters import named
-from blockmech.studies.distributions import Distribution, Normal, Uniform
+from blockmech.studies.distributions import Distribution, Normal, Sample, Uniform
+from blockmech.studies.sampling import OF_DISTRIBUTIONS
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -89,15 +90,14 @@ def sweep(
         where, remedy = "--start, --method, --accuracy", "say what ends it: --until standstill"
         raise refused(where, "no design moves", remedy, code="useless-setting")
     request: dict[str, Any] = {**over, "friction": how.method, "simulate": moving}
-    request |= {"sampling": sampling, "count": count, "seed": seed, "static": static}
+    request |= {"sampling": _sampling(sampling, count, seed), "static": static}
     request |= {
         "want": [_reduction(mechanism, x) for x in want],
         "out": out if in_parts else None,
-        "workers": workers,
     }
     numbers = _varied(mechanism, vary)
-    with progress_bar("running") as progress, _client(dask) as client:
-        study = mechanism.study(numbers, progress=progress, client=client, **request)
+    with progress_bar("running") as progress, _hands(workers, dask) as hands:
+        study = mechanism.study(numbers, progress=progress, workers=hands, **request)
     say(str(study))
     if in_parts:
         say(f"wrote {out}")
@@ -106,12 +106,22 @@ def sweep(
         raise Interrupted("what was run is kept")
 
 
+def _sampling(method: str | None, count: int | None, seed: int) -> str | Sample | None:
+    """How designs are made: of arrays by a word, of distributions by drawing so many."""
+    if count is None and method not in OF_DISTRIBUTIONS:
+        return method
+    return Sample(count, method or "latin", seed)  # type: ignore[arg-type]
+
+
 @contextmanager
-def _client(address: str | None) -> Iterator[Any]:
-    """The client of a cluster at an address; None without one."""
+def _hands(workers: int | None, address: str | None) -> Iterator[Any]:
+    """The client of the cluster at an address, or so many processes of this machine."""
     if address is None:
-        yield None
+        yield workers
         return
+    if workers is not None:
+        remedy = "give workers of this machine, or the address of a cluster"
+        raise refused("--workers", "a cluster is given", remedy, code="useless-setting")
     distributed = needed("distributed", "--dask", "cluster")
     try:
         client = distributed.Client(address)

@@ -1,4 +1,4 @@
-"""How a number scatters: the distributions that tolerances and studies take.
+"""How numbers scatter: the distributions that tolerances and studies take, and samples of them.
 
 >>> import blockmech as bm
 >>> bm.dist.Normal(mean=6.0, deviation=1e-4)
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from blockmech.ground.errors import refused
 from blockmech.ground.values import is_number
 
-__all__ = ["Normal", "Uniform"]
+__all__ = ["Normal", "Sample", "Uniform"]
 
 Floats = NDArray[np.float64]
 
@@ -84,3 +84,22 @@ class Uniform:
 
 Distribution: TypeAlias = Normal | Uniform
 """How a number scatters."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Designs that a study draws from distributions.
+
+    Parameters
+    ----------
+    count : number of designs; of "sobol" a power of two
+    method : "latin" (hypercube, default), "sobol" (scrambled) or "random"
+    seed : the same seed draws the same designs
+
+    >>> Sample(64, "sobol").seed
+    0
+    """
+
+    count: int
+    method: Literal["latin", "sobol", "random"] = "latin"
+    seed: int = 0

@@ -20,7 +20,7 @@ import numpy as np
 
 from blockmech.ground.errors import Problem, RequestError, as_names, listed, refused
 from blockmech.ground.values import is_count
-from blockmech.studies.distributions import Distribution, Floats
+from blockmech.studies.distributions import Distribution, Floats, Sample
 
 Sampling = Literal["grid", "paired", "latin", "sobol", "random"]
 OF_ARRAYS, OF_DISTRIBUTIONS = ("grid", "paired"), ("latin", "sobol", "random")
@@ -103,45 +103,59 @@ class Designs:
         return np.asarray(qmc.LatinHypercube(len(self.vary), seed=random).random(self.count))
 
 
-def designs(vary: Mapping[str, Any], sampling: str | None, count: int | None, seed: int) -> Designs:
+def designs(vary: Mapping[str, Any], sampling: str | Sample | None) -> Designs:
     """The designs that a request names. Raises `RequestError` for what is wrong, all at once."""
     if not isinstance(vary, Mapping) or not vary:
         raise refused("vary", f"got {vary!r:.60}", 'give e.g. {"dyad.l_i": [5.9, 6.0, 6.1]}')
     problems: list[Problem] = []
-    if seed != 0 and not is_count(seed):
-        problems.append(_problem("seed", f"got {seed!r}", "give a whole number from 0 on"))
     random = [a for a, x in vary.items() if isinstance(x, Distribution)]
-    valid = OF_DISTRIBUTIONS if random else OF_ARRAYS
     if random and len(random) < len(vary):
         rest = listed(a for a in vary if a not in random)
         problems.append(
             _problem(rest, "values beside distributions", "give bm.dist.Uniform(low, high)")
         )
-    method = sampling or valid[0]
-    if method not in valid:
+    values = {a: x if a in random else _row(a, x, problems) for a, x in vary.items()}
+    sample = sampling if isinstance(sampling, Sample) else Sample(0, sampling)  # type: ignore[arg-type]
+    if random and sample is not sampling:
+        remedy = "say how many designs: sampling=bm.dist.Sample(1000)"
+        problems.append(_problem("sampling", f"got {sampling!r}", remedy))
+    elif not random and sample is sampling:
+        problems.append(_problem("sampling", "a sample has no meaning for arrays", "leave it out"))
+    method = sample.method or OF_ARRAYS[0]
+    valid = OF_DISTRIBUTIONS if random else OF_ARRAYS
+    if not problems and method not in valid:
         message = f'no sampling "{method}" of {"distributions" if random else "arrays"}'
         problems.append(Problem("bad-value", "sampling", message, f"valid: {listed(valid)}", ""))
-    values = {a: x if a in random else _row(a, x, problems) for a, x in vary.items()}
-    n = 0
-    if not random and count is not None:
-        problems.append(_problem("count", "has no meaning for arrays", "leave it out"))
-    elif random and not is_count(count):
-        message = f"must be a whole number, got {count!r}"
-        problems.append(_problem("count", message, "say how many designs"))
-    elif random:
-        n = int(count)  # type: ignore[arg-type]
-        if method == "sobol" and n & (n - 1):
-            message, power = f"{n} Sobol points are out of balance", 1 << n.bit_length()
-            problems.append(_problem("count", message, f"give a power of two, e.g. {power}"))
-    elif not problems:
-        sizes = {a: len(x) for a, x in values.items()}
-        if method == "paired" and len(set(sizes.values())) > 1:
-            lengths = listed(f"{a} has {k}" for a, k in sizes.items())
-            problems.append(_problem("vary", f"{lengths} values", "pairs need equally many"))
-        n = math.prod(sizes.values()) if method == "grid" else next(iter(sizes.values()))
     if problems:
         raise RequestError(problems)
-    return Designs(values, method, n, seed)  # type: ignore[arg-type]
+    n = _count(sample) if random else _paired(method, {a: len(x) for a, x in values.items()})
+    return Designs(values, method, n, sample.seed)
+
+
+def _count(sample: Sample) -> int:
+    """Number of designs of a sample. Raises `RequestError` for a count or seed that is none."""
+    n, problems = sample.count, []
+    if sample.seed != 0 and not is_count(sample.seed):
+        problems.append(_problem("seed", f"got {sample.seed!r}", "give a whole number from 0 on"))
+    if not is_count(n):
+        message = f"must be a whole number, got {n!r}"
+        problems.append(_problem("count", message, "say how many designs"))
+    elif sample.method == "sobol" and n & (n - 1):
+        message, power = f"{n} Sobol points are out of balance", 1 << int(n).bit_length()
+        problems.append(_problem("count", message, f"give a power of two, e.g. {power}"))
+    if problems:
+        raise RequestError(problems)
+    return int(n)
+
+
+def _paired(method: str, lengths: Mapping[str, int]) -> int:
+    """Number of designs of a grid or of pairs. Raises `RequestError` for pairs of two lengths."""
+    if method == "grid":
+        return math.prod(lengths.values())
+    if len(set(lengths.values())) > 1:
+        found = f"{listed(f'{a} has {k}' for a, k in lengths.items())} values"
+        raise RequestError(_problem("vary", found, "pairs need equally many"))
+    return next(iter(lengths.values()))
 
 
 def _row(address: str, raw: Any, problems: list[Problem]) -> Floats:

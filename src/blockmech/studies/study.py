@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
@@ -16,16 +16,19 @@ from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.model.parameters import named
-from blockmech.studies.distributions import Distribution
+from blockmech.studies.distributions import Distribution, Sample
 from blockmech.studies.family import Family, parameters
 from blockmech.studies.fingerprint import fingerprint
 from blockmech.studies.motions import runner_of
 from blockmech.studies.rows import WITHOUT, Parts, Rows, Span
 from blockmech.studies.runner import Runner
-from blockmech.studies.sampling import Designs, Sampling, designs
+from blockmech.studies.sampling import Designs, designs
 from blockmech.studies.table import Study
 from blockmech.studies.workers import Work, hands
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Progress
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 @declared
@@ -37,23 +40,20 @@ def study(
     at: Coordinates | None = None,
     samples: int | None = None,
     times: Numbers | None = None,
-    sampling: Sampling | None = None,
-    count: int | None = None,
-    seed: int = 0,
+    sampling: Literal["grid", "paired"] | Sample | None = None,
     friction: FrictionMethod | None = None,
     static: bool = False,
     engine: EngineName = "auto",
     progress: Progress | None = None,
     out: AnyPath | None = None,
-    workers: int | None = None,
-    client: Any = None,
+    workers: int | Client | None = None,
     simulate: Mapping[str, Any] | None = None,
 ) -> Study:
     """Run many designs and keep a few numbers of each.
 
     Parameters
     ----------
-    vary : address -> values (k,), e.g. ["50mm", 0.06], or a distribution (`normal`, `uniform`)
+    vary : address -> values (k,), e.g. ["50mm", 0.06], or a distribution (`Normal`, `Uniform`)
         See `Mechanism.parameters` for the addresses.
     want : ``{"crank.drive": ["max_abs", "rms"], "dyad.margin": "min"}``, or texts such as
         ``"max_abs(crank.drive)"``
@@ -62,17 +62,16 @@ def study(
         all of them; rest is an output at the stable equilibrium nearest to the first pose.
     at : driver -> poses (n,) [rad or m]; by default the range of the drivers' laws
     samples, times : as those of a run, in place of ``at``
-    sampling : "grid" (default of arrays) or "paired"; of distributions "latin" (default),
-        "sobol" or "random"
-    count, seed : of distributions, how many designs, and which
+    sampling : "grid" (default) or "paired" of arrays; of distributions a `Sample`, such as
+        ``bm.dist.Sample(1000)``
     friction, static : as those of a run
     engine : "numpy", "llvm" for machine code, or "auto", the quicker one
     progress : called as ``progress(what, done, whole)``
     out : folder
         Where what is done is kept as Parquet files: asked again, a study that was interrupted
         goes on where it stopped. The numbers are read when they are asked for.
-    workers : number of processes of this machine that do it, in place of this one
-    client : a `dask.distributed.Client`, whose workers do it; ``out`` is a folder of theirs, too
+    workers : number of processes of this machine that do it, in place of this one; or a
+        `dask.distributed.Client`, whose workers do it: ``out`` is then a folder of theirs, too
         The answer is the same to the last bit, whoever does it.
     simulate : arguments of `simulate`, e.g. ``{"until": "standstill"}``
         Each design moves, and what is wanted is reduced over the output times: also ``final``,
@@ -95,7 +94,7 @@ def study(
     """
     how = {"friction": friction, "static": static}
     vary = _in_si(mechanism, vary) if isinstance(vary, Mapping) else vary
-    chosen = designs(vary, sampling, count, seed)
+    chosen = designs(vary, sampling)
     family = Family(mechanism, vary, friction)
     poses = {"at": at, "samples": samples, "times": times}
     runner = runner_of(family, want, poses, how, simulate)
@@ -106,7 +105,7 @@ def study(
         dict(zip(vary, family.parameters, strict=True)),
         runner.want,
         chosen,
-        _rows(runner, chosen, spans, progress, out, workers, client),
+        _rows(runner, chosen, spans, progress, out, workers),
         runner.coordinates,
         family.alone,
         runner.engine,
@@ -132,8 +131,7 @@ def _rows(
     spans: tuple[Span, ...],
     say: Progress | None,
     out: AnyPath | None,
-    workers: int | None,
-    client: Any,
+    workers: int | Client | None,
 ) -> Rows | Parts:
     """All designs, or those that were done in a row before Ctrl-C; parts that exist are done."""
     parts, left = None, list(spans)
@@ -145,7 +143,7 @@ def _rows(
         parts = replace(parts, damaged=damaged)
     blocks: dict[Span, Rows | None] = dict.fromkeys(set(spans) - set(left))
     done = chosen.count - sum(stop - start for start, stop in left)
-    answers = hands(Work(runner, chosen, parts), workers, client)(left)
+    answers = hands(Work(runner, chosen, parts), workers)(left)
     try:
         for span, block in answers:
             blocks[span] = block

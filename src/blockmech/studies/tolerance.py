@@ -31,7 +31,7 @@ from blockmech.ground.report import DEGREES, sections
 from blockmech.model.parameters import named
 from blockmech.result.exported import aligned
 from blockmech.studies.differentiate import sensitivity
-from blockmech.studies.distributions import Distribution
+from blockmech.studies.distributions import Distribution, Sample
 from blockmech.studies.family import Family, parameters, remade
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, designs
@@ -201,7 +201,7 @@ def tolerance(
 
     Parameters
     ----------
-    numbers : address -> distribution (`normal`, `uniform`), independent of each other
+    numbers : address -> distribution (`Normal`, `Uniform`), independent of each other
     want : names or patterns of outputs, or reductions of them, ``range(dyad.j.angle)``
     at, samples, times : the samples, as those of a run
     count, seed : of designs drawn at random for Monte Carlo; by default none
@@ -233,7 +233,7 @@ def tolerance(
         family, how = Family(centre, laws, friction), linear.result.settings
         every = [n if n in linear.reduced else f"poses({n})" for n in linear]
         runner = Runner.of(family, every, poses, how)
-        sampled = _drawn(runner, designs(laws, "random", count, seed), linear, progress)
+        sampled = _drawn(runner, designs(laws, Sample(count, "random", seed)), linear, progress)
     return Tolerance(linear, laws, sampled)
 
 

@@ -101,7 +101,7 @@ class Work:
 
     def by_cluster(self, spans: Sequence[Span], client: Any) -> Answers:
         """Parts done by the workers of a `distributed.Client`, which replaces those that die."""
-        distributed = needed("distributed", "client", "cluster")
+        distributed = needed("distributed", "workers", "cluster")
         common = client.submit(bytes, self.pickled)  # made again should a worker die with it
         given = {
             client.submit(answered, common, self.chosen.part(*span), span, pure=False): span
@@ -137,22 +137,18 @@ def _at_hand(pickled: bytes) -> tuple[Runner, Any, Parts | None]:
     return runner, runner.prepared(count), parts
 
 
-def hands(work: Work, workers: int | None, client: Any) -> Callable[[Sequence[Span]], Answers]:
+def hands(work: Work, workers: Any) -> Callable[[Sequence[Span]], Answers]:
     """Who does the parts. Raises `RequestError` for workers that are none."""
-    if workers is not None and client is not None:
-        remedy = "give workers of this machine, or the client of a cluster"
-        raise refused("workers", "a client is given", remedy, code="useless-setting")
-    if client is not None:
-        if not isinstance(client, needed("distributed", "client", "cluster").Client):
-            raise refused("client", f"got {client!r:.60}", "give a dask.distributed.Client")
-        return lambda spans: work.by_cluster(spans, client)
     if workers is None:
         return work.here
-    if not is_count(workers):
-        raise refused(
-            "workers", f"must be a whole number from 1 on, got {workers!r}", "give e.g. 2"
-        )
-    return lambda spans: work.by_processes(spans, workers)
+    if is_count(workers):
+        return lambda spans: work.by_processes(spans, workers)
+    if isinstance(workers, int | float) or not isinstance(
+        workers, needed("distributed", "workers", "cluster").Client
+    ):
+        remedy = "give a whole number from 1 on, or a dask.distributed.Client"
+        raise refused("workers", f"got {workers!r:.60}", remedy)
+    return lambda spans: work.by_cluster(spans, workers)
 
 
 def _serve() -> None:

@@ -171,7 +171,8 @@ class FreeMotion(Question):
             unit = self.mechanism.structure.driver_joint(self.mechanism.drivers[0]).coordinate_unit
         for count in compared:
             step = float(f"{length / count:.1e}")
-            yield Setting(method, f"step {step:g} {unit}", {"method": FixedStep(method, step)})
+            fixed = FixedStep(method, step)  # type: ignore[arg-type]
+            yield Setting(method, f"step {step:g} {unit}", {"method": fixed})
 
     def run(self, options: Mapping[str, Any], seconds: float) -> SimulationResult | None:
         """The simulation with a setting, through the public call; None if it took longer.
