@@ -211,6 +211,9 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
         found.to_xarray() if module == "xarray" else found.to_parquet(tmp_path / "a.parquet")
 
 
+NORMAL = {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}
+
+
 @pytest.mark.parametrize(
     ("request_", "words"),
     [
@@ -219,11 +222,8 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
         ({"vary": {"dyad.l_i": ["a"]}}, "is not a number with a unit"),
         ({"vary": {"dyad.l_i": [np.nan]}}, "not a finite number"),
         ({"vary": {"dyad.l_i": [6.0], "dyad.l_j": bm.dist.Normal(3.0, 0.1)}}, "bm.dist.Uniform"),
-        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}}, "say how many designs"),
-        (
-            {"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}, "sampling": bm.dist.Sample(9, "sobol")},
-            "e.g. 16",
-        ),
+        ({"vary": NORMAL}, "say how many designs"),
+        ({"vary": NORMAL, "sampling": bm.dist.Sample(9, "sobol")}, "e.g. 16"),
         ({"vary": {"dyad.l_i": [1, 2], "dyad.l_j": [3]}, "sampling": "paired"}, "equally many"),
         ({"want": {"crank.drive": "maxabs"}}, 'did you mean "max_abs"'),
         ({"want": {"dyad.C.p": "min"}}, "it is a vector"),
@@ -235,8 +235,11 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
         ({"want": {"crank.drive": 3}}, "want[crank.drive]: got 3"),
         ({"vary": {"dyad.branch": [-1, 0.5, 1]}}, 'must be -1, 1 or "follow", got 0.5'),
         ({"vary": {"dyad.l_i": [1.0, 0.0, 6.0]}}, "l_i must be > 0 m, got 0"),
-        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 9.0)}, "sampling": bm.dist.Sample(99)}, "l_i must be > 0 m, got -"),
-        ({"vary": {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}, "sampling": bm.dist.Sample(9, seed=-1)}, "seed: got -1"),
+        (
+            {"vary": {"dyad.l_i": bm.dist.Normal(6.0, 9.0)}, "sampling": bm.dist.Sample(99)},
+            "l_i must be > 0 m, got -",
+        ),
+        ({"vary": NORMAL, "sampling": bm.dist.Sample(9, seed=-1)}, "seed: got -1"),
         ({"engine": "scalar"}, "engines: auto, numpy, llvm"),
         ({"want": "crank.drive"}, "how it is reduced is not said"),
     ],
