@@ -21,6 +21,7 @@ from blockmech.model import document, graph
 from blockmech.model.joints import linkage
 from blockmech.model.naming import Names
 from blockmech.model.reading import decoded, text_of
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     import blockmech.draw
@@ -89,7 +90,7 @@ class Decomposition:
     document : what it was made of, if that tells it
     """
 
-    data: dict[str, Any]
+    data: Data
     names: Names
     formation: Formation
     document: linkage.Linkage | None = None
@@ -173,7 +174,7 @@ class Linkage(linkage.Linkage, Uncompiled):
         return f"<Linkage {self.name}: {counts}; {shorten(formula, 300, placeholder=' ...')}>"
 
 
-_AS_BLOCKS: WeakKeyDictionary[Linkage, tuple[dict[str, Any], Decomposition]] = WeakKeyDictionary()
+_AS_BLOCKS: WeakKeyDictionary[Linkage, tuple[Data, Decomposition]] = WeakKeyDictionary()
 """Linkage -> what it was and the blocks that it became then."""
 
 
@@ -205,7 +206,7 @@ def opened(path: str | os.PathLike[str]) -> Opened:
 
 def read_text(text: bytes | str, name: str) -> Opened:
     """The mechanism in a file's bytes or text, by its name in messages. Raises like `opened`."""
-    kind: Callable[[dict[str, Any]], type[Opened]] = _kind
+    kind: Callable[[Data], type[Opened]] = _kind
     return document.read(decoded(text, name) if isinstance(text, bytes) else text, name, kind)
 
 
@@ -258,12 +259,12 @@ def _head(path: str | os.PathLike[str]) -> bytes:
         return b""
 
 
-def from_data(data: dict[str, Any], file: str | os.PathLike[str] | None = None) -> Opened:
+def from_data(data: Data, file: str | os.PathLike[str] | None = None) -> Opened:
     """The mechanism in the plain data of a file. Raises like `opened`."""
     return _kind(data).from_data(data, (), os.fspath(file) if file else "")
 
 
-def _kind(raw: dict[str, Any]) -> type[Opened]:
+def _kind(raw: Data) -> type[Opened]:
     """What data say that they are, or, if they name no format, what they look like."""
     joints = "joints" in raw and "blocks" not in raw
     if "format" in raw:

@@ -35,6 +35,7 @@ from blockmech.result.failures import without_gaps
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples, make_samples
 from blockmech.typing import (
+    Arguments,
     Coordinates,
     EngineName,
     FrictionMethod,
@@ -42,6 +43,7 @@ from blockmech.typing import (
     Numbers,
     OnGap,
     Precision,
+    Record,
 )
 
 if TYPE_CHECKING:
@@ -259,7 +261,7 @@ class Compiled(Runnable[M]):
         """
         mechanism = cast(Compiled, self.compile())
         taken = mechanism.samples(at, samples, times, rates, accelerations)
-        how: dict[str, Any] = {"friction": friction}
+        how: Arguments = {"friction": friction}
         if accuracy is None:
             how["static"] = static
             result = mechanism._answer(taken, want, how, engine, precision, chunk)
@@ -272,7 +274,7 @@ class Compiled(Runnable[M]):
         self,
         taken: Samples,
         want: Iterable[str] | str,
-        given: Mapping[str, Any],
+        given: Arguments,
         engine: EngineName = "auto",
         precision: Precision | None = None,
         chunk: int | None = None,
@@ -321,7 +323,7 @@ class Compiled(Runnable[M]):
         return values, "numpy"
 
     def _doubts_in_double(
-        self, plan: Plan, values: tuple[Any, ...], inputs: Mapping[str, Any], n: int
+        self, plan: Plan, values: tuple[Any, ...], inputs: Record, n: int
     ) -> tuple[Any, ...]:
         """Values in single precision, but with friction that it cannot tell from double.
 
@@ -346,7 +348,7 @@ class Compiled(Runnable[M]):
 
         return tuple(each_part(mended, values, better))
 
-    def _with_states(self, plan: Plan, taken: Samples) -> Mapping[str, Any]:
+    def _with_states(self, plan: Plan, taken: Samples) -> Record:
         """Inputs (n,) of a program that reads states; those not given are the initial ones."""
         bent = {f"{STATE}{self.structure.states[x]}" for x in self.structure.remembering}
         if any(name not in taken.inputs for name in bent.intersection(plan.program.inputs)):

@@ -20,6 +20,30 @@ Real: TypeAlias = Any
 Complex: TypeAlias = Any
 """A planar vector x + iy or a batch of them: complex, or `Planar` (...)."""
 
+Reals: TypeAlias = Sequence[Real]
+"""Real numbers, one for each pair, driver or row."""
+
+Planars: TypeAlias = Sequence[Complex]
+"""Planar vectors, one for each pair or row."""
+
+Edges: TypeAlias = Sequence[bool]
+"""Whether the load on a pair is the larger of two components, as a guide's, not a length."""
+
+Influences: TypeAlias = Sequence[Planars]
+"""Of each pair, what a unit of friction of every pair changes its load by."""
+
+Parameters: TypeAlias = Any
+"""Numbers of a block, load or law: the NamedTuple that is made of its model, for its kernels."""
+
+Data: TypeAlias = dict[str, Any]
+"""What an object of JSON holds: plain data of a file, of a part of it, or of an answer."""
+
+Record: TypeAlias = Mapping[str, Any]
+"""Such data, or values by name, that are only read."""
+
+Arguments: TypeAlias = dict[str, Any]
+"""Arguments of a call, by their names."""
+
 Argument: TypeAlias = Literal["coordinate", "rate", "time"]
 """What a law of a load is a function of, if it is not a signal."""
 

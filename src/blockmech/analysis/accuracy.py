@@ -51,7 +51,7 @@ from blockmech.ground.values import is_number
 from blockmech.result.quality import Accuracy
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import FrictionMethod, FrictionName, Successive
+from blockmech.typing import Arguments, FrictionMethod, FrictionName, Record, Successive
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has been seen
@@ -103,7 +103,7 @@ class Setting(NamedTuple):
 def run_to(
     mechanism: Compiled,
     accuracy: float,
-    given: Mapping[str, Any],
+    given: Arguments,
     taken: Samples,
     want: Iterable[str] | str,
     static: bool,
@@ -188,7 +188,7 @@ class _Request(NamedTuple):
         chunk: int | None = None,
     ) -> Result:
         """A run with a setting."""
-        how: dict[str, Any] = {"friction": setting.method, "static": self.static}
+        how: Arguments = {"friction": setting.method, "static": self.static}
         plan = self.mechanism._plan_at(samples, self.want, **how)
         engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
         values, name = self.mechanism._evaluate(plan, samples, engine, setting.precision, chunk)
@@ -230,9 +230,7 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     return Probe(share, contraction, _least_margin(double, good), rounding, rubs, few, errors)
 
 
-def _kept_back(
-    exact: ReferenceErrors, request: _Request, few: Samples, how: Mapping[str, Any]
-) -> float:
+def _kept_back(exact: ReferenceErrors, request: _Request, few: Samples, how: Arguments) -> float:
     """What a wider number does not gain: kernels that iterate, lengths derived in double."""
     ways = [rotated_run]
     if request.mechanism.names is not None:  # made of a document
@@ -249,7 +247,7 @@ def _known(result: Result) -> NDArray[np.bool_]:
     return good if good.any() else comparable(result, friction=False, near=True)
 
 
-def _worst(columns: Mapping[str, Any], good: Any, least: float = 0.0) -> float:
+def _worst(columns: Record, good: Any, least: float = 0.0) -> float:
     return max((float(np.max(c[good], initial=least)) for c in columns.values()), default=least)
 
 

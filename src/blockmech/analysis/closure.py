@@ -21,6 +21,7 @@ from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
 from blockmech.plan.values import Value
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -81,7 +82,7 @@ class Closure:
         """Values of the program at one place."""
         return self._program.scalar.one(list(self._inputs(q).values()))
 
-    def _inputs(self, q: Any) -> dict[str, Any]:
+    def _inputs(self, q: Any) -> Data:
         number = {f"q_{i}": d for i, d in enumerate(self.mechanism.drivers)}
         drivers = {n: number[n] for n in self._program.scalar.program.inputs}
         return {n: q if d == self.driver else self.held[d] for n, d in drivers.items()}

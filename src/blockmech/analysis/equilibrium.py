@@ -24,6 +24,7 @@ from blockmech.functions.series import Floats
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json, places, with_unit
+from blockmech.typing import Data
 
 Kind = Literal["stable", "unstable", "indifferent"]
 
@@ -224,7 +225,7 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
             yield f"friction holds {self.coordinate} {_between(one, self.unit, degrees)}"
         yield from self.notes
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """All of it as a JSON object."""
         return {"equilibria": as_json(self.found), **super().to_dict()}
 

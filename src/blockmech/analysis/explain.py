@@ -11,7 +11,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, listed
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.plan.plan import Plan
-from blockmech.typing import FrictionMethod
+from blockmech.typing import Arguments, FrictionMethod
 
 GROUPS = 12  # wanted outputs above which they are told by quantity
 FAMILIES = (  # the dearest stage that outputs need -> what they are called
@@ -56,7 +56,7 @@ def explain(
     ``want``, ``friction``, ``static`` are those of a run.
     Raises `RequestError` for unknown names or settings that do not fit.
     """
-    settings: dict[str, Any] = {"friction": friction, "static": static}
+    settings: Arguments = {"friction": friction, "static": static}
     patterns = as_names("want", want)
     plan = mechanism.plan(patterns, **settings)
     rows = shares(mechanism, patterns, **settings)
@@ -84,7 +84,7 @@ def shares(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> t
 
 
 def _groups(
-    mechanism: Compiled, patterns: tuple[str, ...], whole: Plan, settings: Mapping[str, Any]
+    mechanism: Compiled, patterns: tuple[str, ...], whole: Plan, settings: Arguments
 ) -> Mapping[str, tuple[str, ...]]:
     """Outputs one by one, or by the user's patterns, or by the dearest stage they need."""
     names = whole.want

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
@@ -18,7 +18,7 @@ from blockmech.analysis.turning_points import Turn, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.ground.errors import held, listed, refused, shown
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
-from blockmech.typing import FrictionMethod
+from blockmech.typing import Data, FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -56,7 +56,7 @@ class Extreme(Facts):
         """Where it is, in words."""
         return places({d: shown_place(q) for d, q in self.at.items()}, self.units, degrees)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The extreme as a JSON object; null stands for infinity."""
         return {**super().to_dict(), "drivers": dict(self.at)}
 
@@ -119,7 +119,7 @@ class Extremes(Facts, Report):
                 value = with_unit(one.value, self.unit, degrees)
                 yield f"{name}  {one.kind} {value} at {one.place(degrees)}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The extremes as a JSON object."""
         parts = {part or "value": r.to_dict() for part, r in self.ranges.items()}
         return {"output": self.name, "unit": self.unit, **parts}

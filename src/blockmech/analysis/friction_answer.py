@@ -27,6 +27,7 @@ from blockmech.result.columns import output_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
+from blockmech.typing import Data
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -275,7 +276,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
     def _said(self, group: str) -> str:
         return str(self.answers.mechanism._block_name(group))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The solutions by pose, as JSON data in SI units."""
         columns, first = self._columns(), np.searchsorted(self.pose, np.arange(self.n + 1))
         solutions = [

@@ -44,7 +44,7 @@ from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Coordinates, Numbers
+from blockmech.typing import Coordinates, Data, Numbers
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -163,7 +163,7 @@ class Equations:
         slips = (np.broadcast_to(values[i], taken.n) for i in self.slips)
         return replace(still, inputs=columns | dict(zip(names, slips, strict=True)))
 
-    def inputs(self, poses: Samples, pose: Indices, t: Floats) -> dict[str, Any]:
+    def inputs(self, poses: Samples, pose: Indices, t: Floats) -> Data:
         """Inputs of a program at some of the poses, with friction (s, joints)."""
         columns = {name: np.asarray(column)[pose] for name, column in poses.inputs.items()}
         return columns | {f"friction_{i}": t[:, i] for i in range(t.shape[1])}

@@ -38,6 +38,7 @@ from blockmech.ground.report import DEGREES, Facts
 from blockmech.ground.units import number_in_si
 from blockmech.model.structure import Structure
 from blockmech.result.shortfall import shortfall
+from blockmech.typing import Data, Record
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -180,7 +181,7 @@ class Limits(Facts, Pictured):
         if any(end.block for arc in self.arcs for end in (arc.start, arc.end, *arc.change_points)):
             yield f"  {SECOND_KIND}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The limits as a JSON object, drivers by the names of their coordinates."""
         held = {self._q(d): q for d, q in self.held.items()}
         return {"driver": self._q(self.driver), "held": held, **super().to_dict()}
@@ -316,7 +317,7 @@ def _moved(mechanism: Compiled, driver: str | None) -> str:
     return among(drivers, "driver", driver)[0]
 
 
-def _held(mechanism: Compiled, moved: str, at: Mapping[str, Any]) -> dict[str, float]:
+def _held(mechanism: Compiled, moved: str, at: Record) -> dict[str, float]:
     """Where the drivers stand that do not move: as asked, or where their motion begins."""
     others = [d for d in mechanism.drivers if d != moved]
     valid = f"held: {listed(others)}"

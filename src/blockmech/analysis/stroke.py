@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import EPS, Floats, fit, panels
 from blockmech.ground.errors import refused
 from blockmech.ground.report import DEGREES, Facts, Report, with_unit
-from blockmech.typing import FrictionMethod
+from blockmech.typing import Data, FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -87,7 +87,7 @@ class Stroke(Facts, Report):
         ratio = self.time_ratio
         yield text if ratio is None else f"{text}; time ratio {ratio:.6g}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The stroke as a JSON object."""
         return {"output": self.name, **super().to_dict()}
 

@@ -9,7 +9,7 @@ Of a simulation the states are held against one another as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -47,7 +47,15 @@ from blockmech.model.structure import LinkRef
 from blockmech.passes.signals import STATE
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Precision
+from blockmech.typing import (
+    Arguments,
+    Coordinates,
+    Data,
+    EngineName,
+    FrictionMethod,
+    Numbers,
+    Precision,
+)
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -181,7 +189,7 @@ def verify(
         return _of_result(mechanism, at, engine, chunk)
     if at is None and samples is None and times is None:
         samples = SAMPLES
-    how: dict[str, Any] = {"engine": engine, "precision": precision or "complex128", "chunk": chunk}
+    how: Arguments = {"engine": engine, "precision": precision or "complex128", "chunk": chunk}
     blocks = mechanism._of_blocks
     taken = blocks.samples(at, samples, times, rates, accelerations)
     taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
@@ -252,14 +260,14 @@ def _relative(left: Any, scale: Any) -> Any:
     return np.max(np.where(left == 0, 0.0, np.abs(left) / known), axis=-1, initial=0.0)
 
 
-def _states(mechanism: Compiled, n: int) -> dict[str, Any]:
+def _states(mechanism: Compiled, n: int) -> Data:
     """States of signal blocks at n samples, each a number of its own: any will do."""
     structure, at = mechanism.structure, np.arange(n)
     initial = structure.initial_states[: len(structure.states) - len(structure.remembering)]
     return {f"{STATE}{k}": x + np.cos(at + 2 * k) for k, x in enumerate(initial)}
 
 
-def _perturbed_run(run: Result, how: Mapping[str, Any]) -> Result:
+def _perturbed_run(run: Result, how: Arguments) -> Result:
     """The same poses without friction, each with rates and accelerations of its own.
 
     Rates are between half of those asked for and those; none is zero. Accelerations are of the

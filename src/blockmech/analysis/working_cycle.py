@@ -15,6 +15,7 @@ from blockmech.functions.series import SCANNED, Floats
 from blockmech.ground.errors import RequestError, refused
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
+from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -41,11 +42,11 @@ class Cycle:
     """
 
     mechanism: Compiled
-    settings: Mapping[str, Any]
+    settings: Arguments
     by: Literal["coordinate", "time", "share"]
     low: float
     high: float
-    request: Callable[[Floats], dict[str, Any]]
+    request: Callable[[Floats], Data]
     steps: int
     turns: bool = False
     backwards: bool = False
@@ -107,7 +108,7 @@ def no_range(where: str, remedy: str) -> RequestError:
     return refused(where, "there is no range to follow", remedy, code="no-range")
 
 
-def cycle_through(mechanism: Compiled, samples: Samples, settings: Mapping[str, Any]) -> Cycle:
+def cycle_through(mechanism: Compiled, samples: Samples, settings: Arguments) -> Cycle:
     """The cycle that samples go through. Raises `RequestError` where they are no range."""
     if samples.times is not None:
         low, high = float(samples.times.min()), float(samples.times.max())
@@ -132,7 +133,7 @@ def cycle_through(mechanism: Compiled, samples: Samples, settings: Mapping[str, 
 
 def by_coordinate(
     mechanism: Compiled,
-    settings: Mapping[str, Any],
+    settings: Arguments,
     low: float,
     high: float,
     law: Any,
@@ -147,7 +148,7 @@ def by_coordinate(
     steps = min(MOST, max(SCANNED, n - 1, math.ceil(SCANNED * count)))
     rate = more.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
 
-    def request(s: Floats) -> dict[str, Any]:
+    def request(s: Floats) -> Data:
         return {"at": s, **more}
 
     return Cycle(
@@ -155,20 +156,18 @@ def by_coordinate(
     )
 
 
-def by_time(
-    mechanism: Compiled, settings: Mapping[str, Any], low: float, high: float, n: int = 0
-) -> Cycle:
+def by_time(mechanism: Compiled, settings: Arguments, low: float, high: float, n: int = 0) -> Cycle:
     """A range of time [s], in which the drivers follow their laws of motion."""
     steps = 2 * max(SCANNED, n - 1)
     return Cycle(mechanism, settings, "time", low, high, lambda s: {"times": s}, steps)
 
 
 def by_share(
-    mechanism: Compiled, settings: Mapping[str, Any], ends: list[tuple[float, float]], n: int = 0
+    mechanism: Compiled, settings: Arguments, ends: list[tuple[float, float]], n: int = 0
 ) -> Cycle:
     """Straight from the first end of each driver [rad or m] to the second; places are shares."""
 
-    def request(s: Floats) -> dict[str, Any]:
+    def request(s: Floats) -> Data:
         pairs = zip(mechanism.drivers, ends, strict=True)
         return {"at": {d: a + s * (b - a) for d, (a, b) in pairs}}
 

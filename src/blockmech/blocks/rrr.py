@@ -23,7 +23,7 @@ from blockmech.blocks.motion import DyadAcceleration, DyadVelocity
 from blockmech.blocks.points import Point, branch_of, given_points
 from blockmech.ground.plane import cross, dot, hyp, imul, mul, sqrt
 from blockmech.ground.values import Length
-from blockmech.typing import Complex, LinkAcceleration, LinkPosition, LinkVelocity, Load, Real
+from blockmech.typing import Complex, Data, LinkAcceleration, LinkPosition, LinkVelocity, Load, Real
 
 Bent: TypeAlias = Any
 """A pose of two pinned links: u = C - B, w = C - D [m], det = cross(u, w) [m2]."""
@@ -165,7 +165,7 @@ class RRR(TwoModes, type="dyad.rrr"):
         return cls(**bent("RRR.from_points", B, C, D), **more)  # type: ignore[arg-type]
 
 
-def bent(where: str, B: Point, C: Point, D: Point) -> dict[str, Any]:
+def bent(where: str, B: Point, C: Point, D: Point) -> Data:
     """Lengths and branch of two links from B and D to C."""
     b, c, d = given_points(where, B=B, C=C, D=D)
     branch = branch_of(where, cross(d - b, c - b), "B, C and D lie on one line")

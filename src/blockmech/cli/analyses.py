@@ -22,6 +22,7 @@ from blockmech.ground.errors import (
     in_file,
     refused,
 )
+from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -63,7 +64,7 @@ def _doubts(model: Opened, file: str) -> list[Problem]:
     return []
 
 
-def _facts(model: Opened) -> tuple[dict[str, Any], str]:
+def _facts(model: Opened) -> tuple[Data, str]:
     """What a mechanism is, as data and as text."""
     text = repr(model)
     if isinstance(model, Graph):
@@ -127,7 +128,7 @@ def modes(
     no_arcs: Annotated[bool, switch("no-arcs", "Do not search for the arcs of each mode.")] = False,
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
-    request: dict[str, Any] = {"driver": driver, "groups": group or None, "arcs": not no_arcs}
+    request: Arguments = {"driver": driver, "groups": group or None, "arcs": not no_arcs}
     shown.ask(file, compiled, "searching", lambda m: m.modes(coordinates(m, at), **request))
 
 

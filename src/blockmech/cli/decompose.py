@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,6 +15,7 @@ from blockmech.ground.errors import refused
 from blockmech.model.naming import JointName
 from blockmech.model.structure import Structure
 from blockmech.result.exported import aligned
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.builders import Decomposition
@@ -53,7 +54,7 @@ def decompose(
     answer(file, json, as_data(made), "\n".join(lines))
 
 
-def as_data(made: Decomposition) -> dict[str, Any]:
+def as_data(made: Decomposition) -> Data:
     """A decomposition as a JSON object."""
     names, structure = made.names, made.graph.structure()
     return {

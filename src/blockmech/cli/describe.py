@@ -6,7 +6,7 @@ import fnmatch
 import json
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -22,6 +22,7 @@ from blockmech.loads.contract import Element, Following
 from blockmech.result.exported import result_schema
 from blockmech.result.tables import aligned
 from blockmech.signals.contract import Signal
+from blockmech.typing import Data
 
 
 class Document(StrEnum):
@@ -102,7 +103,7 @@ def _described(name: str, block: type[Block]) -> Iterator[str]:
 
 
 def _parameters(block: type[Block]) -> Iterator[str]:
-    properties: dict[str, Any] = block.model_json_schema().get("properties", {})
+    properties: Data = block.model_json_schema().get("properties", {})
     for name, field in block.model_fields.items():
         if name in SHARED_FIELDS:
             continue
@@ -113,6 +114,6 @@ def _parameters(block: type[Block]) -> Iterator[str]:
         yield f"  parameter   {name}{f' [{unit}]' if unit else ''}{default}"
 
 
-def _unit_of_part(schema: dict[str, Any]) -> str:
+def _unit_of_part(schema: Data) -> str:
     """Unit of an optional number, which stands one level deeper."""
     return next((part["unit"] for part in schema.get("anyOf", ()) if "unit" in part), "")

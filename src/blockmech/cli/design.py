@@ -14,6 +14,7 @@ from blockmech.cli.output import Drawn
 from blockmech.cli.terminal import note
 from blockmech.ground.errors import refused
 from blockmech.ground.files import refuse_spared
+from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -31,7 +32,7 @@ def equilibria(
     ] = None,
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
-    options: dict[str, Any] = {"friction": friction, "time": time}
+    options: Arguments = {"friction": friction, "time": time}
     shown.ask(file, compiled, "searching", lambda m: m.equilibria(**options))
 
 
@@ -51,7 +52,7 @@ def solve(
     static: Static = False,
 ) -> None:
     """Find the driver coordinates, parameters or loads that give wanted values."""
-    options: dict[str, Any] = {"modes": modes, "friction": friction, "static": static}
+    options: Arguments = {"modes": modes, "friction": friction, "static": static}
 
     def ask(m: Mechanism) -> Any:
         values = dict(map(_quantity, want))
@@ -81,7 +82,7 @@ def linearize(
     friction: Friction = None,
 ) -> None:
     """Find how the mechanism vibrates about a pose: frequencies, damping, mode shapes."""
-    request: dict[str, Any] = {"inputs": names_of(inputs), "outputs": names_of(outputs)}
+    request: Arguments = {"inputs": names_of(inputs), "outputs": names_of(outputs)}
     request |= {"friction": friction, "states": dict(map(_named, states or []))}
 
     def ask(m: Mechanism) -> Any:
@@ -168,7 +169,7 @@ def identify(
     static: Static = False,
 ) -> None:
     """Identify numbers of the mechanism from what was measured on it."""
-    request: dict[str, Any] = {"friction": friction, "static": static}
+    request: Arguments = {"friction": friction, "static": static}
     shown.ask(
         file, compiled, "fitting", lambda m: bm.design.identify(m, names_of(to), data, **request)
     )

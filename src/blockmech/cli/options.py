@@ -20,7 +20,7 @@ from blockmech.cli.numbers import MOST, coordinates, times
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.units import NoQuantity, quantity
 from blockmech.testing.graph_files import gallery
-from blockmech.typing import MotionName, Successive
+from blockmech.typing import Data, MotionName, Successive
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -76,7 +76,7 @@ def _like(incomplete: str) -> list[str]:
     return [name for name in gallery() if name.startswith(incomplete)]
 
 
-FILE_OR_NAME: dict[str, Any] = {"metavar": "FILE", "callback": of_gallery, "autocompletion": _like}
+FILE_OR_NAME: Data = {"metavar": "FILE", "callback": of_gallery, "autocompletion": _like}
 GraphFile = Annotated[
     str,
     typer.Argument(
@@ -90,7 +90,7 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
     """A command with each group of options spread out into its fields, as typer takes them."""
     hints = get_type_hints(command, include_extras=True)
     parameters: list[inspect.Parameter] = []
-    groups: dict[str, Any] = {}
+    groups: Data = {}
     for p in inspect.signature(command).parameters.values():
         group = hints[p.name]
         if not is_dataclass(group):
@@ -151,7 +151,7 @@ class Poses:
     samples: Samples = None
     at_times: Times = None
 
-    def of(self, mechanism: Compiled) -> dict[str, Any]:
+    def of(self, mechanism: Compiled) -> Data:
         """The arguments at, samples and times of a run."""
         at = coordinates(mechanism, self.at)
         return {"at": at, "samples": self.samples, "times": times(self.at_times)}

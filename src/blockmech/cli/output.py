@@ -25,6 +25,7 @@ from blockmech.ground.errors import refused
 from blockmech.ground.files import folder, refuse_spared, writing
 from blockmech.ground.report import DEGREES, Facts, Report, as_json
 from blockmech.result.exported import csv_chunks, json_chunks, table, write_csv
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.result.result import Result
@@ -155,7 +156,7 @@ class Several(Facts, Report):
         """The lines of all."""
         yield from (report.text(degrees) for report in self.reports)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """All under the name of their kind."""
         return {self.kind: as_json(self.reports)}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +23,7 @@ from blockmech.cli.output import Output
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.result.exported import gap_lines, leading
+from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
     from blockmech.result.result import Result
@@ -54,7 +55,7 @@ def run(
     some sample has no answer.
     """
     mechanism = output.read(file, compiled)
-    request: dict[str, Any] = {
+    request: Arguments = {
         "want": names_of(want) or EVERYTHING,
         "static": static,
         "friction": how.method,

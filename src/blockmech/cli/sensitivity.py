@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from blockmech.builders import compiled
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, names_of, option
 from blockmech.cli.output import Tabled
 from blockmech.ground.runnable import EVERYTHING
+from blockmech.typing import Arguments
 
 Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
 To = Annotated[
@@ -26,7 +27,7 @@ def sensitivity(
     static: Static = False,
 ) -> None:
     """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
-    how: dict[str, Any] = {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
+    how: Arguments = {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
     wanted = names_of(want)
     shown.ask(
         file, compiled, "differentiating", lambda m: m.sensitivity(wanted, **poses.of(m), **how)

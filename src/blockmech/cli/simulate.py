@@ -31,7 +31,7 @@ from blockmech.cli.output import Output
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.result.exported import gap_lines
-from blockmech.typing import FixedStep
+from blockmech.typing import Arguments, FixedStep
 
 if TYPE_CHECKING:
     from blockmech.result.result import Result
@@ -78,7 +78,7 @@ def simulate(
     """
     mechanism = output.read(file, compiled)
     names = names_of(want) or (EVERYTHING if output.out is not None else DRIVERS)
-    settings: dict[str, Any] = {"friction": how.method}
+    settings: Arguments = {"friction": how.method}
     if explain:
         from blockmech.dynamics.simulation import evaluation_cost
 

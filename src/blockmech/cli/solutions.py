@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -11,6 +11,7 @@ from blockmech.cli.numbers import row
 from blockmech.cli.options import GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.output import Tabled
 from blockmech.cli.terminal import NO_ANSWER
+from blockmech.typing import Arguments
 
 Scale = Annotated[str, option("Factor of all friction, e.g. 1.5 or 0.5:3:51.", "NUMBERS")]
 
@@ -27,7 +28,7 @@ def solutions(
 
     Where it is not proved at some pose the exit code is 1.
     """
-    request: dict[str, Any] = {"want": names_of(want) or None, "static": static}
+    request: Arguments = {"want": names_of(want) or None, "static": static}
     request["scale"] = row(f"--scale {scale}", scale, "")
     report = shown.ask(
         file, compiled, "searching", lambda m: m.friction_solutions(**poses.of(m), **request)

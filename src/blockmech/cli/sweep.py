@@ -27,6 +27,7 @@ from blockmech.ground.errors import needed, refused
 from blockmech.model.parameters import named
 from blockmech.studies.distributions import Distribution, Normal, Sample, Uniform
 from blockmech.studies.sampling import OF_DISTRIBUTIONS
+from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -82,14 +83,14 @@ def sweep(
         raise refused(out, "a table is csv or parquet", remedy)
     in_parts = out is not None and not Path(out).suffix
     over = poses.of(mechanism)
-    moving: dict[str, Any] | None = None
+    moving: Arguments | None = None
     if until is not None:
         moving = {"until": until, "method": method, "accuracy": accuracy}
         moving |= {"start": starts(mechanism, start), "times": over.pop("times")}
     elif start or method != "auto" or accuracy is not None:
         where, remedy = "--start, --method, --accuracy", "say what ends it: --until standstill"
         raise refused(where, "no design moves", remedy, code="useless-setting")
-    request: dict[str, Any] = {**over, "friction": how.method, "simulate": moving}
+    request: Arguments = {**over, "friction": how.method, "simulate": moving}
     request |= {"sampling": _sampling(sampling, count, seed), "static": static}
     request |= {
         "want": [_reduction(mechanism, x) for x in want],

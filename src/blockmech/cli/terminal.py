@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import IO, Any, TypeVar
 
@@ -18,6 +18,7 @@ import typer
 from blockmech.ground.errors import printable
 from blockmech.ground.files import cannot_write, spare
 from blockmech.ground.sigint import leave
+from blockmech.typing import Record
 
 T = TypeVar("T")
 DONE, NO_ANSWER, WRONG, FAULT, INTERRUPTED = 0, 1, 2, 3, 130  # exit codes
@@ -29,7 +30,7 @@ def say(*pieces: str, end: str = "\n") -> None:
     pour([*pieces, end])
 
 
-def answer(file: str, as_json: bool, data: Mapping[str, Any], text: str) -> None:
+def answer(file: str, as_json: bool, data: Record, text: str) -> None:
     """Write what was found about a file, as JSON or as text."""
     say(json.dumps({"file": file, **data}, indent=2) if as_json else text)
 

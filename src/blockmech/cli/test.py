@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,6 +18,7 @@ from blockmech.ground.errors import BlockmechError, Problem, in_file
 from blockmech.model.expect import Expectation
 from blockmech.model.writing import plain
 from blockmech.testing.graph_files import LEFT_OUT, graphs_of
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.testing.expectations import Outcome
@@ -41,7 +42,7 @@ class Tested:
         """Whether some number is not met."""
         return any(not o.ok for *_, outcomes in self.entries for o in outcomes)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """As JSON data."""
         entries = [
             {

@@ -22,6 +22,7 @@ from blockmech.cli.terminal import (
 )
 from blockmech.ground.errors import refused
 from blockmech.ground.files import folder, refuse_spared, writing
+from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade import Trade
@@ -78,7 +79,7 @@ def trade(
     check_places(csv, plot)
     for names in wants:
         mechanism.outputs.match(names or ())
-    request: dict[str, Any] = {
+    request: Arguments = {
         **poses.of(mechanism),
         "until": until,
         "start": starts(mechanism, start),

@@ -62,7 +62,7 @@ from blockmech.ground.values import (
     in_unit,
     mistake,
 )
-from blockmech.typing import Complex, Real
+from blockmech.typing import Complex, Parameters, Real
 
 DEAD = 1e-6  # cosine of a push that is square to the motion, within rounding of its square root
 SPREAD = 1e-9  # [rad] between rows of a spline
@@ -287,7 +287,7 @@ class Cam(Coupling, type="coupling.cam"):
 
     # -- profile --------------------------------------------------------------------------
 
-    def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
+    def faults(self, where: str, pair: str, here: Where, p: Parameters) -> Iterator[Problem]:
         """A face that cannot push, a profile through the centre, and undercut."""
         touch = self.touch(pair)
         places = [math.tau * (k + 0.5) / SAMPLES for k in range(SAMPLES)]
@@ -330,7 +330,7 @@ class Cam(Coupling, type="coupling.cam"):
         remedy = "a smaller roller, a larger base circle, or a longer rise"
         yield Problem("undercut", where, found, valid, remedy)
 
-    def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
+    def curves(self, pair: str, here: Where, p: Parameters) -> Iterator[Curve]:
         """The profile, and the follower's roller or face."""
         lead, profile = here(0.0).lead.u, []
         for k in range(2 * ROUND + 1):

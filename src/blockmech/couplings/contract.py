@@ -52,7 +52,7 @@ from blockmech.blocks.block import Block
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import cross, dot, imul, mul
 from blockmech.ground.values import Axis, Number, Units, in_unit
-from blockmech.typing import Complex, Guide, Load, Real
+from blockmech.typing import Complex, Guide, Load, Parameters, Real
 
 ROUND = 72  # straight pieces of a drawn circle
 
@@ -170,7 +170,9 @@ def circle(radius: float) -> list[complex]:
     return [complex(0.85 * radius), *round_]
 
 
-def concentric(coupling: Coupling, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
+def concentric(
+    coupling: Coupling, where: str, pair: str, here: Where, p: Parameters
+) -> Iterator[Problem]:
     """Wheels on one centre, which touch nowhere."""
     at = here(0.0)
     if abs(at.b.p - at.a.p) <= 1e-12 * max(abs(at.a.p), abs(at.b.p), 1e-300):
@@ -258,7 +260,7 @@ class Coupling(Block):
         """Arguments between two others at which the curve of the transmission jumps."""
         return ()
 
-    def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
+    def faults(self, where: str, pair: str, here: Where, p: Parameters) -> Iterator[Problem]:
         """What cannot work where the parts are; ``where`` is the coupling's name."""
         yield from ()
 
@@ -286,7 +288,7 @@ class Coupling(Block):
         """Whether `contact` asks for the sense of the effort."""
         return False
 
-    def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
+    def curves(self, pair: str, here: Where, p: Parameters) -> Iterator[Curve]:
         """What is drawn of it."""
         yield from ()
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from pydantic import Field, StrictBool, model_validator
 
@@ -31,7 +31,7 @@ from blockmech.couplings.contract import (
 )
 from blockmech.ground.plane import always, apply, dot, imul, mul
 from blockmech.ground.values import Angle, in_unit, mistake
-from blockmech.typing import Load, Real
+from blockmech.typing import Load, Parameters, Real
 
 Teeth = Annotated[int, Field(strict=True, ge=1)]
 
@@ -111,7 +111,7 @@ class Gear(LossyCoupling, type="coupling.gear"):
 
     faults = concentric
 
-    def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
+    def curves(self, pair: str, here: Where, p: Parameters) -> Iterator[Curve]:
         """Both pitch circles."""
         ends = here(0.0)
         span = abs(ends.b.p - ends.a.p) / abs(1 - self.ratio)

@@ -32,7 +32,7 @@ from blockmech.studies.differentiate import chosen_numbers, sensitivity
 from blockmech.studies.family import remade
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
-from blockmech.typing import Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Coordinates, Data, FrictionMethod, Numbers
 
 FAR = 1e9  # times the size of the outputs: a design that cannot be
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
@@ -155,8 +155,8 @@ def balance(
     drivers = mechanism.drivers
     names = as_sequence("want", want if want is not None else
                         tuple(mechanism._of_driver(d, "tau_red") for d in drivers))  # fmt: skip
-    poses: dict[str, Any] = {"samples": samples, "times": times}
-    how: dict[str, Any] = {
+    poses: Arguments = {"samples": samples, "times": times}
+    how: Arguments = {
         "friction": friction,
         "static": want is None if static is None else static,
     }
@@ -165,7 +165,7 @@ def balance(
     scale = {n: left_of(before[n]).rms or 1.0 for n in outputs}
     start = np.array([float(p.value) for p in chosen.values()])
     sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])
-    kept: dict[str, Any] = {}
+    kept: Data = {}
 
     def evaluated(u: Floats) -> tuple[Floats, Floats]:
         if kept.get("u") != u.tobytes():

@@ -35,7 +35,7 @@ from blockmech.plan.plan import Plan
 from blockmech.result.samples import Samples
 from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.family import Family, parameters
-from blockmech.typing import Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Coordinates, FrictionMethod, Numbers, Record
 
 BLOCK = 4096  # samples of a force at hand at a time
 STEPS = 40  # of Newton's method for a force at hand; from afar, friction included, ten do
@@ -240,6 +240,6 @@ def _driver(mechanism: Compiled, driver: str | None) -> str:
     return own
 
 
-def _inputs(taken: Samples, plan: Plan) -> Mapping[str, Any]:
+def _inputs(taken: Samples, plan: Plan) -> Record:
     inputs = taken.given(plan.program.inputs)
     return {name: inputs[name] for name in plan.program.inputs}

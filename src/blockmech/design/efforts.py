@@ -7,7 +7,7 @@ unknown of the same inverse question.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from blockmech.compiled import Compiled
@@ -16,6 +16,7 @@ from blockmech.loads import Couple, Force, Motor
 from blockmech.model.graph import Graph
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.structure import JointRef, Structure
+from blockmech.typing import Record
 
 EFFORT = re.compile(r"(?P<point>.+)\.(?P<kind>moment|force)(?P<axis>\.[xy])?")
 NOTHING = {"kind": "constant", "value": 0.0}
@@ -23,7 +24,7 @@ SIZES = {"moment": "moment", "vector": "force"}  # kind of an effort -> the para
 
 
 def with_efforts(
-    mechanism: Compiled, names: Iterable[str], parameters: Mapping[str, Any]
+    mechanism: Compiled, names: Iterable[str], parameters: Record
 ) -> tuple[Compiled, dict[str, str]]:
     """The mechanism with loads of size 0 for those names that are efforts, not parameters.
 

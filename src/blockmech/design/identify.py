@@ -53,7 +53,7 @@ from blockmech.studies.differentiate import chosen_numbers, program_numbers
 from blockmech.studies.family import remade
 from blockmech.studies.sensitivity import size_of
 from blockmech.studies.variation import Variation, is_written_out, of_links
-from blockmech.typing import FrictionMethod
+from blockmech.typing import Arguments, Data, FrictionMethod
 
 PART = 512  # samples of a long record that are fitted first
 FULL = 8  # steps on all samples at most; after the first fit one or two are enough
@@ -189,7 +189,7 @@ class _Fit:
     mechanism: Compiled
     chosen: Mapping[str, Parameter]
     record: Record
-    settings: Mapping[str, Any]
+    settings: Arguments
 
     @cached_property
     def _near(self) -> tuple[Variation, Plan]:
@@ -249,7 +249,7 @@ def _solved(fit: _Fit, kept: list[int], start: Floats, sizes: Floats) -> Floats:
     largest = np.where(largest > 0, largest, 1.0)
     least = NOISE * largest
     weight = 1.0 / np.maximum(np.std(measured, axis=1), START * largest)
-    last: dict[str, Any] = {}
+    last: Data = {}
 
     def evaluated(u: Floats) -> tuple[Floats, NDArray[Any]]:
         if last.get("u") != u.tobytes():

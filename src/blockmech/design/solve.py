@@ -35,7 +35,7 @@ from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.studies.family import parameters, remade
 from blockmech.studies.reductions import TEXT
-from blockmech.typing import Coordinates, FrictionMethod
+from blockmech.typing import Arguments, Coordinates, Data, FrictionMethod
 
 STARTS = 5  # values of each of several drivers, between which ways to the wanted pose begin
 CLOSE = EPS ** (2 / 3)  # of a size: misfits and steps that count as none
@@ -154,7 +154,7 @@ def solve(
     values = {name: _in_si(mechanism, name, x) for name, x in wanted.items()}
     if bad := [name for name, x in values.items() if not math.isfinite(x)]:
         raise refused(bad[0], "the wanted value is not finite", "give a number")
-    how: dict[str, Any] = {"friction": friction, "static": static}
+    how: Arguments = {"friction": friction, "static": static}
     if unknowns:
         mechanism, paths = with_efforts(mechanism, unknowns, parameters(mechanism))
         return _of_numbers(mechanism, values, paths, {"at": at, "samples": samples}, how)
@@ -179,7 +179,7 @@ def solve(
 
 
 def _of_driver(
-    mechanism: Compiled, wanted: Mapping[str, float], how: dict[str, Any], mode: Mapping[str, int]
+    mechanism: Compiled, wanted: Mapping[str, float], how: Arguments, mode: Mapping[str, int]
 ) -> Solutions:
     ((name, value),) = wanted.items()
     output, part = _part_of(mechanism, name)
@@ -243,7 +243,7 @@ def _slope(cycle: Cycle, signal: Signal, q: float) -> float:
 
 
 def _of_drivers(
-    mechanism: Compiled, wanted: Mapping[str, float], how: dict[str, Any], mode: Mapping[str, int]
+    mechanism: Compiled, wanted: Mapping[str, float], how: Arguments, mode: Mapping[str, int]
 ) -> Solutions:
     read, units = _reader(mechanism, wanted, how)
     ranges, rotary = [], []
@@ -279,7 +279,7 @@ def _of_drivers(
 
 
 def _reader(
-    mechanism: Compiled, wanted: Mapping[str, float], how: dict[str, Any]
+    mechanism: Compiled, wanted: Mapping[str, float], how: Arguments
 ) -> tuple[Callable[[Floats], Floats], dict[str, str]]:
     """Misfits (k,) of wanted outputs at coordinates (k,), and their units."""
     parts = [_part_of(mechanism, name) for name in wanted]
@@ -287,7 +287,7 @@ def _reader(
     units = {n: mechanism.outputs[o].unit for n, o in zip(wanted, outputs, strict=True)}
     turning = [output.endswith(".angle") for output in outputs]
     values = np.array([*wanted.values()])
-    of: dict[str, Any] = {"x": np.real, "y": np.imag, "magnitude": np.abs, "": np.real}
+    of: Data = {"x": np.real, "y": np.imag, "magnitude": np.abs, "": np.real}
 
     def read(q: Floats) -> Floats:
         at = dict(zip(mechanism.drivers, q[:, None], strict=True))
@@ -302,8 +302,8 @@ def _of_numbers(
     mechanism: Compiled,
     wanted: Mapping[str, float],
     paths: Mapping[str, str],
-    poses: dict[str, Any],
-    how: dict[str, Any],
+    poses: Arguments,
+    how: Arguments,
 ) -> Solutions:
     single = [name for name in wanted if not TEXT.fullmatch(name)]
     if single and np.size(next(iter(_columns(poses["at"])), ())) != 1:

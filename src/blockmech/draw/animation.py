@@ -35,6 +35,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath, writing
 from blockmech.result.result import Result
+from blockmech.typing import Data
 
 FPS = 30  # of a film
 NAMES = 12  # joints up to which all are named
@@ -224,7 +225,7 @@ def _gif(film: Animation) -> bytes:
     # Tens of milliseconds; browsers honour no fewer than two of them.
     ticks = max(round(1000 * film.seconds / len(film.order), -1), 20)
     buffer = io.BytesIO()
-    forever: dict[str, Any] = {"save_all": True, "loop": 0, "duration": int(ticks)}
+    forever: Data = {"save_all": True, "loop": 0, "duration": int(ticks)}
     first.save(buffer, "GIF", append_images=others, optimize=False, **forever)
     return buffer.getvalue()
 
@@ -259,7 +260,7 @@ def _film(film: Animation) -> bytes:
 # -- HTML ----------------------------------------------------------------------------------
 
 
-def player_data(film: Animation) -> dict[str, Any]:
+def player_data(film: Animation) -> Data:
     """What the player draws: shapes in points of the page, y upward.
 
     Shapes that do not move are ``still``; of the others the places change from frame
@@ -269,7 +270,7 @@ def player_data(film: Animation) -> dict[str, Any]:
     moving = [shape for shape in film.shapes if not shape.still]
     styles = {json.dumps(_style(shape)): None for shape in moving}
     number = {style: i for i, style in enumerate(styles)}
-    frames: list[dict[str, Any]] = []
+    frames: list[Data] = []
     for k, text in enumerate(film.captions):
         rows = [
             [number[json.dumps(_style(shape))], *_places(page.points(shape.at(k)))]
@@ -303,12 +304,12 @@ def _places(z: Any) -> list[float]:
     return flat
 
 
-def _style(shape: Shape) -> dict[str, Any]:
+def _style(shape: Shape) -> Data:
     names = ("kind", "stroke", "fill", "width", "radius", "dash", "rounded")
     return {name: getattr(shape, name) for name in names}
 
 
-def _path(page: Page, i: int, name: str, path: Complex) -> dict[str, Any]:
+def _path(page: Page, i: int, name: str, path: Complex) -> Data:
     """A marker's path: its pieces between gaps."""
     style = ink.curve_style(i)
     pieces = np.ma.clump_unmasked(np.ma.masked_invalid(path))  # type: ignore[no-untyped-call]

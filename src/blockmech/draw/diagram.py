@@ -23,6 +23,7 @@ from blockmech.figures.palette import ROW, SIZES
 from blockmech.figures.paper import fitting_columns, new_page, shown_name, styled, wrapped
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
+from blockmech.typing import Arguments, Data
 
 ARROWHEAD = "-|>,head_length=4.2,head_width=1.5"  # [pt]
 ARROWS = {"forward": ink.FORWARD, "back": ink.BACK, "cycle": ink.ALARM, "signal": ink.INK}
@@ -71,7 +72,7 @@ class Diagram:
         from matplotlib.patches import FancyArrowPatch
         from matplotlib.path import Path
 
-        style: dict[str, Any] = {"arrowstyle": ARROWHEAD, "mutation_scale": 1, "lw": 1.0}
+        style: Arguments = {"arrowstyle": ARROWHEAD, "mutation_scale": 1, "lw": 1.0}
         style |= {"color": ARROWS[kind], "joinstyle": "round", "zorder": 1.8}
         style |= {"ls": DASHED} if kind == "signal" else {}
         self.axes.add_patch(FancyArrowPatch(path=Path(way), label=f"{kind}:{what}", **style))
@@ -148,7 +149,7 @@ def _draw_block(drawn: Diagram, block: DrawnBlock) -> None:
 
     r = drawn.placed.boxes[block.name]
     wrong, unknown, small = (block.kind == k for k in ("missing", "unknown", "element"))
-    look: dict[str, Any] = {"fc": FILLS[block.kind], "ec": ink.ALARM if wrong else ink.INK}
+    look: Arguments = {"fc": FILLS[block.kind], "ec": ink.ALARM if wrong else ink.INK}
     look |= {"ls": "--" if wrong else "-", "lw": 0.6 if small else 0.9, "zorder": 2}
     backed = {}
     if unknown:  # words on paper over pale hatching
@@ -158,7 +159,7 @@ def _draw_block(drawn: Diagram, block: DrawnBlock) -> None:
     box = Patch((r.x, r.y), r.width, r.height, label=f"box:{block.name}", **look)
     drawn.axes.add_patch(box)
     middle, size = r.x + r.width / 2, ink.SMALL if small else ink.TEXT
-    bold: dict[str, Any] = {"fontsize": size, "weight": "bold", "ha": "center", **backed}
+    bold: Arguments = {"fontsize": size, "weight": "bold", "ha": "center", **backed}
     drawn.write(middle, r.y + 0.55 * ROW, shown_name(block.name), **bold)
     at, side = (r.x + r.width - SIZES.pad, "right") if small else (middle, "center")
     grey = ink.ALARM if wrong else ink.GREY
@@ -169,7 +170,7 @@ def _draw_block(drawn: Diagram, block: DrawnBlock) -> None:
         _draw_drive(drawn, r, block.drive)
 
 
-def _draw_port(drawn: Diagram, block: DrawnBlock, port: Port, backed: dict[str, Any]) -> None:
+def _draw_port(drawn: Diagram, block: DrawnBlock, port: Port, backed: Data) -> None:
     x, y = drawn.placed.port(block.name, port.name)
     colour = ink.INK if port.wired else ink.ALARM
     what = f"{'port' if port.wired else 'unwired'}:{block.name}.{port.name}"
@@ -234,12 +235,12 @@ def shortened(way: Sequence[Point], by: float) -> list[Point]:
 # -- legend ----------------------------------------------------------------------------
 
 
-def _symbol(pair: str, colour: str = ink.INK) -> dict[str, Any]:
+def _symbol(pair: str, colour: str = ink.INK) -> Data:
     shape, size, fill = SYMBOLS[pair]
     return {"marker": shape, "ms": size, "mfc": fill, "mec": colour, "mew": 0.9, "ls": ""}
 
 
-def _legend(content: Content, cycle: bool) -> dict[str, dict[str, Any]]:
+def _legend(content: Content, cycle: bool) -> dict[str, Data]:
     """Words and looks of the symbols that are there."""
     ports = [p for b in content.blocks for p in b.ports]
     pairs = {p.pair for p in ports}

@@ -16,6 +16,7 @@ from blockmech.model.spots import Spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.result.quality import Quality
 from blockmech.result.result import Result
+from blockmech.typing import Arguments, Data
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
@@ -74,7 +75,7 @@ class Motion:
 
     def only(self, samples: Sequence[int] | NDArray[Any]) -> Motion:
         """Some of the samples, in their order; indices or a mask (n,)."""
-        rows: dict[str, Any] = {
+        rows: Data = {
             name: {key: row[samples] for key, row in getattr(self, name).items()}
             for name in ("origin", "axis", "q", "q_rate")
         }
@@ -141,7 +142,7 @@ def moves(mechanism: Compiled, at: Any = None, samples: int | None = None) -> Mo
         laws = mechanism.scene.drive.items()
         by_time = [d for d, law in laws if not law.by_coordinate and d in mechanism.drivers]
         rates = dict.fromkeys(by_time, 0.0) or None
-    how: dict[str, Any] = {"want": (), "on_gap": "mark", "friction": "none"}
+    how: Arguments = {"want": (), "on_gap": "mark", "friction": "none"}
     return moves_of_result(mechanism.run(at=at, samples=samples, rates=rates, **how))
 
 

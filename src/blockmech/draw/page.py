@@ -14,6 +14,7 @@ from blockmech.draw.labels import Crowd, Place
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
 from blockmech.figures.paper import new_figure, wrapped
+from blockmech.typing import Arguments
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
 
@@ -132,7 +133,7 @@ class Page:
         from matplotlib.lines import Line2D
         from matplotlib.patches import Polygon
 
-        look: dict[str, Any] = {"zorder": shape.order, "label": shape.what}
+        look: Arguments = {"zorder": shape.order, "label": shape.what}
         if shape.kind == "area":
             look |= {"fc": shape.fill, "ec": shape.stroke, "lw": shape.width}
             artist: Any = Polygon([(0.0, 0.0)], joinstyle="round", **look)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
 from blockmech.result.motion import Motion
 from blockmech.result.result import Result
+from blockmech.typing import Data
 
 CURVE = 721  # times of a curve
 FRAME = 0.04  # [s] on the screen
@@ -119,12 +119,12 @@ def energy_panels(result: Result) -> Panels:
     return (Panel("energy", "J", {"kinetic": T, "potential": V, "total": T + V}),)
 
 
-def phase_plots(result: Result, degrees: bool = IN_DEGREES) -> dict[str, Any]:
+def phase_plots(result: Result, degrees: bool = IN_DEGREES) -> Data:
     """Figures by file: rates over coordinates, start and end marked.
 
     Drivers that turn share one, those that slide another.
     """
-    figures: dict[str, Any] = {}
+    figures: Data = {}
     alike = by_unit(result, "q", degrees), by_unit(result, "rate", degrees)
     for (x_unit, over), (y_unit, rates) in zip(*map(dict.items, alike), strict=True):
         with panelled("", BOTTOM + PANEL) as ((axes,),):

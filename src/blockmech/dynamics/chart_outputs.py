@@ -28,7 +28,7 @@ from blockmech.result.motion import Floats, Motion
 from blockmech.result.quality import Flag, Quality
 from blockmech.result.result import FREE
 from blockmech.result.samples import Samples
-from blockmech.typing import FrictionMethod, M
+from blockmech.typing import Data, FrictionMethod, M
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -120,7 +120,7 @@ class ChartedResult(SimulationResult[M]):
     where another one leads.
     """
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> Data:
         return {name: x for name, x in super().__getstate__().items() if name != "parts"}
 
     @cached_property

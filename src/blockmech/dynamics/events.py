@@ -23,6 +23,7 @@ from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Floats, Motion
 from blockmech.result.quality import NEAR as LEAST_MARGIN
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import PairProgram
@@ -74,7 +75,7 @@ class EventHit(NamedTuple):
 
 def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventFunction:
     """A driver's coordinate reaches q [rad or m]."""
-    above: dict[str, Any] = {"component": driver, "place": q, "arrays": True}
+    above: Data = {"component": driver, "place": q, "arrays": True}
     return EventFunction(kind, lambda t, y: y[driver] - q, direction, **above)
 
 
@@ -122,7 +123,7 @@ def general_rules(
         return rules
     rules += [driver_at(ends.GOAL, q) for q in request.places]
     ends_run = request.standstills < math.inf or system.friction is not None
-    stands: dict[str, Any] = {"component": 1, "terminal": ends_run, "arrays": True}
+    stands: Data = {"component": 1, "terminal": ends_run, "arrays": True}
     return [*rules, EventFunction(ends.STANDSTILL, lambda t, y: y[1], **stands)]
 
 

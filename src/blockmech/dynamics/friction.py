@@ -23,6 +23,7 @@ from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Program
+from blockmech.typing import Data
 
 Floats: TypeAlias = NDArray[np.float64]
 Vectors: TypeAlias = NDArray[np.complex128]
@@ -299,7 +300,7 @@ class PairFriction:
 
     def _inputs(self, q: Floats, state: State) -> list[Any]:
         """Those of the program in a state, numbers or (n,)."""
-        values_by_name: dict[str, Any] = {"t": state.t, "load_share": state.share}
+        values_by_name: Data = {"t": state.t, "load_share": state.share}
         x = np.array(self._initial) if state.x is None else state.x
         for name, values in (("q_", q), ("qd_", state.qd), ("qdd_", state.qdd), (STATE, x)):
             values_by_name |= {f"{name}{i}": values[..., i] for i in range(np.shape(values)[-1])}

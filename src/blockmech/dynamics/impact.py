@@ -42,6 +42,7 @@ from blockmech.plan.plan import Friction
 from blockmech.result.motion import Event, Floats, Impact, Lying, Motion, State, Track
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -412,7 +413,7 @@ def bounced(system: System, request: SimulationRequest, move: Move) -> Motion:
     return Bounces(system, request, move).motion()
 
 
-def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
+def impulses(mechanism: Compiled, impact: Impact) -> Data:
     """What a blow does to every joint: impulses [N s], moments of them [N m s], by output name.
 
     Parameters

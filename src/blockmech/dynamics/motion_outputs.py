@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Floats, Motion
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import FrictionMethod, M
+from blockmech.typing import Data, FrictionMethod, M, Record
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -32,7 +32,7 @@ SINGULAR = 1e-10  # margin of a dead centre itself, but for rounding
 STATIC = {"static": False}
 
 
-class MotionInputs(Mapping[str, Any]):
+class MotionInputs(Record):
     """Inputs of a program along a motion; what acts is computed when it is asked for.
 
     ``unknown`` (n,) : samples at which the rates of the drivers say nothing about other links
@@ -161,7 +161,7 @@ class SimulationResult(Result[M]):
     motion: Motion
 
 
-def settings_along(motion: Motion, friction: FrictionMethod | None) -> dict[str, Any]:
+def settings_along(motion: Motion, friction: FrictionMethod | None) -> Data:
     """Settings of joint friction along a motion: its own, if nothing else is said."""
     friction = friction or ("newton" if "friction_work" in motion.facts else "none")
     return {"friction": friction}

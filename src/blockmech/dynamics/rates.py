@@ -26,7 +26,7 @@ from blockmech.friction.solvers import balanced
 from blockmech.ground.errors import MissingEngineError
 from blockmech.ground.plane import NAN, minimum, mul, where
 from blockmech.result.quality import NEAR as LEAST_MARGIN
-from blockmech.typing import Real
+from blockmech.typing import Data, Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import PairFriction
@@ -155,7 +155,7 @@ def rates_of(
 
 
 def _free(program: Program, signals: SignalProgram, method: Method) -> CompiledRhs:
-    functions: dict[str, Any] = {"free": free, "acceleration": acceleration}
+    functions: Data = {"free": free, "acceleration": acceleration}
     bound = bind_functions(functions, PRIMITIVES)
     row, n = bound["free"], len(signals.initial)
 
@@ -182,7 +182,7 @@ def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method) -> 
     own = friction.program
     m, n, inputs = len(own.names), len(signals.initial), own.whole.inputs
     first, kinks = 2 * m + signals.values, signals.kinks
-    functions: dict[str, Any] = {
+    functions: Data = {
         "resistance": resistance,
         "rubbing": rubbing,
         "solve": friction.solver,

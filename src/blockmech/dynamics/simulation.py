@@ -9,10 +9,10 @@ Sources: [D14] Durango et al. 2014, Fig. 1 and section 2.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,7 +46,15 @@ from blockmech.ground.errors import listed
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Event, Floats, Motion, RolesFrom
 from blockmech.result.samples import Samples
-from blockmech.typing import EngineName, FrictionMethod, M, MotionMethod, Numbers, Progress
+from blockmech.typing import (
+    Arguments,
+    EngineName,
+    FrictionMethod,
+    M,
+    MotionMethod,
+    Numbers,
+    Progress,
+)
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -141,7 +149,7 @@ def prepared(
     request: SimulationRequest,
     starts: Pairs,
     stops: Pairs | None,
-    asked: Mapping[str, Any],
+    asked: Arguments,
 ) -> tuple[System, SimulationRequest]:
     """The system of a mechanism that begins somewhere, and the request with its end stops.
 
@@ -203,7 +211,7 @@ def _at_times(
     motion: Motion,
     times: Sequence[float] | Floats | None,
     want: Iterable[str] | str,
-    settings: Mapping[str, Any],
+    settings: Arguments,
 ) -> SimulationResult:
     """The result at some times, those after the end left out."""
     if times is None:

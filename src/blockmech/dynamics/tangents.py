@@ -33,6 +33,7 @@ from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value
 from blockmech.result.motion import Floats
+from blockmech.typing import Arguments
 
 INPUTS = ("q", "qd", "qdd")
 
@@ -71,7 +72,7 @@ def tangents(
     engine = compiled._once(_with_friction if friction else _without)
     k = len(compiled.structure.drivers)
     q = np.asarray(q, float).reshape(-1, k)
-    given: dict[str, Any] = {"t": np.broadcast_to(np.asarray(t, float), len(q))}
+    given: Arguments = {"t": np.broadcast_to(np.asarray(t, float), len(q))}
     for which, (name, x) in enumerate(zip(INPUTS, (q, qd, qdd), strict=True)):
         columns = np.broadcast_to(np.asarray(x, float), q.shape)
         for i in range(k):

@@ -10,7 +10,6 @@ Source: Python array API standard 2024.12.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -33,6 +32,7 @@ from blockmech.ground.plane import (
     times,
 )
 from blockmech.plan.plan import Output, Program
+from blockmech.typing import Data, Record
 
 ARITHMETIC = ("sqrt", "exp", "sign", "hypot", "where", "minimum", "maximum")
 STANDARD_NAMES = {"absolute": "abs", "arctan2": "atan2", "rint": "round"}  # of NumPy's functions
@@ -63,7 +63,7 @@ def spread(xp: Any, a: Any) -> Any:
     return xp.where(good, values[..., -1] / values[..., 0], xp.full_like(values[..., 0], math.nan))
 
 
-def primitives(xp: Any, dtype: Any) -> dict[str, Any]:
+def primitives(xp: Any, dtype: Any) -> Data:
     """The primitives of the plane on arrays of a namespace, of one precision."""
 
     def array(x: Any) -> Any:
@@ -158,7 +158,7 @@ class ArrayEngine:
         if not has_arithmetic(zero := self.array(0.0)):
             primitives_of.register(type(zero), lambda _: meaning)
 
-    def primitives(self) -> Mapping[str, Any]:
+    def primitives(self) -> Record:
         """The primitives of the plane on these arrays."""
         return primitives(self.xp, self.dtype)
 
@@ -174,7 +174,7 @@ class ArrayEngine:
         """An array of the engine's precision."""
         return self.xp.asarray(x, dtype=self.dtype)
 
-    def run(self, inputs: Mapping[str, Any], parameters: tuple[Any, ...]) -> tuple[Any, ...]:
+    def run(self, inputs: Record, parameters: tuple[Any, ...]) -> tuple[Any, ...]:
         """Values of samples, arrays or `Planar` pairs; ``parameters`` are `Program.values`."""
         columns = (self.xp.asarray(inputs[name]) for name in self.program.inputs)
         with np.errstate(all="ignore"):

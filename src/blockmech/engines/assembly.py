@@ -29,6 +29,7 @@ from blockmech.engines.kinds import Reals
 from blockmech.engines.loops import text
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, by_depth, is_truth, needed
 from blockmech.engines.singular_values import Lanes, spread
+from blockmech.typing import Data
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}
@@ -145,7 +146,7 @@ class Text:
             "ret double %all",
             "}",
         ]
-        own: dict[str, Any] = {"piece": piece} if any(n.op == "piece" for n in nodes) else {}
+        own: Data = {"piece": piece} if any(n.op == "piece" for n in nodes) else {}
         for node in systems:
             of = Lanes(self.lanes, node.args[0])
             own[f"spread{of.n}"] = partial(spread, of=of)

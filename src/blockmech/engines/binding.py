@@ -13,9 +13,11 @@ from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any, ClassVar
 
+from blockmech.typing import Data, Record
+
 OWN = f"{__name__.partition('.')[0]}."  # the package's own modules do not change while it runs
 
-Space = dict[str, Any]
+Space = Data
 
 
 class Binder:
@@ -24,9 +26,9 @@ class Binder:
     The package's own modules are bound once for each set of primitives.
     """
 
-    _kept: ClassVar[dict[int, tuple[Mapping[str, Any], dict[str, Space]]]] = {}
+    _kept: ClassVar[dict[int, tuple[Record, dict[str, Space]]]] = {}
 
-    def __init__(self, primitives: Mapping[str, Any]) -> None:
+    def __init__(self, primitives: Record) -> None:
         self.primitives = primitives
         _, self._own = self._kept.setdefault(id(primitives), (primitives, {}))
         self._others: dict[str, Space] = {}
@@ -59,7 +61,7 @@ class Binder:
 
 
 def bind_functions(
-    functions: Mapping[str, Callable[..., Any]], primitives: Mapping[str, Any]
+    functions: Mapping[str, Callable[..., Any]], primitives: Record
 ) -> dict[str, Callable[..., Any]]:
     """Functions re-made so that they and what they call use these primitives."""
     binder = Binder(primitives)
@@ -77,8 +79,8 @@ def _copy(function: FunctionType, space: Space) -> FunctionType:
 
 def bind(
     program: Any,
-    primitives: Mapping[str, Any],
-    constants: Mapping[str, Any],
+    primitives: Record,
+    constants: Record,
     foreign: Callable[[Any], Any] = lambda function: function,
 ) -> Callable[..., tuple[Any, ...]]:
     """A `plan.plan.Program` as a function of its inputs and parameters, on one number type.

@@ -10,7 +10,7 @@ functions).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from blockmech.engines.numpy import CHUNK, Planar, each_part
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.plane import EPS, REST_SHARE, cross, dot, primitives_of, times
 from blockmech.plan.plan import Program
+from blockmech.typing import Record
 
 Array = NDArray[Any]
 
@@ -257,7 +258,7 @@ def _no_derivative(where: str, found: str, remedy: str) -> RequestError:
 
 
 @primitives_of.register(Dual)
-def _of_derivatives(x: object) -> Mapping[str, Any]:
+def _of_derivatives(x: object) -> Record:
     return PRIMITIVES | {"one_by_one": one_by_one}
 
 
@@ -269,13 +270,11 @@ class DualEngine:
 
     name = "dual"
 
-    def __init__(self, program: Program, primitives: Mapping[str, Any] = PRIMITIVES) -> None:
+    def __init__(self, program: Program, primitives: Record = PRIMITIVES) -> None:
         self.program = program
         self._program = bind(program, primitives, CONSTANTS, _by_value)
 
-    def run(
-        self, inputs: Mapping[str, Any], parameters: Sequence[Any], n: int, m: int
-    ) -> tuple[Any, ...]:
+    def run(self, inputs: Record, parameters: Sequence[Any], n: int, m: int) -> tuple[Any, ...]:
         """Values of n samples with tangents (m, n): `Dual`, or `Planar` pairs of them.
 
         ``inputs`` are arrays or `Dual` (n,), ``parameters`` numbers or `Dual` with tangents

@@ -10,7 +10,6 @@ functions).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import cache, partial
 from typing import Any
 
@@ -28,6 +27,7 @@ from blockmech.engines.numpy import each as each_of
 from blockmech.engines.trace import answer_of, filled
 from blockmech.ground.plane import cross, dot, primitives_of
 from blockmech.plan.plan import Program
+from blockmech.typing import Record
 
 jax.tree_util.register_pytree_node(
     Planar, lambda z: ((z.real, z.imag), None), lambda _, parts: Planar(*parts)
@@ -125,7 +125,7 @@ def called(function: Any, x: Any, like: Any, dtype: Any) -> Any:
 
 
 @cache
-def primitives(dtype: Any) -> Mapping[str, Any]:
+def primitives(dtype: Any) -> Record:
     """The primitives of the plane on JAX's arrays of one precision, with their derivatives."""
     standard = arrays.primitives(jnp, dtype)
     where = standard["where"]
@@ -184,7 +184,7 @@ def primitives(dtype: Any) -> Mapping[str, Any]:
     return {**standard, **{f.__name__: f for f in functions}}
 
 
-def _of_design(x: Any) -> Mapping[str, Any]:
+def _of_design(x: Any) -> Record:
     return primitives(jnp.result_type(x.dtype, float))  # of a truth value, the usual ones
 
 
@@ -200,7 +200,7 @@ class JaxEngine(arrays.ArrayEngine):
     def __init__(self, program: Program, dtype: Any) -> None:
         super().__init__(program, jnp, jnp.dtype(dtype))
 
-    def primitives(self) -> Mapping[str, Any]:
+    def primitives(self) -> Record:
         """The primitives of the plane on these arrays."""
         return primitives(self.dtype)
 
@@ -212,7 +212,7 @@ class JaxEngine(arrays.ArrayEngine):
 
         return answer
 
-    def run(self, inputs: Mapping[str, Any], parameters: tuple[Any, ...]) -> tuple[Any, ...]:
+    def run(self, inputs: Record, parameters: tuple[Any, ...]) -> tuple[Any, ...]:
         """See `arrays.ArrayEngine`; a gradient leaves out samples at which it is no number."""
         columns = {name: jnp.asarray(inputs[name]) for name in self.program.inputs}
         shape = shape_of(columns)

@@ -6,7 +6,7 @@ import ast
 import ctypes
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias, get_args, get_origin, get_type_hints
@@ -14,13 +14,15 @@ from typing import Any, NamedTuple, TypeAlias, get_args, get_origin, get_type_hi
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.typing import Data, Record
+
 Reals: TypeAlias = NDArray[np.float64]
 Counts: TypeAlias = NDArray[np.int64]
 ROW = "row"
 
 REAL, COUNT, TRUTH, PLACE, NOTHING = "double", "i64", "i1", "ptr", "void"
 KINDS = {float: REAL, int: COUNT, bool: TRUTH, type(None): NOTHING}
-IN_C: dict[str, Any] = {
+IN_C: Data = {
     REAL: ctypes.c_double,
     COUNT: ctypes.c_int64,
     PLACE: ctypes.c_void_p,
@@ -74,12 +76,12 @@ class Value(NamedTuple):
         return f"<{self.lanes} x {self.kind}>" if self.lanes else self.kind
 
 
-def parts_of(function: Any) -> tuple[Any, dict[str, Any]]:
+def parts_of(function: Any) -> tuple[Any, Data]:
     """A function, and what is given of its arguments, see `partial`."""
     return (function.func, function.keywords) if isinstance(function, partial) else (function, {})
 
 
-def meaning_of(hint: Any, sizes: Mapping[str, Any] = MappingProxyType({})) -> Value:
+def meaning_of(hint: Any, sizes: Record = MappingProxyType({})) -> Value:
     """The kind of value that an annotation means; ``sizes`` are what its blocks are told by."""
     if hint in KINDS:
         return Value("", KINDS[hint])

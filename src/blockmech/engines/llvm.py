@@ -38,6 +38,7 @@ from blockmech.engines.trace import Trace, filled
 from blockmech.ground.errors import MissingEngineError
 from blockmech.ground.errors import needed as package
 from blockmech.plan.plan import Program
+from blockmech.typing import Record
 
 Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run longer programs
@@ -215,7 +216,7 @@ class LlvmEngine:
             values += leaves(function(*filled(places, places_of)))
         return values
 
-    def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
+    def run(self, inputs: Record, n: int) -> tuple[Any, ...]:
         """Values of n samples: Python numbers for one, real arrays (n,) or `Planar` pairs of
         them for more."""
         if n == 1:
@@ -259,7 +260,7 @@ class LlvmEngine:
         return self._batch(given, lanes[..., :n], total, shape)
 
     def _together(
-        self, inputs: Mapping[str, Any], n: int, slots: Array, shape: tuple[int, ...]
+        self, inputs: Record, n: int, slots: Array, shape: tuple[int, ...]
     ) -> tuple[Any, ...]:
         """Values of a shape (n,) or (m, n) at n samples, each with the slots (m, k) of numbers."""
         columns = self._columns([inputs[x] for x in self.program.inputs], n)

@@ -46,7 +46,7 @@ import ctypes
 import inspect
 import itertools
 import linecache
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import cache, partial
 from types import FunctionType
 from typing import Any, NoReturn, get_type_hints
@@ -71,6 +71,7 @@ from blockmech.engines.kinds import (
     parts_of,
 )
 from blockmech.engines.nodes import Untraceable
+from blockmech.typing import Arguments
 
 TOGETHER = 16  # columns of a product: eight registers at least
 
@@ -143,7 +144,7 @@ def _functions(file: str) -> dict[int, ast.FunctionDef]:
 class _Translation:
     """One function under way."""
 
-    def __init__(self, module: _Module, function: Any, given: Mapping[str, Any], name: str) -> None:
+    def __init__(self, module: _Module, function: Any, given: Arguments, name: str) -> None:
         code, self.module = function.__code__, module
         self.file, self.line = code.co_filename, code.co_firstlineno
         if self.line not in _functions(self.file):

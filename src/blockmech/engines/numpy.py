@@ -29,8 +29,9 @@ from blockmech.ground.plane import (
     times,
 )
 from blockmech.plan.plan import Program
+from blockmech.typing import Data, Record
 
-PRECISIONS: dict[str, Any] = {
+PRECISIONS: Data = {
     "complex64": np.float32,
     "complex128": np.float64,
     "clongdouble": np.longdouble,
@@ -209,7 +210,7 @@ def cast(value: Any, number: Any, column: Any) -> Any:
 
 
 @cache
-def primitives(dtype: Any) -> dict[str, Any]:
+def primitives(dtype: Any) -> Data:
     """The primitives of the plane on arrays of one precision; see `blockmech.ground.plane`."""
 
     def expi(t: Any) -> Planar:
@@ -246,13 +247,13 @@ def _turned(t: Any) -> Planar:
 
 
 @primitives_of.register(Planar)
-def _of_vectors(x: Planar) -> Mapping[str, Any]:
+def _of_vectors(x: Planar) -> Record:
     part = next(filter(has_arithmetic, (x.real, x.imag)), None)
     return _of_designs(x) if part is None else primitives_of(part)
 
 
 @primitives_of.register(np.ndarray)
-def _of_designs(x: object) -> Mapping[str, Any]:
+def _of_designs(x: object) -> Record:
     return primitives(np.float64) | {"expi": _turned, "one_by_one": one_by_one}
 
 

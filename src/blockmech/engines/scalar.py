@@ -7,7 +7,7 @@ or NaN, so both engines lose the same values of it and no others.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from blockmech.engines.binding import bind
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.ground.plane import SCALAR_CONSTANTS, SCALAR_PRIMITIVES
 from blockmech.plan.plan import Program
+from blockmech.typing import Record
 
 
 class ScalarEngine:
@@ -36,7 +37,7 @@ class ScalarEngine:
         except (ArithmeticError, ValueError):
             return self._on_arrays(inputs)
 
-    def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
+    def run(self, inputs: Record, n: int) -> tuple[Any, ...]:
         """Values of n samples: Python numbers for one, lists of them for more."""
         columns = [inputs[name] for name in self.program.inputs]
         if n == 1:
@@ -58,7 +59,7 @@ class AdaptiveEvaluator:
         self.program = program
         self._one, self._many = ScalarEngine(program), NumpyEngine(program)
 
-    def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
+    def run(self, inputs: Record, n: int) -> tuple[Any, ...]:
         """Values (n,) of n samples."""
         if n > 1:
             return self._many.run(inputs, n)

@@ -22,6 +22,7 @@ from blockmech.engines.numpy import Planar, imul, leaves, mul
 from blockmech.engines.numpy import each as each_of
 from blockmech.ground.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
 from blockmech.plan.plan import Program
+from blockmech.typing import Data
 
 CONSTANTS = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0)}
 Body = Callable[..., tuple[Any, ...]]
@@ -338,7 +339,7 @@ def spread(a: Any) -> Any:
     return trace.node("part", trace.node("system", len(a), *entries), 0)
 
 
-PRIMITIVES: dict[str, Any] = {
+PRIMITIVES: Data = {
     **{f.__name__: f for f in (cross, dot, mul, imul, hyp, expi, angle, where, sign, matrix)},
     **{f.__name__: f for f in (minimum, maximum, power, modulo, piecewise, repeat, times, each)},
     **{f.__name__: f for f in (solve, solve_transposed, spread)},
@@ -351,6 +352,6 @@ PRIMITIVES: dict[str, Any] = {
 
 
 @cache
-def _primitives(eps: float) -> dict[str, Any]:
+def _primitives(eps: float) -> Data:
     """The primitives for numbers of a rounding: kernels are bound once to each."""
     return {**PRIMITIVES, "EPS": eps}

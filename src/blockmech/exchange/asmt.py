@@ -14,7 +14,6 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import DEEPEST, MOST, Record, wrong
 from blockmech.exchange.spatial import Assembly, Joint, Mass, Pose, orthonormal
 from blockmech.ground.errors import FormatError
+from blockmech.typing import Data
 
 KINDS = {
     "RevoluteJoint": "pin",
@@ -215,7 +215,7 @@ class _Reading:
         law = self._law(record, text, turns)
         self.assembly.joints[index] = self.assembly.joints[index]._replace(law=law)
 
-    def _law(self, record: Record, text: str, turns: bool) -> dict[str, Any]:
+    def _law(self, record: Record, text: str, turns: bool) -> Data:
         """The law of motion of a formula, none where it is none of time."""
         drawing, name = self.assembly.drawing, record.get("Name")
         try:

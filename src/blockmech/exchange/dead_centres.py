@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from blockmech.ground.errors import BlockmechError, GraphError
+from blockmech.typing import Data
 
 STEP = 0.05  # [rad], and of the size of a linkage
 MOST = 60  # joints that are tried
@@ -56,7 +57,7 @@ def _problems(linkage: Any) -> set[str]:
     return set()
 
 
-def _trials(data: dict[str, Any]) -> Iterator[tuple[str, str, float]]:
+def _trials(data: Data) -> Iterator[tuple[str, str, float]]:
     """A driver, the joint that moves in its place, and by how much [rad or m]."""
     driven = {driver["joint"] for driver in data["drivers"].values()}
     places = [complex(*z) for joint in data["joints"].values() for z in joint["at"]]

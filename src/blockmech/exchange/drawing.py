@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from blockmech.ground.errors import FormatError, Problem
+from blockmech.typing import Data, Record
 
 FRAME = "frame"
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
@@ -50,7 +51,7 @@ class Drive(NamedTuple):
     start: float = TURN[0]
     stop: float | None = TURN[1]
     link: str = ""
-    law: Mapping[str, Any] | None = None
+    law: Record | None = None
 
 
 class Inertia(NamedTuple):
@@ -223,7 +224,7 @@ def direction(a: complex, b: complex, where: str) -> float:
     return cmath.phase(b - a)
 
 
-def scaled(law: Mapping[str, Any], factor: float) -> dict[str, Any]:
+def scaled(law: Record, factor: float) -> Data:
     """A law of motion of a coordinate times a factor: in another unit, or counted the other way."""
     numbers = {key: law[key] for key in COORDINATES if key in law}
     times = {

@@ -35,6 +35,7 @@ from blockmech.exchange.drawing import (
 )
 from blockmech.ground.errors import FormatError, Problem, listed
 from blockmech.ground.values import free_name, numbered_name
+from blockmech.typing import Data
 
 MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move
 BOUNDLESS = 1e10  # what a limit is that is none
@@ -43,7 +44,7 @@ ROUNDING = 1e-12  # of a ratio that teeth give
 ON_LINE = 1e-3  # of the distance of two centres: how far from their line a pitch point is drawn
 
 
-def document(drawing: Drawing, unit: str | None = None, rounded: bool = False) -> dict[str, Any]:
+def document(drawing: Drawing, unit: str | None = None, rounded: bool = False) -> Data:
     """The joint-based document of a drawing, in SI units.
 
     ``unit`` is that of a file that has none; ``rounded`` keeps points that slide off their lines
@@ -57,11 +58,11 @@ class _Making:
         self.drawing, self.rounded = drawing, rounded
         self.scale = self._unit(unit)
         self.taken: dict[str, set[str]] = {"joints": set(), "links": {FRAME}}
-        self.links: dict[str, dict[str, Any]] = {}
-        self.joints: dict[str, dict[str, Any]] = {}
-        self.drivers: dict[str, dict[str, Any]] = {}
-        self.couplings: dict[str, dict[str, Any]] = {}
-        self.loads: dict[str, dict[str, Any]] = {}
+        self.links: dict[str, Data] = {}
+        self.joints: dict[str, Data] = {}
+        self.drivers: dict[str, Data] = {}
+        self.couplings: dict[str, Data] = {}
+        self.loads: dict[str, Data] = {}
         self.stops: dict[str, dict[str, float]] = {}
         self.names: dict[str, str] = {FRAME: FRAME}
         self.pairs: dict[str, str] = {}  # name of a pair in the drawing -> its joint
@@ -78,7 +79,7 @@ class _Making:
             drawing.note(f"the file names no unit: lengths were taken as {unit}")
         return UNITS[unit or "m"]
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Data:
         """See `document`."""
         drawing = self.drawing
         while self._rigid():
@@ -98,7 +99,7 @@ class _Making:
             raise FormatError(Problem("bad-drawing", drawing.name, what, "", "draw the linkage"))
         self._loads()
         stops = self._stops()
-        document: dict[str, Any] = {
+        document: Data = {
             "format": "blockmech/joints",
             "version": 1,
             "name": _clean(drawing.name) or "mechanism",
@@ -144,8 +145,8 @@ class _Making:
                 return True
         return False
 
-    def _link(self, name: str) -> dict[str, Any]:
-        link: dict[str, Any] = {"pose": [0.0, 0.0, 0.0]}
+    def _link(self, name: str) -> Data:
+        link: Data = {"pose": [0.0, 0.0, 0.0]}
         body = self.drawing.inertias.get(name)
         if body is not None and min(body.mass, body.inertia) < 0:
             found = (
@@ -251,7 +252,7 @@ class _Making:
         """The driver of a joint: of a pin a turn, of a slide its interval if it has one."""
         slides = self.joints[joint]["type"] == "P"
         scale = self.scale if slides else 1.0
-        law: dict[str, Any] = {}
+        law: Data = {}
         if drive.law is not None:
             law = scaled(drive.law, scale)
         elif slides and drive.stop is None:
@@ -403,9 +404,7 @@ class _Making:
         law = {"kind": "polynomial", "coefficients": c}
         self._coupling(pair.name, {"type": "ratio", "law": law}, ends, leading)
 
-    def _coupling(
-        self, text: str, coupling: dict[str, Any], ends: tuple[str, str], leading: int
-    ) -> None:
+    def _coupling(self, text: str, coupling: Data, ends: tuple[str, str], leading: int) -> None:
         """Add a coupling from the joint that is driven to the other, which gets a driver."""
         driven = ends[1 - leading]
         name = self._driver_name(driven)
@@ -439,7 +438,7 @@ class _Making:
             elif not members:
                 drawing.note(f"point {point} is on no link: left out")
 
-    def _load(self, text: str, load: dict[str, Any]) -> None:
+    def _load(self, text: str, load: Data) -> None:
         taken = {*self.loads, *self.links, *self.drivers, *self.joints}
         self.loads[free_name(_clean(text) or load["type"], taken)] = load
 

@@ -11,9 +11,9 @@ import math
 import operator
 import re
 from collections.abc import Callable
-from typing import Any
 
 from blockmech.exchange.parsing import wrong
+from blockmech.typing import Data
 
 MATHS = ["sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log", "fabs"]
 FUNCTIONS: dict[str, Callable[..., float]] = {name: getattr(math, name) for name in MATHS}
@@ -87,7 +87,7 @@ def _name(call: ast.Call) -> str:
     return SAME.get(name, name)
 
 
-def law_of(formula: Formula, end: float, turns: bool) -> dict[str, Any]:
+def law_of(formula: Formula, end: float, turns: bool) -> Data:
     """The law of motion of a formula of ``time``, or a table until ``end`` [s].
 
     A constant rate that ``turns`` does so once.
@@ -111,7 +111,7 @@ def law_of(formula: Formula, end: float, turns: bool) -> dict[str, Any]:
     return {"law": "table", "times": rows, "values": [formula(time=t) for t in rows]}
 
 
-def _harmonic(formula: Formula) -> dict[str, Any] | None:
+def _harmonic(formula: Formula) -> Data | None:
     """mean + amplitude sin(w t + phase), None for what has other numbers at other times."""
     wave = formula.waves[0]
     times = (0.0, 1.0, 0.37)

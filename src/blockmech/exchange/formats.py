@@ -21,6 +21,7 @@ from blockmech.ground.files import writing
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.units import NoQuantity, quantity
 from blockmech.result.result import Result
+from blockmech.typing import Arguments, Data, Record
 
 
 @dataclass(frozen=True)
@@ -38,9 +39,9 @@ class Order:
 
     mechanism: Compiled
     want: tuple[str, ...] = EVERYTHING
-    at: Mapping[str, Any] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    options: Mapping[str, Any] = field(default_factory=dict)
+    at: Record = field(default_factory=dict)
+    settings: Arguments = field(default_factory=dict)
+    options: Arguments = field(default_factory=dict)
     computed: Result | None = None
 
     def result(self) -> Result:
@@ -116,7 +117,7 @@ class Formats(Generic[T], Mapping[str, T]):
         self._made: dict[str, T] = {}
 
     @cached_property
-    def _outside(self) -> dict[str, Any]:
+    def _outside(self) -> Data:
         from importlib.metadata import entry_points
 
         return {point.name: point for point in entry_points(group=self.group)}

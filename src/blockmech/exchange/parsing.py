@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from blockmech.ground.errors import FormatError, Problem, shown
+from blockmech.typing import Data
 
 DEEPEST = 100  # elements in each other
 MOST = 100_000  # elements of a file
@@ -43,7 +44,7 @@ def items(raw: Any, where: str) -> list[Any]:
     return raw
 
 
-class Fields(dict[str, Any]):
+class Fields(Data):
     """An object of JSON that knows which of its fields were taken."""
 
     def get(self, key: str, default: Any = None) -> Any:

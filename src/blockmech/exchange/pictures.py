@@ -8,11 +8,12 @@ from typing import Any
 from blockmech.draw import KINDS, animate, draw
 from blockmech.exchange.formats import Order, Writer
 from blockmech.figures.paper import MOVING, STILL
+from blockmech.typing import Arguments, Data
 
 TRACE = {"trace": "markers whose paths are drawn"}
 
 
-def _places(order: Order) -> dict[str, Any] | None:
+def _places(order: Order) -> Data | None:
     """Coordinates of the drivers at the poses that are asked for."""
     if not order.at:
         return None
@@ -33,7 +34,7 @@ def write_picture(order: Order, path: Path) -> list[Path]:
         order.result().plot(path)
     else:
         takes = KINDS[kind].takes if kind in KINDS else ()
-        more: dict[str, Any] = {"want": order.want} if "want" in takes else {}
+        more: Arguments = {"want": order.want} if "want" in takes else {}
         at = _places(order) if "at" in takes else None
         draw(order.mechanism, path, kind, at, trace=_trace(order), **more)
     return [path]

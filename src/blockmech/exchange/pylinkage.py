@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, direction
@@ -18,6 +18,7 @@ from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Fields, fields, items, json_of, number, wrong
 from blockmech.ground.errors import listed
 from blockmech.ground.values import free_name
+from blockmech.typing import Record
 
 STEP = "rates of pylinkage are radians a step: a step was taken as a second"
 LOOKS: tuple[str, ...] = (
@@ -39,7 +40,7 @@ def read(text: str, where: str) -> Drawing:
     return of_data(fields(json_of(text, where), where), where)
 
 
-def of_data(data: Mapping[str, Any], where: str) -> Drawing:
+def of_data(data: Record, where: str) -> Drawing:
     """The drawing of joints and links, as ``mechanism_to_dict`` gives them."""
     if "nodes" in data or "instances" in data:
         what = "a hypergraph says who joins whom, but no lengths"
@@ -82,7 +83,7 @@ def _place(raw: Any, where: str) -> complex:
     return complex(number(pair[0], where), number(pair[1], where))
 
 
-def _link(own: Mapping[str, Any], where: str, drawing: Drawing) -> None:
+def _link(own: Record, where: str, drawing: Drawing) -> None:
     points = [str(p) for p in items(own.get("joints", []), f"{where}.joints")]
     if unknown := [p for p in points if p not in drawing.points]:
         raise wrong(where, f"no joint {listed(unknown)}", f"joints: {listed(drawing.points)}")

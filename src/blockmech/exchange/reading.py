@@ -22,6 +22,7 @@ from blockmech.ground.errors import (
     refused,
     shown,
 )
+from blockmech.typing import Data
 
 LARGEST = 10_000_000  # bytes of a drawing
 BAD_CONTENT = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
@@ -32,7 +33,7 @@ ADDRESS = ("http://", "https://")
 
 def imported(
     source: Any, unit: str | None = None, format: str | None = None, rounded: bool = False
-) -> dict[str, Any]:
+) -> Data:
     """The joint-based document of what another tool wrote, its notes among it.
 
     ``source`` is a file's name, an address, a text, or a live object of pylinkage. Points that

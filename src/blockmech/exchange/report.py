@@ -7,7 +7,7 @@ Pictures are images in the page, in which no script runs; the page loads nothing
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from importlib.resources import files
 from string import Template
 from typing import IO, Any
@@ -24,6 +24,7 @@ from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import image
 from blockmech.model.parameters import parameters_of
 from blockmech.result.result import Result
+from blockmech.typing import Record
 
 ROWS = 13  # of the table: every 30 degrees of a turn
 
@@ -59,7 +60,7 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
         "Values": _values(result),
         "Verification": f"<pre>{html.escape(str(verify(mechanism, result)))}</pre>",
     }
-    extras: Mapping[str, Any] = getattr(document, "extras", {})
+    extras: Record = getattr(document, "extras", {})
     words = [str(extras[key]) for key in ("source", "notes") if extras.get(key)]
     head = "".join(f"<p>{html.escape(text)}</p>" for text in words)
     body = "".join(

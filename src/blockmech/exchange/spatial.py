@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from blockmech.exchange.drawing import (
     together,
 )
 from blockmech.exchange.parsing import wrong
+from blockmech.typing import Data, Record
 
 Array = NDArray[np.float64]
 FLAT = 1e-6  # [-] what an axis may lean
@@ -123,7 +124,7 @@ class Joint(NamedTuple):
     pose: Pose
     second_pose: Pose
     zero: float = 0.0
-    law: Mapping[str, Any] | None = None
+    law: Record | None = None
     limits: tuple[float, float] = FREE
     stiffness: float = 0.0
     rest: float = 0.0
@@ -307,7 +308,7 @@ def _same(one: Pair, two: Pair, size: float) -> bool:
     return abs(math.sin(one.angle - two.angle)) < FLAT
 
 
-def _counted(law: Mapping[str, Any], zero: float, sense: float) -> dict[str, Any]:
+def _counted(law: Record, zero: float, sense: float) -> Data:
     """A law of motion less the coordinate of the drawn pose, counted in a sense.
 
     Turns are taken off so that it begins near the drawn pose.

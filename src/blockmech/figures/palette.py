@@ -8,7 +8,8 @@ Sizes are in points of the printed picture; a paper's column is 8.5 cm wide.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+
+from blockmech.typing import Data
 
 COLUMN = 8.5 / 2.54 * 72  # [pt] width of a paper's column
 DPI = 300  # of pixel pictures
@@ -111,7 +112,7 @@ STYLE = {
 }
 
 
-def curve_style(i: int) -> dict[str, Any]:
+def curve_style(i: int) -> Data:
     """Colour and dashes of the curve number i, for `plot`; 48 different ones."""
     return {
         "color": SERIES[i % len(SERIES)],

@@ -51,7 +51,7 @@ from blockmech.ground.plane import (
     sqrt,
     where,
 )
-from blockmech.typing import Real
+from blockmech.typing import Edges, Influences, Planars, Real, Reals
 
 # [-] of the arc: unknowns are on the unit sphere, lambda ends at 1. The first step from zero
 # friction and from a kink is short, as the path may bend there.
@@ -132,7 +132,7 @@ class Path(NamedTuple):
 
 
 def course_from_zero(
-    asked: Real, k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False
+    asked: Real, k: Reals, edges: Edges, base: Planars, rows: Influences, solvable: Real = False
 ) -> ContinuationState:
     """The path of the frictionless solution to full friction, of the samples asked for.
 
@@ -160,7 +160,9 @@ def course_from_zero(
     return course
 
 
-def pressed(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> ContinuationState:
+def pressed(
+    at: ContinuationState, k: Reals, edges: Edges, base: Planars, rows: Influences
+) -> ContinuationState:
     """The start with its contacts: where nothing presses yet, those that friction brings."""
     t = [kj * g for kj, g in zip(k, norms(base, edges), strict=True)]
     growth = loads(t, [mul(f, 0.0) for f in base], rows)
@@ -174,7 +176,9 @@ def pressed(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> 
     return at._replace(contacts=tuple(contacts))
 
 
-def follow(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> ContinuationState:
+def follow(
+    at: ContinuationState, k: Reals, edges: Edges, base: Planars, rows: Influences
+) -> ContinuationState:
     """One correction of Newton's method, and behind the last one of a step the next step.
 
     A corrected point is reached, and the path goes on from there; or a place is passed on the
@@ -242,7 +246,9 @@ def follow(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> C
     )
 
 
-def corrected(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> Corrected:
+def corrected(
+    at: ContinuationState, k: Reals, edges: Edges, base: Planars, rows: Influences
+) -> Corrected:
     """A correction in the step's plane, and the tangent there in the direction of travel."""
     border = [*at.row, along(at.row, at.x) - at.level, 1.0]
     lines = homogeneous(at.x, at.contacts, k, edges, base, rows)
@@ -298,7 +304,9 @@ def switched(at: ContinuationState, x: Any, kinked: Real, limits: Any) -> tuple[
     return tuple(contacts)
 
 
-def end_of(course: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> Path:
+def end_of(
+    course: ContinuationState, k: Reals, edges: Edges, base: Planars, rows: Influences
+) -> Path:
     """The friction at the end of a path, if that is a solution."""
     *n, eta, limit = course.v
     factor, load = _scales(k, base)
@@ -318,7 +326,7 @@ def end_of(course: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) 
     )
 
 
-def _scales(k: Any, base: Any) -> tuple[Real, Real]:
+def _scales(k: Reals, base: Planars) -> tuple[Real, Real]:
     """The largest factor, and the largest component of a load [N]; one in the place of none."""
     factor, load = largest_of(k), largest_of([x for f in base for x in (f.real, f.imag)])
     return where(factor > 0.0, factor, 1.0), where(load > 0.0, load, 1.0)

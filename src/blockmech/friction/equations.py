@@ -12,10 +12,11 @@ Sources: [R10] Ruiz, Durango & Calle 2010, steps 1-5; the homogeneous form is bl
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from blockmech.ground.plane import NAN, dot, hyp, maximum, mul, planar, sqrt, where
-from blockmech.typing import Complex, Real
+from blockmech.typing import Complex, Edges, Influences, Planars, Real, Reals
 
 SETTLED = 4500.0  # [ulps] corrections and residuals of size one: Newton's next step is rounding
 
@@ -25,7 +26,7 @@ def load_norm(F: Complex, edge: bool) -> Real:
     return maximum(abs(F.real), abs(F.imag)) if edge else hyp(F)
 
 
-def loads(t: Any, base: Any, rows: Any) -> tuple[Complex, ...]:
+def loads(t: Reals, base: Planars, rows: Influences) -> tuple[Complex, ...]:
     """Loads on all pairs with friction t."""
     forces = []
     for f, row in zip(base, rows, strict=True):
@@ -35,7 +36,7 @@ def loads(t: Any, base: Any, rows: Any) -> tuple[Complex, ...]:
     return tuple(forces)
 
 
-def norms(F: Any, edges: Any) -> tuple[Real, ...]:
+def norms(F: Planars, edges: Edges) -> tuple[Real, ...]:
     """Norms of several loads."""
     return tuple(load_norm(f, e) for f, e in zip(F, edges, strict=True))
 
@@ -48,12 +49,12 @@ def largest_of(values: Any) -> Real:
     return top
 
 
-def coulomb(k: Any, g: Any) -> tuple[Real, ...]:
+def coulomb(k: Reals, g: Reals) -> tuple[Real, ...]:
     """Coulomb's law: the friction that loads on the pairs stand for."""
     return tuple(kj * gj for kj, gj in zip(k, g, strict=True))
 
 
-def misfit(t: Any, k: Any, g: Any) -> Real:
+def misfit(t: Reals, k: Reals, g: Reals) -> Real:
     """Residual [-] of t = k g, relative to the largest friction."""
     friction = coulomb(k, g)
     best = largest_of(friction)
@@ -61,7 +62,7 @@ def misfit(t: Any, k: Any, g: Any) -> Real:
     return worst / where(best > 0.0, best, 1.0)
 
 
-def contraction_bound(k: Any, edges: Any, rows: Any) -> Real:
+def contraction_bound(k: Reals, edges: Edges, rows: Influences) -> Real:
     """Upper bound of P: the fourth root of the largest row sum of |R k|^4.
 
     From loads to loads, so that couples and forces in one group have one unit.
@@ -89,7 +90,7 @@ def slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
 
 
 def homogeneous(
-    v: Any, contacts: Any, k: Any, edges: Any, base: Any, rows: Any
+    v: Any, contacts: Any, k: Reals, edges: Edges, base: Planars, rows: Influences
 ) -> list[list[Real]]:
     """The equations in unknowns v = (n, eta, lambda), t = n / eta, and factors lambda k:
 
@@ -113,7 +114,7 @@ def homogeneous(
     return [*lines, [*sphere, nothing, along(v[:-1], v[:-1]) - 1.0, nothing]]
 
 
-def limits_of(contacts: Any, edges: Any, base: Any, rows: Any) -> list[list[Real]]:
+def limits_of(contacts: Any, edges: Edges, base: Planars, rows: Influences) -> list[list[Real]]:
     """Rows whose products with v are not negative while contacts hold, two for each guide.
 
     Pressed by F along c, a guide keeps that contact while F is between i c and -i c by 45
@@ -141,13 +142,13 @@ def along(a: Any, b: Any) -> Real:
     return total
 
 
-def eliminate(rows: Any, pivoting: bool = False) -> tuple[list[list[Real]], Real]:
+def eliminate(matrix: Sequence[Reals], pivoting: bool = False) -> tuple[list[list[Real]], Real]:
     """Solutions for the right sides behind a square matrix, and its determinant.
 
     Without pivoting for an H-matrix, which that of Newton's method is wherever P < 1. With it,
     NaN for a singular one.
     """
-    rows, n, det = [list(row) for row in rows], len(rows), 1.0
+    rows, n, det = [list(row) for row in matrix], len(matrix), 1.0
     for p in range(n):
         for q in range(p + 1, n) if pivoting else ():
             larger = abs(rows[q][p]) > abs(rows[p][p])

@@ -30,12 +30,12 @@ from typing import Any
 
 from blockmech.friction.equations import load_norm
 from blockmech.ground.plane import EPS, hyp, maximum, mul, sqrt, where
-from blockmech.typing import Real
+from blockmech.typing import Influences, Real, Reals
 
 ROUNDING = 16.0  # [ulps] of an eigenvalue
 
 
-def existence(k: Any, contacts: Any, rows: Any) -> Real:
+def existence(k: Reals, contacts: Any, rows: Influences) -> Real:
     """The number c [-] of a group: of a dyad, or of one pair with friction.
 
     Parameters
@@ -70,7 +70,7 @@ def cancelled(c: Real, sizes: Any) -> Real:
     return where(c <= ROUNDING * EPS * sum_of(sizes), 0.0 * c, c)
 
 
-def by_guide(g: int, k: Any, contacts: Any, rows: Any) -> Real:
+def by_guide(g: int, k: Reals, contacts: Any, rows: Influences) -> Real:
     """c of pins and a guide."""
     parts = [mul(rows[g][j], k[j]) for j, n in enumerate(contacts) if not n]
     pins, own, square = sum_of(parts), mul(rows[g][g], k[g]), k[g] * k[g]

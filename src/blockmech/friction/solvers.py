@@ -38,7 +38,7 @@ from blockmech.friction.equations import (
     slope,
 )
 from blockmech.ground.plane import EPS, NAN, implicit, maximum, minimum, repeat, times, where
-from blockmech.typing import Real
+from blockmech.typing import Edges, Influences, Planars, Real, Reals
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
 SMALL_CHANGE = 1e-7  # of the largest load: the paper's 1e-3 N at its reactions of 1e4 N
@@ -58,18 +58,18 @@ class Solution(NamedTuple):
     limit: Real  # [-] scale of the friction factors up to which a solution exists
 
 
-def with_drag(solved: Solution, drag: Any) -> Solution:
+def with_drag(solved: Solution, drag: Reals) -> Solution:
     """The solution for loads that the drag has shifted, with the drag in its friction."""
     return solved._replace(t=tuple(t + d for t, d in zip(solved.t, drag, strict=True)))
 
 
-def without_drag(t: Any, drag: Any) -> tuple[Real, ...]:
+def without_drag(t: Reals, drag: Reals) -> tuple[Real, ...]:
     """Friction without its drag."""
     return tuple(x - d for x, d in zip(t, drag, strict=True))
 
 
 def tangent_step(
-    t: Any, k: Any, drag: Any, edges: Any, base: Any, rows: Any
+    t: Reals, k: Reals, drag: Reals, edges: Edges, base: Planars, rows: Influences
 ) -> tuple[tuple[Real, ...], tuple[Real, ...]]:
     """Friction, and the loads with it, by a step of Newton's method from friction t.
 
@@ -82,7 +82,13 @@ def tangent_step(
 
 
 def by_tangents(
-    laws: Any, steepest: Any, solve: Any, options: Any, edges: Any, base: Any, rows: Any
+    laws: Any,
+    steepest: Reals,
+    solve: Any,
+    options: Any,
+    edges: Edges,
+    base: Planars,
+    rows: Influences,
 ) -> Solution:
     """Friction of laws that are not linear in the load, by their tangents at the loads.
 
@@ -104,10 +110,10 @@ def balanced(
     solve: Callable[..., Solution],
     options: Any,
     laws: Any,
-    steepest: Any,
-    edges: Any,
-    base: Any,
-    rows: Any,
+    steepest: Reals,
+    edges: Edges,
+    base: Planars,
+    rows: Influences,
 ) -> Solution:
     """Friction of pairs by their laws, with ``laws`` and ``steepest`` as of `by_tangents`.
 
@@ -123,7 +129,7 @@ def balanced(
 
 
 def judged(
-    solved: Solution, law: Any, there: Any, steepest: Any, edges: Any, rows: Any
+    solved: Solution, law: Any, there: Any, steepest: Reals, edges: Edges, rows: Influences
 ) -> Solution:
     """A solution by tangents ``law`` (k, drag): it stands if its laws say the same ``there``.
 
@@ -141,12 +147,12 @@ def judged(
     return solved._replace(t=t, contraction=P, outcome=outcome)
 
 
-def _known(g: Any) -> Real:
+def _known(g: Reals) -> Real:
     """Whether loads are numbers; they are not where a later group cannot close."""
     return 0.0 * largest_of(g) == 0.0
 
 
-def direct(k: Any, edges: Any, base: Any) -> Solution:
+def direct(k: Reals, edges: Edges, base: Planars) -> Solution:
     """Friction of a driven pair: the load on the pair does not depend on it."""
     g = norms(base, edges)
     t = coulomb(k, g)
@@ -155,17 +161,17 @@ def direct(k: Any, edges: Any, base: Any) -> Solution:
 
 
 def single(
-    k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False, near: Any = ()
+    k: Reals, edges: Edges, base: Planars, rows: Influences, solvable: Real = False, near: Any = ()
 ) -> Solution:
     """One correction: friction from the frictionless loads ([R10], rough calculation)."""
     return successive(k, edges, base, rows, None, 1)
 
 
 def successive(
-    k: Any,
-    edges: Any,
-    base: Any,
-    rows: Any,
+    k: Reals,
+    edges: Edges,
+    base: Planars,
+    rows: Influences,
     tolerance: float | None,
     iterations: int | None,
     solvable: Real = False,
@@ -217,13 +223,13 @@ class Iterate(NamedTuple):
     going: Real
 
 
-def enough(g: Any, tolerance: float | None) -> Real:
+def enough(g: Reals, tolerance: float | None) -> Real:
     """Change [N] of loads g at which successive approximations stop."""
     return max(SMALL_CHANGE, 4.0 * EPS) * largest_of(g) if tolerance is None else tolerance
 
 
 def iterate(
-    state: Iterate, k: Any, edges: Any, base: Any, rows: Any, tolerance: float | None
+    state: Iterate, k: Reals, edges: Edges, base: Planars, rows: Influences, tolerance: float | None
 ) -> Iterate:
     """One successive approximation: friction from the loads, loads from that friction."""
     t = coulomb(k, state.g)
@@ -240,10 +246,10 @@ def confirmed(
     state: Any,
     course: ContinuationState,
     near: Any,
-    k: Any,
-    edges: Any,
-    base: Any,
-    rows: Any,
+    k: Reals,
+    edges: Edges,
+    base: Planars,
+    rows: Influences,
     change: Real,
 ) -> Any:
     """Uncertified successive approximations: they stand if continuation agrees.
@@ -267,7 +273,7 @@ def confirmed(
 
 
 def newton(
-    k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False, near: Any = ()
+    k: Reals, edges: Edges, base: Planars, rows: Influences, solvable: Real = False, near: Any = ()
 ) -> Solution:
     """Newton from the second successive iterate, certified sample by sample.
 
@@ -288,7 +294,9 @@ def newton(
     return differentiable(settled, k, edges, base, rows)
 
 
-def differentiable(found: Solution, k: Any, edges: Any, base: Any, rows: Any) -> Solution:
+def differentiable(
+    found: Solution, k: Reals, edges: Edges, base: Planars, rows: Influences
+) -> Solution:
     """A solution of the friction equations, which say its derivatives."""
     start = (found.t, found.iterations, True)
     t, _, _ = implicit(newton_step, start, k, edges, base, rows)
@@ -296,7 +304,7 @@ def differentiable(found: Solution, k: Any, edges: Any, base: Any, rows: Any) ->
 
 
 def newton_step(
-    state: Any, k: Any, edges: Any, base: Any, rows: Any, pivoting: bool = False
+    state: Any, k: Reals, edges: Edges, base: Planars, rows: Influences, pivoting: bool = False
 ) -> Any:
     """One step of Newton's method: (friction, steps done, whether it moved)."""
     t, count, _ = state
@@ -314,7 +322,13 @@ def newton_step(
 
 
 def replaced(
-    state: Any, course: ContinuationState, near: Any, k: Any, edges: Any, base: Any, rows: Any
+    state: Any,
+    course: ContinuationState,
+    near: Any,
+    k: Reals,
+    edges: Edges,
+    base: Planars,
+    rows: Influences,
 ) -> Any:
     """Uncertified samples of Newton's method: continuation's answer in their place."""
     given, _ = state
@@ -325,7 +339,7 @@ def replaced(
 
 
 def _course(
-    asked: Real, near: Any, k: Any, edges: Any, base: Any, rows: Any, solvable: Real
+    asked: Real, near: Any, k: Reals, edges: Edges, base: Planars, rows: Influences, solvable: Real
 ) -> Any:
     """The path from zero friction, of the samples of which no solution is known nearby."""
     if near:
@@ -333,7 +347,7 @@ def _course(
     return course_from_zero(asked, k, edges, base, rows, solvable)
 
 
-def _end(course: Any, near: Any, k: Any, edges: Any, base: Any, rows: Any) -> Path:
+def _end(course: Any, near: Any, k: Reals, edges: Edges, base: Planars, rows: Influences) -> Path:
     """The solution that counts: the one nearby where one is known, else the end of the path."""
     end = end_of(course, k, edges, base, rows)
     if not near:
@@ -352,7 +366,7 @@ def _end(course: Any, near: Any, k: Any, edges: Any, base: Any, rows: Any) -> Pa
     return Path(chosen(known, t, end.t), chosen(known, g, end.g), *own)
 
 
-def _moved(step: Any, k: Any, g: Any) -> Real:
+def _moved(step: Any, k: Reals, g: Reals) -> Real:
     """Whether a step changes any pair's friction by more than rounding of the largest load."""
     allowed = 4.0 * EPS * largest_of(g)
     excess = [abs(d) - allowed * abs(kj) for d, kj in zip(step, k, strict=True)]

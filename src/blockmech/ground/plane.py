@@ -15,11 +15,11 @@ from __future__ import annotations
 import bisect
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from types import FunctionType
 from typing import Any, TypeVar
 
-from blockmech.typing import Complex, Real
+from blockmech.typing import Complex, Real, Record
 
 K = TypeVar("K")
 NAN = math.nan
@@ -231,7 +231,7 @@ MEANINGS = {**SCALAR_PRIMITIVES, "one_by_one": one_by_one}
 
 
 @functools.singledispatch
-def primitives_of(x: object) -> Mapping[str, Any]:
+def primitives_of(x: object) -> Record:
     """The meaning of the primitives on numbers of the type of ``x``."""
     return MEANINGS
 

@@ -13,6 +13,8 @@ from dataclasses import fields, is_dataclass
 from numbers import Complex, Integral, Real
 from typing import Any, ClassVar
 
+from blockmech.typing import Data
+
 DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
 
 
@@ -70,7 +72,7 @@ class Facts:
 
     FACTS: ClassVar[tuple[str, ...]] = ()
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The facts as a JSON object, in SI units; null stands for what is not finite."""
         names = self.FACTS or tuple(f.name for f in fields(self))  # type: ignore[arg-type]
         return {name: as_json(getattr(self, name)) for name in names}

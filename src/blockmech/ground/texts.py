@@ -17,14 +17,15 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from blockmech.ground.units import NoQuantity, in_si, quantity, unit_behind
+from blockmech.typing import Record
 
 Place: TypeAlias = tuple[str | int, ...]
 """Keys from a model to one of its numbers."""
 
 
 def read_texts(
-    model: type[BaseModel], raw: Mapping[str, Any], dependent: bool
-) -> tuple[Mapping[str, Any], dict[Place, str]]:
+    model: type[BaseModel], raw: Record, dependent: bool
+) -> tuple[Record, dict[Place, str]]:
     """What a model is made of, with numbers in place of texts, and the texts that were read.
 
     ``dependent`` says that units may be others than the fields declare, so any is read.

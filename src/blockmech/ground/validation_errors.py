@@ -24,6 +24,7 @@ from blockmech.ground.errors import (
     unknown_key,
 )
 from blockmech.ground.units import NoQuantity, quantity
+from blockmech.typing import Data, Record
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -44,7 +45,7 @@ def field_order(model: type[BaseModel]) -> list[str]:
 class InWrittenOrder(GenerateJsonSchema):
     """A JSON Schema whose keys stand in the order in which they are written."""
 
-    def model_schema(self, schema: Any) -> dict[str, Any]:
+    def model_schema(self, schema: Any) -> Data:
         """The schema of a model, its properties in the order of the fields."""
         core_schema = super().model_schema(schema)
         if "properties" in core_schema:
@@ -125,7 +126,7 @@ class _Place:
     """A place in data that do not fit: what stands there, and what its schema says."""
 
     def __init__(
-        self, schema: Mapping[str, Any], raw: Any, path: list[str | int], what: str, at: Path
+        self, schema: Record, raw: Any, path: list[str | int], what: str, at: Path
     ) -> None:
         self.where = path_text([*at, *path])
         self.owner = what if len(path) < 2 else path_text([*at, *path[:-1]])
@@ -236,7 +237,7 @@ def _no_such_kind(place: _Place, line: Any) -> Problem:
 # A JSON Schema, followed along a path.
 
 
-def _members(root: Mapping[str, Any], node: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def _members(root: Record, node: Record) -> list[Record]:
     """A schema, or its alternatives, with references resolved."""
     if "$ref" in node:
         return _members(root, root["$defs"][node["$ref"].rsplit("/", 1)[-1]])
@@ -246,7 +247,7 @@ def _members(root: Mapping[str, Any], node: Mapping[str, Any]) -> list[Mapping[s
     return [node]
 
 
-def _schema_at(root: Mapping[str, Any], raw: Any, path: Path) -> Mapping[str, Any]:
+def _schema_at(root: Record, raw: Any, path: Path) -> Record:
     """The schema of the value at a path, {} where it says nothing."""
     node = _chosen(root, root, raw)
     for part in path:
@@ -260,7 +261,7 @@ def _schema_at(root: Mapping[str, Any], raw: Any, path: Path) -> Mapping[str, An
     return node
 
 
-def _chosen(root: Mapping[str, Any], node: Mapping[str, Any], raw: Any) -> Mapping[str, Any]:
+def _chosen(root: Record, node: Record, raw: Any) -> Record:
     """Of several kinds, the one that the data names."""
     if "discriminator" in node and isinstance(raw, dict):
         tag = raw.get(node["discriminator"]["propertyName"])
@@ -270,7 +271,7 @@ def _chosen(root: Mapping[str, Any], node: Mapping[str, Any], raw: Any) -> Mappi
     return node
 
 
-def _step(node: Mapping[str, Any], part: str | int) -> Mapping[str, Any]:
+def _step(node: Record, part: str | int) -> Record:
     if isinstance(part, int):
         schema = node.get("items", {})
     else:

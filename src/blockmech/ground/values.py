@@ -44,6 +44,7 @@ from blockmech.ground.plane import apply
 from blockmech.ground.texts import in_metres, read_texts
 from blockmech.ground.units import NoQuantity
 from blockmech.ground.validation_errors import problems_of
+from blockmech.typing import Data, Record
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -133,7 +134,7 @@ class Axis(NamedTuple):
         return f"{self.effort} {above}".rstrip() + f"/{below}" if power else self.effort
 
 
-Units: TypeAlias = Mapping[str, Any]
+Units: TypeAlias = Record
 """Field -> unit of its numbers, or one for each place or name in it."""
 POSE = ("m", "m", "rad")
 
@@ -197,7 +198,7 @@ class Pair:
     @classmethod
     def __get_pydantic_json_schema__(
         cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    ) -> Data:
         two = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
         if not cls.polar:
             return two
@@ -387,7 +388,7 @@ class StrictModel(BaseModel):
             if type(x) is dict:
                 vars(self)[name] = FrozenDict(x)
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+    def model_copy(self, *, update: Record | None = None, deep: bool = False) -> Self:
         """A copy with some fields replaced; see pydantic."""
         copied = super().model_copy(update=update, deep=deep)
         copied.model_post_init(None)

@@ -39,6 +39,7 @@ from blockmech.ground.errors import listed
 from blockmech.ground.values import Axis, mistake
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
+from blockmech.typing import Record
 
 Reads: TypeAlias = Mapping[str, tuple[str, ...]]
 """What is read at each terminal, or under the keys "driver", "time" and "law"."""
@@ -46,7 +47,7 @@ Reads: TypeAlias = Mapping[str, tuple[str, ...]]
 if TYPE_CHECKING:
     from blockmech.ground.values import Given
 
-    LawGiven = Given[AnyLaw | Function, AnyLaw | Function | Mapping[str, Any] | Callable[..., Any]]
+    LawGiven = Given[AnyLaw | Function, AnyLaw | Function | Record | Callable[..., Any]]
 else:
     LawGiven = AnyLaw
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
@@ -35,6 +35,7 @@ from blockmech.model.parameters import wrong_units
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.model.wires import checked_wires, signal_wire, unwired
 from blockmech.signals.contract import Signal
+from blockmech.typing import Record
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -75,9 +76,7 @@ def checked_structure(flat: Flat) -> Structure:
     return structure
 
 
-def _formed(
-    blocks: Mapping[str, Any], order: Iterable[str], wires: Iterable[tuple[Wire, Ends]]
-) -> Structure:
+def _formed(blocks: Record, order: Iterable[str], wires: Iterable[tuple[Wire, Ends]]) -> Structure:
     """The structure of a graph with which nothing is wrong, its blocks with links in order."""
     feeds, holds = dict[JointRef, MarkerRef](), dict[JointRef, MarkerRef]()
     read: dict[JointRef, str] = {}

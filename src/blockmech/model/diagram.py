@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -16,6 +16,7 @@ from blockmech.ground.values import StrictModel, split_address
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.scene import Scene
+from blockmech.typing import Data, Record
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class UnknownBlock:
     """A block of a type that is not installed: kept verbatim, drawn, never computed."""
 
     type: str
-    raw: dict[str, Any] = field(default_factory=dict)
+    raw: Data = field(default_factory=dict)
 
 
 class Ends(NamedTuple):
@@ -92,14 +93,14 @@ class GraphDocument(StrictModel):
     version: Annotated[int, Field(strict=True, ge=1, le=VERSION)]
     name: str = "mechanism"
     title: str = ""
-    blocks: dict[str, Any]
+    blocks: Data
     wires: list[WireEnds] = []
     scene: Scene = Scene()
     parameters: Annotated[
         dict[str, str | list[str]],
         Field(description="numbers that a graph with this one inside sets by name: addresses"),
     ] = {}
-    view: Annotated[dict[str, Any], Field(description="places on a canvas; not computed with")] = {}
+    view: Annotated[Data, Field(description="places on a canvas; not computed with")] = {}
     expect: list[Expectation] = []
     source: str = ""
     notes: str | list[str] = ""
@@ -112,7 +113,7 @@ GRAPH_FILE = Form(
 )
 
 
-def python_keys(scene: Scene, raw: Mapping[str, Any]) -> Iterator[Problem]:
+def python_keys(scene: Scene, raw: Record) -> Iterator[Problem]:
     """Keys of laws that are names in Python only, such as ``start`` for ``from``."""
     for driver, law in scene.drive.items():
         fields = type(law).model_fields

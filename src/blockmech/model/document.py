@@ -19,6 +19,7 @@ from blockmech.model.parameters import Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.scene import Initial, Locked, Stops
 from blockmech.model.writing import canonical_text
+from blockmech.typing import Data, Record
 
 
 class Document:
@@ -30,7 +31,7 @@ class Document:
 
     name: str
     title: str
-    extras: dict[str, Any]  # view, expect, source, notes: kept with the file
+    extras: Data  # view, expect, source, notes: kept with the file
     file: str  # where the document was read from, for messages
     wires: list[Wire]
 
@@ -66,7 +67,7 @@ class Document:
     @classmethod
     @uncollected()
     @declared
-    def from_data(cls, data: dict[str, Any], odd: Iterable[Problem] = (), file: str = "") -> Self:
+    def from_data(cls, data: Data, odd: Iterable[Problem] = (), file: str = "") -> Self:
         """Read what a file holds, with the problems that its text has. Raises like `load`."""
         draft = Draft(cls.form, data, list(odd))
         content: Any = draft.said
@@ -106,11 +107,11 @@ class Document:
         """The canonical text of the file. Raises `FormatError` for what JSON does not know."""
         return canonical_text(self.to_data())
 
-    def to_data(self) -> dict[str, Any]:
+    def to_data(self) -> Data:
         """What stands in the file."""
         return self._written(self.sections())
 
-    def _written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
+    def _written(self, sections: Record) -> Data:
         extras = {key: self.extras.get(key) for key in EXTRAS}
         return self.form.written({**sections, **extras, "name": self.name, "title": self.title})
 
@@ -191,7 +192,7 @@ class Document:
             vars(other)[name] = copy.copy(x) if isinstance(x, dict | list) else x
         return other
 
-    def sections(self) -> dict[str, Any]:
+    def sections(self) -> Data:
         """What stands in the file between head and extras, as models."""
         return {section: getattr(self, section) for section in self.form.sections}
 
@@ -212,7 +213,7 @@ class Document:
 D = TypeVar("D", bound=Document)
 
 
-def read(text: str, file: str, kind: Callable[[dict[str, Any]], type[D]]) -> D:
+def read(text: str, file: str, kind: Callable[[Data], type[D]]) -> D:
     """The document in a text, whose data tell its kind. Raises like `Document.load`."""
     try:
         raw, odd = data_of(text)

@@ -25,6 +25,7 @@ from blockmech.model.parameters import interface
 from blockmech.model.scene import PER_DRIVER, Scene
 from blockmech.model.subgraph import Content, Subgraph
 from blockmech.model.wires import inlets, no_such_block
+from blockmech.typing import Arguments, Data
 
 
 @dataclass
@@ -49,7 +50,7 @@ def flattened(graph: Content) -> Flat:
     flat = Flat(scene=graph.scene)
     frames: dict[str, Frame] = {}
     inside: dict[str, Flat] = {}
-    given: dict[str, dict[str, Any]] = {section: {} for section in PER_DRIVER}
+    given: dict[str, Data] = {section: {} for section in PER_DRIVER}
     for name, block in graph.blocks.items():
         if not isinstance(block, Subgraph):
             flat.blocks[name] = block
@@ -206,7 +207,7 @@ def _stand(flat: Flat, full: str, frame: Frame, on: str, name: str) -> None:
         flat.moved[f"{full}.{m}"] = f"{carrier}.{name}.{m}"
     flat.moved[f"{full}.frame"] = on
     if isinstance(block, Frame):
-        update: dict[str, Any] = {"markers": {**block.markers, **markers}}
+        update: Arguments = {"markers": {**block.markers, **markers}}
     else:
         links = block.links_or_default()
         own = links[link]

@@ -30,6 +30,7 @@ from blockmech.ground.errors import (
 from blockmech.ground.validation_errors import validated
 from blockmech.ground.values import NAME_RULE, StrictModel, is_name
 from blockmech.model.writing import plain
+from blockmech.typing import Data, Record
 
 HEAD = ("format", "version", "name", "title")
 EXTRAS = ("view", "expect", "source", "notes")
@@ -72,7 +73,7 @@ class Section(NamedTuple):
     plain_said: str = ""
     first: tuple[str, ...] = ()
     prefix: str = ""
-    other: Callable[[str, dict[str, Any]], Any] | None = None
+    other: Callable[[str, Data], Any] | None = None
 
     def unknown_kind(self, word: Any, where: str) -> Problem:
         """The problem that names an unknown kind of an item and its nearest relatives."""
@@ -84,11 +85,11 @@ class Section(NamedTuple):
         """The kinds in a sentence."""
         return f"{self.key}s: {listed(self.kinds, 30)}"
 
-    def data(self, item: Any) -> dict[str, Any]:
+    def data(self, item: Any) -> Data:
         """An item as its file says it."""
         if self.other and not isinstance(item, StrictModel | Mapping):
             return {self.key: item.type, **item.raw}  # of an unknown kind: word for word
-        fields: dict[str, Any] = plain(item)
+        fields: Data = plain(item)
         if self.key and self.key not in fields and hasattr(item, "type_name"):
             fields = {self.key: item.type_name.removeprefix(self.prefix)} | fields
         return {key: fields[key] for key in self.first if key in fields} | fields
@@ -120,7 +121,7 @@ class Form:
         fields = self.model.model_fields
         return {name: fields[name] for name in fields if name not in (*HEAD, *EXTRAS)}
 
-    def written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
+    def written(self, sections: Record) -> Data:
         """What stands in a file: all sections but for those that say nothing."""
         named, data = self.items(), {"format": self.format, "version": VERSION}
         for key, declared in self.model.model_fields.items():
@@ -140,7 +141,7 @@ def bad_name(what: str, name: Any, where: str = "") -> Problem:
     return Problem("bad-name", where, f"not a {what} name", NAME_RULE, "choose another name")
 
 
-def _identified(form: Form, raw: Mapping[str, Any]) -> Iterator[Problem]:
+def _identified(form: Form, raw: Record) -> Iterator[Problem]:
     """What is wrong with format and version. Raises if it is another document altogether."""
     declared, valid = raw.get("format"), f'{form.said} has "format": "{form.format}"'
     if "format" not in raw:
@@ -169,7 +170,7 @@ class Draft:
     """What a file says as far as it can be read, and what is wrong with it."""
 
     form: Form
-    raw: dict[str, Any]  # the data of the file
+    raw: Data  # the data of the file
     odd: list[Problem]  # found in the text
     content: list[Problem] = field(default_factory=list)  # of the sections by themselves
     fit: list[Problem] = field(default_factory=list)  # of how they fit each other
@@ -187,7 +188,7 @@ class Draft:
         if self.said is None:
             self.wrong = {re.split(r"[.\[]", problem.where)[0] for problem in problems}
             fields = model.model_fields
-            sound: dict[str, Any] = {n: {} for n in fields if fields[n].is_required()}
+            sound: Data = {n: {} for n in fields if fields[n].is_required()}
             sound |= {"format": self.form.format, "version": VERSION}
             more = {n: raw[n] for n in fields if n in raw and n not in self.wrong}
             again, _ = validated(model, sound | more, "")

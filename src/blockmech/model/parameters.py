@@ -28,6 +28,7 @@ from blockmech.ground.validation_errors import field_order
 from blockmech.ground.values import Axis, Marker, Pair, StrictModel
 from blockmech.model.scene import Scene
 from blockmech.model.subgraph import Subgraph
+from blockmech.typing import Record
 
 Path = tuple[str | int, ...]
 BLOCKS = "blocks"  # the section whose items an address names without it
@@ -53,7 +54,7 @@ class Parameter(NamedTuple):
     path: Path
 
 
-def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
+def parameters_of(sections: Record) -> dict[str, Parameter]:
     """All numbers of a design by address, in the order of the file.
 
     ``sections`` are those of the document: named items, or models.
@@ -112,7 +113,7 @@ def _of_graph(block: Subgraph, path: Path, head: str) -> Iterator[Parameter]:
         yield Parameter(f"{head}.{address}", value, p.unit, (*path, "parameters", address))
 
 
-def _axes(sections: Mapping[str, Any]) -> Iterator[tuple[str, Axis]]:
+def _axes(sections: Record) -> Iterator[tuple[str, Axis]]:
     """Drivers by name, and joints of a document, each with the units along its coordinate."""
     for name, block in sections.get(BLOCKS, {}).items():
         for joint in block.driven if isinstance(block, Moving) else ():
@@ -163,7 +164,7 @@ def _numbers(
         yield Parameter(text, x, unit, path)
 
 
-def wrong_units(sections: Mapping[str, Any]) -> Iterator[Problem]:
+def wrong_units(sections: Record) -> Iterator[Problem]:
     """Numbers that were written with a unit of another kind than they are."""
     units = {p.path: p for p in parameters_of(sections).values()} if StrictModel.spoken else {}
     for path, text in _texts(sections, ()) if units else ():

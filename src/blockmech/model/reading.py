@@ -19,6 +19,7 @@ from typing import Any
 
 from blockmech.ground.errors import MOST, FormatError, Problem, in_file, path_text
 from blockmech.ground.units import NoQuantity, in_si
+from blockmech.typing import Data
 
 LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 HIGHEST = 1e75  # of a number: a term of mechanics is the product of at most four
@@ -80,7 +81,7 @@ def place(text: str, offset: int) -> str:
     return f"line {line}, column {offset - text.rfind(chr(10), 0, offset)}"
 
 
-def data_of(text: str) -> tuple[dict[str, Any], list[Problem]]:
+def data_of(text: str) -> tuple[Data, list[Problem]]:
     """The object that a text holds, and what is wrong with single values in it.
 
     Raises `FormatError` where there is nothing to go on with.
@@ -90,7 +91,7 @@ def data_of(text: str) -> tuple[dict[str, Any], list[Problem]]:
         raise FormatError(Problem("empty-file", "", "it is empty", "", remedy))
     twice = False
 
-    def made(items: list[tuple[str, Any]]) -> dict[str, Any]:
+    def made(items: list[tuple[str, Any]]) -> Data:
         nonlocal twice
         fields = dict(items)
         twice |= len(fields) < len(items)

@@ -19,12 +19,13 @@ from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.form import Form, Section
 from blockmech.model.joints.contents import FRAME, LINKAGE_FILE
 from blockmech.model.subgraph import HEAD, Subgraph
+from blockmech.typing import Data
 
 NAME = {"pattern": r"^[^./]+$"}
 OUTPUT = {"type": "string", "pattern": r"^[^./]+(\.[^./]+)+$"}
 
 
-def graph_schema() -> dict[str, Any]:
+def graph_schema() -> Data:
     """JSON Schema (2020-12) of a graph file, with every registered block type."""
     schema = _schema(GRAPH_FILE)
     schema["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": OUTPUT}
@@ -33,7 +34,7 @@ def graph_schema() -> dict[str, Any]:
     return schema
 
 
-def joints_schema() -> dict[str, Any]:
+def joints_schema() -> Data:
     """JSON Schema (2020-12) of a joint-based file, with every registered load and law."""
     schema = _schema(LINKAGE_FILE)
     schema["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": OUTPUT}
@@ -44,7 +45,7 @@ def joints_schema() -> dict[str, Any]:
     return schema
 
 
-def _schema(form: Form) -> dict[str, Any]:
+def _schema(form: Form) -> Data:
     sections = form.items()
     models: list[type[BaseModel]] = [form.model]
     for section in sections.values():
@@ -71,7 +72,7 @@ def _schema(form: Form) -> dict[str, Any]:
     }
 
 
-def _item(section: Section, parts: dict[str, Any], key: dict[Any, str]) -> dict[str, Any]:
+def _item(section: Section, parts: Data, key: dict[Any, str]) -> Data:
     """An item, whose schema depends on the word of its kind; those of kinds are made complete."""
     if not section.key:
         return {"$ref": f"#/$defs/{key[section.plain]}"}
@@ -84,10 +85,10 @@ def _item(section: Section, parts: dict[str, Any], key: dict[Any, str]) -> dict[
             parts[name] = _of_block(section.key, word, model, parts.pop(key[model]))
         condition = {"properties": {section.key: {"const": word}}, "required": [section.key]}
         cases.append({"if": condition, "then": {"$ref": f"#/$defs/{name}"}})
-    words: dict[str, Any] = {"enum": list(section.kinds)}
+    words: Data = {"enum": list(section.kinds)}
     if section.other is not None:  # of a kind that is not known here everything is allowed
         words = {"type": "string", "minLength": 1, "examples": list(section.kinds)}
-    schema: dict[str, Any] = {"type": "object", "properties": {section.key: words}}
+    schema: Data = {"type": "object", "properties": {section.key: words}}
     if section.plain is None:
         schema["required"] = [section.key]
     else:
@@ -96,7 +97,7 @@ def _item(section: Section, parts: dict[str, Any], key: dict[Any, str]) -> dict[
     return schema | {"allOf": cases}
 
 
-def _of_block(key: str, word: str, cls: type[Any], schema: dict[str, Any]) -> dict[str, Any]:
+def _of_block(key: str, word: str, cls: type[Any], schema: Data) -> Data:
     """The schema of a block type, with what only the class knows of its links and joints."""
     keys = {key: {"const": word}, **schema["properties"]}
     if issubclass(cls, Moving) and not cls.own_form:
@@ -114,16 +115,16 @@ def _of_block(key: str, word: str, cls: type[Any], schema: dict[str, Any]) -> di
     return {**schema, "title": word, "properties": keys, "required": required}
 
 
-def _named(keys: dict[str, Any]) -> dict[str, Any]:
+def _named(keys: Data) -> Data:
     return {"type": "object", "properties": keys, "additionalProperties": False}
 
 
-def _friction_of(kind: str) -> dict[str, Any]:
+def _friction_of(kind: str) -> Data:
     """Friction that fits a kind of pair: one of the laws for it, the plain one if none is named."""
     laws = {name: law for name in LAWS if kind in (law := LAWS[name]).kinds}
     cases = []
     for name, law in laws.items():
-        condition: dict[str, Any] = {"properties": {"law": {"const": name}}}
+        condition: Data = {"properties": {"law": {"const": name}}}
         condition |= {} if name == PLAIN else {"required": ["law"]}
         cases.append(
             {"if": condition, "then": {"$ref": f"#/$defs/{law.__name__}"} | _shape(law, kind)}
@@ -131,7 +132,7 @@ def _friction_of(kind: str) -> dict[str, Any]:
     return {"type": "object", "properties": {"law": {"enum": list(laws)}}, "allOf": cases}
 
 
-def _shape(law: type[FrictionLaw], kind: str) -> dict[str, Any]:
+def _shape(law: type[FrictionLaw], kind: str) -> Data:
     """What a law of the load needs to know of a kind of pair, and what it must not say."""
     if not issubclass(law, DryFriction):
         return {}

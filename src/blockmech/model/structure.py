@@ -21,6 +21,7 @@ from blockmech.ground.errors import GraphError, Problem, listed
 from blockmech.ground.values import Link, Marker, split_address
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
+from blockmech.typing import Data, Record
 
 T = TypeVar("T")
 COORDINATE = "coordinate"  # last word of the outputs that are coordinates of pairs
@@ -130,7 +131,7 @@ class Structure:
     couplings: Mapping[str, Coupling] = field(default_factory=dict)
     signals: Mapping[str, Signal] = field(default_factory=dict)
     signal_wires: Mapping[JointRef, str] = field(default_factory=dict)
-    sensors: Mapping[str, Any] = field(default_factory=dict)
+    sensors: Record = field(default_factory=dict)
 
     @cached_property
     def remembering(self) -> tuple[JointRef, ...]:
@@ -308,7 +309,7 @@ class Structure:
         return self.blocks[block].coordinate(joint)
 
     @cached_property
-    def paths(self) -> dict[str, Any]:
+    def paths(self) -> Data:
         """Room for the paths of groups without closed form; see `passes.homotopy`."""
         return {}
 

@@ -24,6 +24,7 @@ from pydantic import Field, PrivateAttr, WithJsonSchema, field_validator, model_
 from blockmech.blocks.block import Block
 from blockmech.ground.errors import BlockmechError, FormatError, GraphError, Problem
 from blockmech.ground.values import Number, mistake
+from blockmech.typing import Data
 
 Content: TypeAlias = Any
 """The `blockmech.Graph` inside of a block, which is made of blocks itself."""
@@ -64,7 +65,7 @@ class Subgraph(Block, type="graph"):
     refers: ClassVar[tuple[str, ...]] = ("on",)
 
     file: str = ""
-    graph: Annotated[dict[str, Any] | None, WithJsonSchema(INLINE)] = None
+    graph: Annotated[Data | None, WithJsonSchema(INLINE)] = None
     on: Annotated[str, Field(json_schema_extra={"pattern": r"^[^./]+(\.[^./]+)+$"})] = ""
     given: dict[str, Number] = Field(default={}, alias="parameters")
 

@@ -16,6 +16,7 @@ from blockmech.ground.errors import FormatError, Problem, path_text
 from blockmech.ground.validation_errors import field_order
 from blockmech.ground.values import StrictModel
 from blockmech.loads.functions import Function
+from blockmech.typing import Record
 
 WIDTH = 100  # characters of a line
 SECTIONS = 2  # levels that are always open: the document and its sections
@@ -43,7 +44,7 @@ def plain(value: Any) -> Any:
     return getattr(value, "written", value)
 
 
-def canonical_text(document: Mapping[str, Any]) -> str:
+def canonical_text(document: Record) -> str:
     """The text of a document, lines of up to 100 characters where words allow.
 
     Raises `FormatError` for values that JSON does not know.

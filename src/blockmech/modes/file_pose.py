@@ -20,7 +20,7 @@ from blockmech.modes.triad import Support
 from blockmech.passes.forward import joint_position, link_position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
-from blockmech.typing import Guide, LinkPosition
+from blockmech.typing import Data, Guide, LinkPosition, Record
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -43,7 +43,7 @@ class Places:
         self.program = s.program(values)
         self._drivers = {f"q_{i}": driver for i, driver in enumerate(mechanism.drivers)}
 
-    def _inputs(self, drivers: Mapping[str, Any]) -> dict[str, Any]:
+    def _inputs(self, drivers: Record) -> Data:
         return {name: drivers[self._drivers[name]] for name in self.program.inputs}
 
     def at(self, samples: Iterable[Mapping[str, float]]) -> Iterator[tuple[Any, ...]]:
@@ -52,7 +52,7 @@ class Places:
         for drivers in samples:
             yield engine.one(list(self._inputs(drivers).values()))
 
-    def along(self, drivers: Mapping[str, Any], n: int) -> list[Any]:
+    def along(self, drivers: Record, n: int) -> list[Any]:
         """The same at n places, as arrays (n,)."""
         columns = {name: np.broadcast_to(q, n) for name, q in self._inputs(drivers).items()}
         return [_of_arrays(value) for value in NumpyEngine(self.program).run(columns, n)]
@@ -103,7 +103,7 @@ class FilePose:
             for link, at in mode.links.items()
         )  # NaN is not
 
-    def put(self, group: str, mode: Mode) -> dict[str, Any]:
+    def put(self, group: str, mode: Mode) -> Data:
         """What to write into the file to have a mode: keys of the block, or of the document."""
         structure = self.mechanism.structure
         if self.mechanism.names is not None:

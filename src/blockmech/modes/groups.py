@@ -20,7 +20,7 @@ from blockmech.blocks.general import GeneralGroup, InnerPair
 from blockmech.blocks.general.block import SUPPORTS
 from blockmech.ground.plane import cross
 from blockmech.modes.triad import LegKind, Support, Triad
-from blockmech.typing import Guide, LinkPosition
+from blockmech.typing import Guide, LinkPosition, Record
 
 Body = Mapping[str, LinkPosition]
 """Links of one body -> their places in the frame of the first."""
@@ -110,7 +110,7 @@ class Outline:
         on = body[link]
         return LinkPosition(on.o + on.e * marker.at.z, on.e * marker.direction)
 
-    def _body(self, first: str, driven: Mapping[str, Any]) -> Body:
+    def _body(self, first: str, driven: Record) -> Body:
         """The links of one body, each seen over a driven pair from one already placed."""
         positions = {first: LinkPosition(0j, 1 + 0j)}
         for known, link in nx.bfs_edges(self.welded, first):

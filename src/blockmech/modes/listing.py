@@ -42,7 +42,7 @@ from blockmech.modes.report import (
 from blockmech.modes.search import NOTE, searched
 from blockmech.modes.triad import Support
 from blockmech.result.samples import make_samples
-from blockmech.typing import Coordinates, LinkPosition
+from blockmech.typing import Coordinates, LinkPosition, Record
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -287,7 +287,7 @@ class _Lister:
         """Whether a sample is on the line along which arcs are sought."""
         return all(stand.drivers[d] == q for d, q in self._fixed().items())
 
-    def _driven(self, name: str, drivers: Mapping[str, Any]) -> list[Any]:
+    def _driven(self, name: str, drivers: Record) -> list[Any]:
         """Coordinates of the driven joints inside a group."""
         structure = self.mechanism.structure
         own = structure.drivers_of(name)

@@ -15,6 +15,7 @@ from blockmech.figures.paper import shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import among
 from blockmech.ground.report import DEGREES, Facts, with_unit
+from blockmech.typing import Data, Record
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -94,13 +95,13 @@ class GroupMode(Facts):
     sign: int
     double: bool
     chosen: bool
-    put: Mapping[str, Any]
+    put: Record
     arc: int | None = None
     reach: tuple[float, float] | None = None
     after_turn: int | None = None
     residual: float | None = None
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The mode as a JSON object; a residual only of triads."""
         data = super().to_dict()
         return (

@@ -22,6 +22,7 @@ from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import NO_NAME, UNKNOWN
 from blockmech.plan.plan import Friction, Output, Schedule
 from blockmech.plan.values import Value
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -79,7 +80,7 @@ def _value(output: Output, reading: Callable[..., Value], s: Schedule) -> Value:
 # -- order ---------------------------------------------------------------------------------
 
 
-def _ordered(structure: Structure, scene: Scene, sensors: dict[str, Any]) -> list[str]:
+def _ordered(structure: Structure, scene: Scene, sensors: Data) -> list[str]:
     """Signal blocks, each after those that it reads at once. Raises `GraphError` for a loop."""
     import networkx as nx
 
@@ -104,9 +105,7 @@ def _turns(graph: nx.DiGraph, component: set[str]) -> bool:
     return len(component) > 1 or any(graph.has_edge(name, name) for name in component)
 
 
-def _edges(
-    structure: Structure, scene: Scene, sensors: dict[str, Any]
-) -> Iterator[tuple[str, str]]:
+def _edges(structure: Structure, scene: Scene, sensors: Data) -> Iterator[tuple[str, str]]:
     """From what gives a value to what needs it at once; sensors and loads are nodes as well."""
     loads = {ref.block for ref in structure.signal_wires if ref.block in structure.elements}
     for ref, address in structure.signal_wires.items():

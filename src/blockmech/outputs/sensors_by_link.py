@@ -7,7 +7,6 @@ sign, or a sum of several: then a block ``signal.sum`` gives it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from blockmech.ground.errors import GraphError, Problem
 from blockmech.ground.values import free_name, split_address
@@ -17,11 +16,12 @@ from blockmech.model.naming import Names
 from blockmech.outputs.by_block import PARTS, Catalogue
 from blockmech.outputs.by_link import Reading, readings
 from blockmech.outputs.by_owner import ByOwner, unknown_output, vector_sensor
+from blockmech.typing import Data, Record
 
 IDLE = {"kind": "constant", "value": 0.0}
 
 
-def with_sensors_of_blocks(data: dict[str, Any], names: Names) -> dict[str, Any]:
+def with_sensors_of_blocks(data: Data, names: Names) -> Data:
     """The data of a graph whose wires read outputs of its blocks in place of the document's.
 
     Raises `GraphError` with what is read and is no output of the document, or no number that
@@ -51,13 +51,13 @@ def with_sensors_of_blocks(data: dict[str, Any], names: Names) -> dict[str, Any]
     return {**data, "blocks": blocks, "wires": wires}
 
 
-def _of_signals(blocks: Mapping[str, Any], own: set[str], target: str) -> bool:
+def _of_signals(blocks: Record, own: set[str], target: str) -> bool:
     """Whether a wire ends at a signal block or a law."""
     name, port = split_address(target, blocks)
     return name in own or (port == "law" and "law" in blocks[name])
 
 
-def _without_signals(data: dict[str, Any], own: set[str]) -> dict[str, Any]:
+def _without_signals(data: Data, own: set[str]) -> Data:
     """The same mechanism, with loads that do nothing where they follow signals."""
     blocks = {
         name: {**block, "law": IDLE} if block.get("law") == {"kind": "signal"} else block
@@ -83,9 +83,7 @@ def _reading(table: Mapping[str, Reading], known: Catalogue, source: str) -> Rea
     return reading._replace(parts=tuple(parts))
 
 
-def _block_output(
-    blocks: dict[str, Any], source: str, reading: Reading
-) -> tuple[str, list[dict[str, str]]]:
+def _block_output(blocks: Data, source: str, reading: Reading) -> tuple[str, list[dict[str, str]]]:
     """An output of a block that is a reading, and the wires to a block that is added for it."""
     parts = list(reading.parts)
     if len(parts) == 1 and parts[0][1] > 0 and not reading.turn:

@@ -29,6 +29,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import MarkerRef, Structure
 from blockmech.plan.quantities import QUANTITIES
 from blockmech.plan.values import NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
+from blockmech.typing import Record
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -148,7 +149,7 @@ class Program:
     angles: frozenset[str]
     functions: Mapping[str, Callable[..., Any]]
     formulas: Mapping[str, Formula] = field(compare=False)
-    parameters: Mapping[str, Any]
+    parameters: Record
     outputs: tuple[str, ...]
     calls: int = field(compare=False)
 

@@ -15,7 +15,7 @@ from blockmech.ground.units import shown_in
 from blockmech.plan.plan import Output
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Accuracy, Quality
-from blockmech.typing import Named
+from blockmech.typing import Arguments, Named
 
 __all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
@@ -31,7 +31,7 @@ class Labelled(Mapping[str, NDArray[Any]]):
     """
 
     mechanism: Named
-    settings: dict[str, Any]
+    settings: Arguments
     motion: Motion | None
     accuracy: Accuracy | None
     units: tuple[str, ...] = ()  # in which columns and pictures stand, where they are not SI

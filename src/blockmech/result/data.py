@@ -17,11 +17,12 @@ from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.report import as_json
 from blockmech.result.columns import Column, Labelled, columns
 from blockmech.result.motion import Motion
+from blockmech.typing import Data
 
 FORMAT, VERSION = "blockmech/result", 1
 
 
-def to_dict(result: Labelled) -> dict[str, Any]:
+def to_dict(result: Labelled) -> Data:
     """The whole result as JSON data; its schema is `result_schema`.
 
     SI units. Vectors are [x, y] pairs, matrices nested lists, a number of the whole
@@ -56,7 +57,7 @@ def to_npz(result: Labelled, path: AnyPath) -> None:
 
     Raises `RequestError` where the place cannot be written.
     """
-    arrays: dict[str, Any] = dict(result.drivers)
+    arrays: Data = dict(result.drivers)
     units = {name: result._unit_of_driver(name) for name in arrays}
     time = result._known_time()
     if time is not None:
@@ -129,8 +130,8 @@ def dataframe(table: Sequence[Column], status: Sequence[str]) -> Any:
     return frame
 
 
-def _head(result: Labelled) -> dict[str, Any]:
-    head: dict[str, Any] = {
+def _head(result: Labelled) -> Data:
+    head: Data = {
         "format": FORMAT,
         "version": VERSION,
         "graph": result.mechanism.name,
@@ -147,7 +148,7 @@ def _head(result: Labelled) -> dict[str, Any]:
     return head
 
 
-def _motion(result: Labelled, motion: Motion) -> dict[str, Any]:
+def _motion(result: Labelled, motion: Motion) -> Data:
     """How a simulation moved: its events, and method, error and what ended it."""
     names = list(result.drivers)
     events = []
@@ -162,7 +163,7 @@ def _motion(result: Labelled, motion: Motion) -> dict[str, Any]:
     return {"events": events, "motion": motion.to_dict()}
 
 
-def _output(result: Labelled, name: str) -> dict[str, Any]:
+def _output(result: Labelled, name: str) -> Data:
     output = result.output(name)
     data = {"unit": output.unit, "values": _values(result[name])}
     if output.on:

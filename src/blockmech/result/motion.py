@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json
+from blockmech.typing import Data
 
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "unfinished", "failed"]
@@ -238,7 +239,7 @@ class Motion(Facts, Report):
         """What ended it, method, error, figures and notes, one a line."""
         return [*self.summary(), *(f"note: {text}" for text in self.notes)]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """How it moved as a JSON object."""
         more = {"end_time": self.t_end, "evaluations": self.cost.evaluations}
         return {**super().to_dict(), **as_json({**more, "facts": self.figures()})}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from blockmech.friction.continuation import Outcome
 from blockmech.ground.report import Facts, as_json
+from blockmech.typing import Data, Record
 
 OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
     "ok",
@@ -63,7 +64,7 @@ class Flag(Facts):
     interval: tuple[float, float] | None = None
     value: float | None = None
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The flag as a JSON object."""
         return {name: x for name, x in super().to_dict().items() if x is not None}
 
@@ -105,7 +106,7 @@ class Quality(Facts):
         residuals = self.residual.items()
         return {name: left_undone(x, self.contraction[name]) for name, x in residuals}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The ``quality`` section of a result."""
         counts = {block: [int(x) for x in row] for block, row in self.iterations.items()}
         return {**super().to_dict(), "iterations": counts}
@@ -124,8 +125,8 @@ class Failures(NamedTuple):
 
 
 def failures(
-    margin: Mapping[str, Any],
-    outcome: Mapping[str, Any],
+    margin: Record,
+    outcome: Record,
     wanted_bad: NDArray[np.bool_],
     prismatic: frozenset[str],
     following: frozenset[str],

@@ -23,7 +23,7 @@ from blockmech.result.motion import Motion
 from blockmech.result.quality import OK, Flag, Quality, assess
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
-from blockmech.typing import FrictionMethod, M
+from blockmech.typing import Arguments, Data, FrictionMethod, M, Record
 
 ADVANTAGE = "mechanism.mechanical_advantage"
 BY_DRIVES = ADVANTAGE, "mechanism.efficiency", "mechanism.friction_efficiency"
@@ -59,7 +59,7 @@ class Result(Exported, Generic[M]):
         samples: Samples,
         values: tuple[Any, ...],
         engine: str,
-        settings: Mapping[str, Any],
+        settings: Arguments,
         motion: Motion | None = None,
     ) -> None:
         self.mechanism = mechanism
@@ -70,11 +70,11 @@ class Result(Exported, Generic[M]):
         self.motion = motion
         self.accuracy = None
         self._values = values
-        self._read: dict[str, Any] = {}
+        self._read: Data = {}
 
     # -- pickling ---------------------------------------------------------------
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> Data:
         """The numbers and where they stand; the program and what was read are made again."""
         again = {"plan", "quality", "_read"}
         return {
@@ -82,7 +82,7 @@ class Result(Exported, Generic[M]):
             "_planned": (self.plan.want, self.plan.layout),
         }
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: Data) -> None:
         vars(self).update(state, _read={})
 
     @cached_property
@@ -390,7 +390,7 @@ class Result(Exported, Generic[M]):
         return self._again(self.mechanism, want, self.settings | {"friction": method})
 
     def _again(
-        self, mechanism: Any, want: tuple[str, ...], settings: Mapping[str, Any] | None = None
+        self, mechanism: Any, want: tuple[str, ...], settings: Arguments | None = None
     ) -> Self:
         settings = self.settings if settings is None else settings
         plan = mechanism.plan(want, **settings)
@@ -398,7 +398,7 @@ class Result(Exported, Generic[M]):
         return type(self)(mechanism, plan, self.samples, values, engine, settings, self.motion)
 
     @declared
-    def wire(self, source: str, target: str | None = None) -> dict[str, Any]:
+    def wire(self, source: str, target: str | None = None) -> Data:
         """What travels along a wire: motion forward, force and reduced inertia back.
 
         ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `result.wires`.
@@ -407,7 +407,7 @@ class Result(Exported, Generic[M]):
         return on_wires(self._compiled.structure, self._inside, self.n, name)[name]
 
     @declared
-    def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
+    def compare(self, other: Record) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.
 
         Infinite where only one of the two has an answer. Raises `RequestError` where the

@@ -17,6 +17,7 @@ from blockmech.ground.units import NoQuantity, UnitWarning, in_si, seem_degrees
 from blockmech.ground.values import is_count, is_number
 from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
 from blockmech.model.scene import Scene
+from blockmech.typing import Record
 
 Array = NDArray[np.float64]
 DEFAULT_SAMPLES = 361  # of a turn: every degree, and the end
@@ -35,7 +36,7 @@ class Samples:
     """
 
     n: int
-    inputs: Mapping[str, Any]
+    inputs: Record
     times: Array | None = None
     clock: ConstantRate | RateAcceleration | None = None
 
@@ -63,7 +64,7 @@ class Samples:
         times = None if self.times is None else self.times[index]
         return Samples(len(index), _Some(self.inputs, index), times, self.clock)
 
-    def given(self, names: Iterable[str]) -> Mapping[str, Any]:
+    def given(self, names: Iterable[str]) -> Record:
         """The inputs of a program.
 
         Raises `RequestError` where it needs the time and the request does not say it.
@@ -96,10 +97,10 @@ class Samples:
         return np.full(self.n, np.nan)
 
 
-class _Some(Mapping[str, Any]):
+class _Some(Record):
     """Inputs at some samples, each taken when it is asked for: accelerations may cost much."""
 
-    def __init__(self, inputs: Mapping[str, Any], index: NDArray[np.intp]) -> None:
+    def __init__(self, inputs: Record, index: NDArray[np.intp]) -> None:
         self.inputs, self.index = inputs, index
 
     def __getitem__(self, name: str) -> Array:

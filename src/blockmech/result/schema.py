@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from importlib import resources
-from typing import Any
+
+from blockmech.typing import Data
 
 
-def result_schema() -> dict[str, Any]:
+def result_schema() -> Data:
     """JSON Schema (2020-12) of what `to_dict` gives."""
     text = resources.files("blockmech.result").joinpath("result.schema.json").read_text("utf-8")
-    schema: dict[str, Any] = json.loads(text)
+    schema: Data = json.loads(text)
     return schema

@@ -11,6 +11,7 @@ from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.modes import TwoModes
 from blockmech.ground.values import MILLI, Marker, Place
 from blockmech.model.structure import JointRef, Structure
+from blockmech.typing import Arguments, Data
 
 Places: TypeAlias = Mapping[str, float]
 MOST_TRIED = 8  # slips of units, the likeliest first; a millisecond or two each
@@ -87,7 +88,7 @@ def _scaled(block: Block, factor: float) -> Iterator[tuple[str, Block]]:
     own = _lengths(block)
     for name, x in own.items() if len(own) > 1 else ():
         yield f".{name}", block.model_copy(update={name: factor * x})
-    update: dict[str, Any] = {name: factor * x for name, x in own.items()}
+    update: Arguments = {name: factor * x for name, x in own.items()}
     if isinstance(block, Moving):
         links = block.links.items()
         update["links"] = {k: link.model_copy(update=_moved(link, factor)) for k, link in links}
@@ -102,7 +103,7 @@ def _lengths(block: Block) -> dict[str, float]:
     return {name: x for name in names if (x := getattr(block, name))}
 
 
-def _moved(owner: Any, factor: float) -> dict[str, Any]:
+def _moved(owner: Any, factor: float) -> Data:
     markers = owner.markers.items()
     return {"markers": {k: m.model_copy(update={"at": Place(factor * m.at.z)}) for k, m in markers}}
 

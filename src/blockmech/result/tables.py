@@ -21,6 +21,7 @@ from blockmech.result.columns import (
     without_noise,
 )
 from blockmech.result.quality import ADVICE, OK
+from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -190,7 +191,7 @@ def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 def _console(width: int) -> Console:
     from rich.console import Console
 
-    plain: dict[str, Any] = dict.fromkeys(("markup", "emoji", "highlight", "legacy_windows"), False)
+    plain: Arguments = dict.fromkeys(("markup", "emoji", "highlight", "legacy_windows"), False)
     return Console(file=io.StringIO(), width=max(width, WIDTH), color_system=None, **plain)
 
 

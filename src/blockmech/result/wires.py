@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
 from blockmech.ground.errors import listed, refused
 from blockmech.model.structure import JointRef, MarkerRef, Structure
+from blockmech.typing import Data, Record
 
-Read = Callable[..., Mapping[str, Any]]
+Read = Callable[..., Record]
 """Outputs of the blocks by name at the samples of a run; see `Result.inside`."""
 
 
@@ -19,7 +19,7 @@ def wires_of(structure: Structure) -> dict[str, tuple[MarkerRef, JointRef]]:
     return {f"{marker} -> {joint}": (marker, joint) for joint, marker in structure.feeds.items()}
 
 
-def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str, dict[str, Any]]:
+def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str, Data]:
     """Quantities on wires "marker -> joint", on all if none is named, at the n samples of a run.
 
     Returns
@@ -42,7 +42,7 @@ def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str,
         output: None for wire in read_of.values() for parts in wire.values() for output in parts
     }
     values = read(*every)
-    travels: dict[str, dict[str, Any]] = {}
+    travels: dict[str, Data] = {}
     for name, wire in read_of.items():
         here = {
             key: values[parts[0]] - sum(values[x] for x in parts[1:]) if parts else np.zeros(n)

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field, StrictBool
 from blockmech.ground.plane import always, maximum, minimum, modulo
 from blockmech.ground.values import Number, NumbersGiven, mistake
 from blockmech.signals.contract import Kernel, Signal
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 Signs = Annotated[str, Field(pattern=r"^[+-]+$", description="one + or - for each input")]
 
@@ -86,7 +86,7 @@ class Sum(Signal, type="signal.sum"):
         return added_angles if self.wrap else added
 
 
-def amplified(u: Real, p: Any) -> tuple[Real]:
+def amplified(u: Real, p: Parameters) -> tuple[Real]:
     """k u."""
     return (p.k * u,)
 
@@ -103,7 +103,7 @@ class Gain(Signal, type="signal.gain"):
     output = always(amplified)
 
 
-def multiplied(u0: Real, u1: Real, p: Any) -> tuple[Real]:
+def multiplied(u0: Real, u1: Real, p: Parameters) -> tuple[Real]:
     """u0 u1."""
     return (u0 * u1,)
 

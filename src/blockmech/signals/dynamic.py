@@ -29,7 +29,7 @@ from blockmech.ground.plane import always, maximum, minimum, where
 from blockmech.ground.values import Number, NumbersGiven, Positive, in_unit, mistake
 from blockmech.signals.algebra import Range
 from blockmech.signals.contract import Kernel, Signal, State
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 BAND = 1e-3  # of the range between limits, over which a continuous integral comes to rest
 Sample = Annotated[Positive, in_unit("s")]
@@ -38,12 +38,12 @@ Sample = Annotated[Positive, in_unit("s")]
 # -- integrator ----------------------------------------------------------------------------
 
 
-def integrated(x_integral: Real, p: Any) -> tuple[Real]:
+def integrated(x_integral: Real, p: Parameters) -> tuple[Real]:
     """The state."""
     return (x_integral,)
 
 
-def input_rate(u: Real, p: Any) -> tuple[Real]:
+def input_rate(u: Real, p: Parameters) -> tuple[Real]:
     """x' = u."""
     return (u,)
 
@@ -310,12 +310,12 @@ class TransferFunction(Linear, type="signal.transfer_function"):
 # -- delay ---------------------------------------------------------------------------------
 
 
-def oldest(states: tuple[Real, ...], p: Any) -> tuple[Real]:
+def oldest(states: tuple[Real, ...], p: Parameters) -> tuple[Real]:
     """The sample that came in first."""
     return (states[-1],)
 
 
-def shifted(u: Real, states: tuple[Real, ...], p: Any) -> tuple[Real, ...]:
+def shifted(u: Real, states: tuple[Real, ...], p: Parameters) -> tuple[Real, ...]:
     """The samples one place further, the input in front."""
     return u, *states[:-1]
 
@@ -349,12 +349,12 @@ class Delay(Signal, type="signal.delay"):
 # -- motor ---------------------------------------------------------------------------------
 
 
-def motor_output(x_current: Real, p: Any) -> tuple[Real]:
+def motor_output(x_current: Real, p: Parameters) -> tuple[Real]:
     """k i."""
     return (p.k * x_current,)
 
 
-def current_rate(u: Real, rate: Real, x_current: Real, p: Any) -> tuple[Real]:
+def current_rate(u: Real, rate: Real, x_current: Real, p: Parameters) -> tuple[Real]:
     """i' = (u - R i - k w) / L."""
     return ((u - p.R * x_current - p.k * rate) / p.L,)
 

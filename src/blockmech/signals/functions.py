@@ -12,7 +12,7 @@ from blockmech.functions.python import numbers_of, parameters_of
 from blockmech.ground.plane import each
 from blockmech.ground.values import Number, Positive, default, in_unit, mistake
 from blockmech.signals.contract import Kernel, Signal, State
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 TIME = "t"
 
@@ -101,11 +101,11 @@ class Python(Signal):
             return [values[name] for name in self.names]
 
         # Both ask by `each` themselves: engines put their own in what a program names.
-        def timed(inputs: Any, states: Any, t: Real, p: Any) -> tuple[Real, ...]:
+        def timed(inputs: Any, states: Any, t: Real, p: Parameters) -> tuple[Real, ...]:
             x = ordered(*inputs, *states, t)
             return tuple([each(function, *x) for function in functions])
 
-        def untimed(inputs: Any, states: Any, p: Any) -> tuple[Real, ...]:
+        def untimed(inputs: Any, states: Any, p: Parameters) -> tuple[Real, ...]:
             x = ordered(*inputs, *states)
             return tuple([each(function, *x) for function in functions])
 

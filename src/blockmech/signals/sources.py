@@ -15,10 +15,10 @@ from blockmech.ground.values import NotNegative, Number, NumbersGiven, Positive,
 from blockmech.loads import laws
 from blockmech.loads.laws import table, table_over_period
 from blockmech.signals.contract import Kernel, Signal, at_once
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 
-def constant(p: Any) -> tuple[Real]:
+def constant(p: Parameters) -> tuple[Real]:
     """The value."""
     return (p.value,)
 
@@ -91,27 +91,27 @@ class Step(Source, type="signal.step"):
         return self.before
 
 
-def looked_up(u: Real, p: Any) -> tuple[Real]:
+def looked_up(u: Real, p: Parameters) -> tuple[Real]:
     """The interpolant; NaN outside the table."""
     return (table(u, p),)
 
 
-def looked_up_over_period(u: Real, p: Any) -> tuple[Real]:
+def looked_up_over_period(u: Real, p: Parameters) -> tuple[Real]:
     """The interpolant of a table that repeats."""
     return (table_over_period(u, p),)
 
 
-def in_time(t: Real, p: Any) -> tuple[Real]:
+def in_time(t: Real, p: Parameters) -> tuple[Real]:
     """The interpolant at a time; NaN outside the table."""
     return (table(t, p),)
 
 
-def in_time_over_period(t: Real, p: Any) -> tuple[Real]:
+def in_time_over_period(t: Real, p: Parameters) -> tuple[Real]:
     """The interpolant of a table that repeats in time."""
     return (table_over_period(t, p),)
 
 
-def knots(u: Real, p: Any) -> tuple[Real, ...]:
+def knots(u: Real, p: Parameters) -> tuple[Real, ...]:
     """Zero where the argument passes a row of the table."""
     return tuple(u - knot for knot in p.knots)
 

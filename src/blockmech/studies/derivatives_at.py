@@ -11,7 +11,7 @@ Source: `blockmech.engines.dual`; Ogata, Modern Control Engineering, 2010, secti
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
 from blockmech.signals.contract import HELD
 from blockmech.studies.variation import Variation
+from blockmech.typing import Arguments
 
 MOTION = ("q", "qd", "qdd")
 
@@ -119,7 +120,7 @@ def derivatives_at(
     k, n, m = len(drivers), len(x), len(numbers)
     width = 3 * k + n + m
     seeds = np.eye(width)
-    given: dict[str, Any] = {"t": np.array([t])}
+    given: Arguments = {"t": np.array([t])}
     for i, (what, row) in enumerate(zip(MOTION, motion, strict=True)):
         for j, d in enumerate(drivers):
             name = f"{what}_{structure.drivers.index(d)}"

@@ -50,7 +50,7 @@ from blockmech.studies.rests import rest_slopes
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.variation import GIVEN, Variation, moves_drivers
-from blockmech.typing import Coordinates, FrictionMethod, Numbers, OnGap
+from blockmech.typing import Arguments, Coordinates, Data, FrictionMethod, Numbers, OnGap
 
 Array = NDArray[Any]
 STEP = 2.0**-9  # of a number, for differences of courses known to some 1e-11
@@ -99,7 +99,7 @@ def sensitivity(
     asked_for, to = as_sequence("want", want), as_sequence("to", to)
     poses = {"samples": samples, "times": times, "rates": rates, "accelerations": accelerations}
     how = {"friction": friction, "static": static}
-    given: dict[str, Any] = {**poses, **how}
+    given: Arguments = {**poses, **how}
     if any(map(is_reduction, asked_for)):
         return _of_reductions(mechanism, asked_for, to, at, given, on_gap)
     names = _differentiable(mechanism, asked_for)
@@ -145,7 +145,7 @@ def _of_reductions(
     asked_for: Sequence[str],
     to: Sequence[str],
     at: Any,
-    given: Mapping[str, Any],
+    given: Arguments,
     on_gap: OnGap,
 ) -> Sensitivity:
     """Derivatives of reductions, and of outputs that stand beside them."""
@@ -191,7 +191,7 @@ def _of_reductions(
     return replace(base, ahead=ahead, behind=behind, jumps=jumps, reduced=reduced)
 
 
-def _extremes(run: Result, w: Wanted) -> tuple[Array, dict[str, Any]] | None:
+def _extremes(run: Result, w: Wanted) -> tuple[Array, Data] | None:
     """Extremes of an output over the range of a run, of those that are alike all, and the request
     for the poses where they are; None where the samples are no range."""
     try:
@@ -210,7 +210,7 @@ def _extremes(run: Result, w: Wanted) -> tuple[Array, dict[str, Any]] | None:
 
 
 def _stroke_slopes(
-    base: Sensitivity, w: Wanted, how: Mapping[str, Any]
+    base: Sensitivity, w: Wanted, how: Arguments
 ) -> tuple[Array, tuple[Array, Array]]:
     """A stroke and its derivatives (k, 1) to both sides: those of its ends, where they are.
 
@@ -222,7 +222,7 @@ def _stroke_slopes(
         raise refused(w.label, "a stroke along a curve has no derivative", "take a part of it")
     ends = moved.low, moved.high
     if run.samples.times is not None:
-        poses: dict[str, Any] = {"times": [float(end.time or 0.0) for end in ends]}
+        poses: Arguments = {"times": [float(end.time or 0.0) for end in ends]}
     else:
         drivers = run.mechanism.drivers
         places = [run.mechanism._of_driver(d, "q") for d in drivers]

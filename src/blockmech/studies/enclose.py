@@ -33,7 +33,7 @@ from blockmech.studies.variation import (
     of_links,
     planned_near,
 )
-from blockmech.typing import Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers
 
 Array = NDArray[Any]
 PROVED = "proved"
@@ -194,7 +194,7 @@ def _enclosed(
     result: Result,
     numbers_of: Mapping[str, Parameter],
     tolerances: Mapping[str, float],
-    settings: Mapping[str, Any],
+    settings: Arguments,
 ) -> Enclosure:
     """Bounds at each sample of a result."""
     numbers: dict[Path, float] = {p.path: p.value for p in numbers_of.values()}

@@ -41,7 +41,7 @@ from blockmech.studies import family
 from blockmech.studies.differentiate import INPUTS, fitting, without_derivative
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.variation import designed, moves_drivers, planned_near
-from blockmech.typing import FrictionMethod, Precision
+from blockmech.typing import Data, FrictionMethod, Precision, Record
 
 TYPES = {"complex128": "float64", "complex64": "float32"}  # of the precisions of a run
 TIME = "time"
@@ -83,7 +83,7 @@ class ProgramOfDesigns:
             return {p: paths for part in parts for p, paths in part.items()}
         return places
 
-    def _values(self, parameters: Mapping[str, Any], inputs: Mapping[str, Any]) -> tuple[Any, ...]:
+    def _values(self, parameters: Record, inputs: Record) -> tuple[Any, ...]:
         _refuse_strangers("parameters", parameters, self.parameters)
         numbers = {**self.parameters, **parameters}
         at = {path: numbers[p.address] for p, paths in self._places.items() for path in paths}
@@ -113,7 +113,7 @@ class Function(ProgramOfDesigns):
         ends = f"{listed(self.inputs, 4)} -> {listed(self.outputs, 4)}"
         return f"<Function {ends}; {len(self.parameters)} parameters>"
 
-    def __call__(self, parameters: Mapping[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
+    def __call__(self, parameters: Record, inputs: Record) -> Data:
         """Outputs (...) of a design at inputs (...) [rad or m, per s, per s2; time s].
 
         ``parameters`` are those that differ from ``f.parameters``: numbers, or arrays that
@@ -154,7 +154,7 @@ class Rates(ProgramOfDesigns):
     """
 
     def __call__(
-        self, t: Any, state: tuple[Any, Any], parameters: Mapping[str, Any] | None = None
+        self, t: Any, state: tuple[Any, Any], parameters: Record | None = None
     ) -> tuple[Any, Any]:
         """(q', q'') at a time [s] and a state (q, q') [rad or m, per s].
 

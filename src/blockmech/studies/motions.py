@@ -48,6 +48,7 @@ from blockmech.studies.reductions import (
 from blockmech.studies.rows import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Rows
 from blockmech.studies.runner import Runner
 from blockmech.studies.swings import FirstSwings
+from blockmech.typing import Arguments, Data, Record
 
 Array = NDArray[Any]
 FEW = 16  # designs between two words of progress, and for which nothing is compiled
@@ -98,7 +99,7 @@ OF_BATCH: Mapping[str, Callable[[Motions], Array]] = {
 class Moved(NamedTuple):
     """What a design is kept as: its columns, why it has none, and where."""
 
-    values: Mapping[str, Any]
+    values: Record
     word: str = ""
     place: str = ""
 
@@ -113,12 +114,12 @@ class MotionRunner(Runner):
     n : number of output times
     """
 
-    simulation: Mapping[str, Any] = field(default_factory=dict)
+    simulation: Arguments = field(default_factory=dict)
     n: int = OUTPUTS
 
     @classmethod
     def moving(
-        cls, family: Family, want: Any, simulation: Mapping[str, Any], settings: Mapping[str, Any]
+        cls, family: Family, want: Any, simulation: Arguments, settings: Arguments
     ) -> MotionRunner:
         """That of a request. Raises `RequestError` for what is unknown or does not fit."""
         m = family.mechanism
@@ -181,7 +182,7 @@ class MotionRunner(Runner):
         """What is done with a design."""
         return f"in motion, until {self.simulation.get('until') or 'its end'}"
 
-    def question(self) -> dict[str, Any]:
+    def question(self) -> Data:
         """What is asked of a design, but settings and numbers."""
         return {"motion": {name: repr(x) for name, x in self.simulation.items()}}
 
@@ -410,9 +411,9 @@ def _nothing(w: Wanted, n: int) -> Any:
 def runner_of(
     family: Family,
     want: Any,
-    poses: Mapping[str, Any],
-    settings: Mapping[str, Any],
-    simulation: Mapping[str, Any] | None,
+    poses: Arguments,
+    settings: Arguments,
+    simulation: Arguments | None,
 ) -> Runner:
     """What runs designs at poses, or simulates them.
 

@@ -22,7 +22,7 @@ from blockmech.studies.motions import MotionRunner, runner_of
 from blockmech.studies.reductions import WHOLE
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import as_sequence
-from blockmech.typing import Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers
 
 Array = NDArray[Any]
 STEP = 2.0**-10  # of a number, for differences of motions known to some 1e-12
@@ -37,7 +37,7 @@ class Objective:
     start : the mechanism's own x
     """
 
-    def __init__(self, mechanism: Compiled, runner: Runner, over: Mapping[str, Any]) -> None:
+    def __init__(self, mechanism: Compiled, runner: Runner, over: Arguments) -> None:
         self.mechanism = mechanism
         self.addresses = tuple(p.address for p in runner.family.parameters)
         self.start = np.array([p.value for p in runner.family.parameters], float)
@@ -133,7 +133,7 @@ def objective(
     times: Numbers | None = None,
     friction: FrictionMethod | None = None,
     static: bool = False,
-    simulate: Mapping[str, Any] | None = None,
+    simulate: Arguments | None = None,
 ) -> Objective:
     """What is kept of a design as a function of some of its numbers, for `scipy.optimize`.
 
@@ -147,7 +147,7 @@ def objective(
     """
     how = {"friction": friction, "static": static}
     family = Family(mechanism, as_sequence("to", to), friction)
-    poses: dict[str, Any] = {"at": at, "samples": samples, "times": times}
+    poses: Arguments = {"at": at, "samples": samples, "times": times}
     runner = runner_of(family, want, poses, how, simulate)
     if isinstance(runner, MotionRunner):
         return MotionObjective(mechanism, runner, poses)

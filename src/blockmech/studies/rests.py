@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from blockmech.functions.series import Floats
 from blockmech.ground.errors import refused
 from blockmech.result.samples import Samples
+from blockmech.typing import Data
 
 Array = NDArray[Any]
 
@@ -39,7 +40,7 @@ class Rest(NamedTuple):
     jump: bool
 
     @property
-    def still(self) -> dict[str, Any]:
+    def still(self) -> Data:
         """The pose at rest, as a run takes it."""
         none = dict.fromkeys(self.at, 0.0)
         poses = {driver: [q] for driver, q in self.at.items()}

@@ -40,6 +40,7 @@ from blockmech.studies.reductions import EXTREMES, POSES, REST, STROKE, WHOLE, W
 from blockmech.studies.rests import rest_value
 from blockmech.studies.rows import COARSE, REASONS, Rows, Span
 from blockmech.studies.sampling import Designs
+from blockmech.typing import Arguments, Data
 
 Array = NDArray[Any]
 PART = 2**20  # samples of designs that are handed out at a time
@@ -60,14 +61,12 @@ class Runner:
 
     family: Family
     want: tuple[Wanted, ...]
-    over: Mapping[str, Any]
-    settings: Mapping[str, Any]
+    over: Arguments
+    settings: Arguments
     engine: str = "auto"
 
     @classmethod
-    def of(
-        cls, family: Family, want: Any, over: Mapping[str, Any], settings: Mapping[str, Any]
-    ) -> Runner:
+    def of(cls, family: Family, want: Any, over: Arguments, settings: Arguments) -> Runner:
         """That of a request. Raises `RequestError` for what is unknown or does not fit."""
         check_switch("static", settings["static"])
         friction_asked(settings["friction"])
@@ -112,7 +111,7 @@ class Runner:
         """What is done with a design."""
         return f"at {counted(self.samples_of_design(), 'pose')}"
 
-    def question(self) -> dict[str, Any]:
+    def question(self) -> Data:
         """What is asked of a design, but settings and numbers."""
         taken = self.samples(self.family.mechanism)
         return {

@@ -21,6 +21,7 @@ import numpy as np
 from blockmech.ground.errors import Problem, RequestError, as_names, listed, refused
 from blockmech.ground.values import is_count
 from blockmech.studies.distributions import Distribution, Floats, Sample
+from blockmech.typing import Record
 
 Sampling = Literal["grid", "paired", "latin", "sobol", "random"]
 OF_ARRAYS, OF_DISTRIBUTIONS = ("grid", "paired"), ("latin", "sobol", "random")
@@ -39,7 +40,7 @@ class Designs:
     first : of a part of a study: the place of its first design
     """
 
-    vary: Mapping[str, Any]
+    vary: Record
     sampling: Sampling
     count: int
     seed: int = 0
@@ -52,7 +53,7 @@ class Designs:
             return (self.count,)
         return tuple(np.size(x) for x in self.vary.values())
 
-    def given(self, spans: Iterable[tuple[int, int]]) -> Iterator[Mapping[str, Any]]:
+    def given(self, spans: Iterable[tuple[int, int]]) -> Iterator[Record]:
         """All values of each number, of distributions those of some designs after the other."""
         if self.sampling in OF_ARRAYS:
             yield self.vary
@@ -103,7 +104,7 @@ class Designs:
         return np.asarray(qmc.LatinHypercube(len(self.vary), seed=random).random(self.count))
 
 
-def designs(vary: Mapping[str, Any], sampling: str | Sample | None) -> Designs:
+def designs(vary: Record, sampling: str | Sample | None) -> Designs:
     """The designs that a request names. Raises `RequestError` for what is wrong, all at once."""
     if not isinstance(vary, Mapping) or not vary:
         raise refused("vary", f"got {vary!r:.60}", 'give e.g. {"dyad.l_i": [5.9, 6.0, 6.1]}')

@@ -24,6 +24,7 @@ from blockmech.result.columns import driver_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted, flag_lines
 from blockmech.result.result import Result
 from blockmech.studies.reductions import POSES, Wanted, components
+from blockmech.typing import Arguments, Data
 
 Array = NDArray[Any]
 SHOWN = 12  # numbers of a ranking that are shown
@@ -192,7 +193,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         if self.left_out:
             yield f"without a derivative: {listed(self.left_out, 4)}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The rankings as JSON data."""
         return {
             "sensitivity": {
@@ -246,7 +247,7 @@ def _bars(axes: Any, name: str, unit: str, effects: list[Effect]) -> None:
     factor, scaled = scaled_unit(unit, effects[0].change)
     for row, e in enumerate(effects):
         if isinstance(e.derivative, complex):
-            style: dict[str, Any] = {"color": ink.GREY}
+            style: Arguments = {"color": ink.GREY}
         elif e.derivative > 0:
             style = {"color": ink.FORWARD}
         else:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
@@ -25,7 +25,16 @@ from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, designs
 from blockmech.studies.table import Study
 from blockmech.studies.workers import Work, hands
-from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Progress
+from blockmech.typing import (
+    Arguments,
+    Coordinates,
+    Data,
+    EngineName,
+    FrictionMethod,
+    Numbers,
+    Progress,
+    Record,
+)
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -47,7 +56,7 @@ def study(
     progress: Progress | None = None,
     out: AnyPath | None = None,
     workers: int | Client | None = None,
-    simulate: Mapping[str, Any] | None = None,
+    simulate: Arguments | None = None,
 ) -> Study:
     """Run many designs and keep a few numbers of each.
 
@@ -113,7 +122,7 @@ def study(
     )
 
 
-def _in_si(mechanism: Compiled, vary: Mapping[str, Any]) -> dict[str, Any]:
+def _in_si(mechanism: Compiled, vary: Record) -> Data:
     """What varies, with numbers in SI in place of texts with a unit."""
     rows = {a: [x] if isinstance(x, str) else x for a, x in vary.items()}
     texts = [a for a, x in rows.items() if type(x) in (list, tuple) and str in map(type, x)]

@@ -25,6 +25,7 @@ from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
 from blockmech.studies.sampling import Designs
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.studies.runner import Runner
@@ -183,7 +184,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         designs, on_grid = self.designs, self.designs.sampling == "grid"
         dims = tuple(designs.vary) if on_grid else ("design",)
         axes = designs.vary if on_grid else designs.columns(0, designs.count)
-        data: dict[str, Any] = {
+        data: Data = {
             w.label: ((*dims, "pose") if w.how == POSES else dims, self.grid(w.label))
             for w in self.columns
         }

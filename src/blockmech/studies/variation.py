@@ -33,6 +33,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs.by_block import Catalogue
 from blockmech.passes.homotopy import path_of
+from blockmech.typing import Data
 
 ASIDE = 1e-6  # of a number, how far aside the design is planned that stands for all: not zero
 GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
@@ -40,7 +41,7 @@ PER_DRIVER = ("drivers", "initial", "stops", "motion")  # sections of a document
 BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
 
 
-def graph_sections(mechanism: Compiled) -> dict[str, Any]:
+def graph_sections(mechanism: Compiled) -> Data:
     """The models of a mechanism's graph, as its file has them."""
     s = mechanism.structure
     blocks = {s.frame: s.fixed, **s.blocks, **s.elements, **s.couplings, **s.signals}

@@ -5,7 +5,7 @@ Acts come by name with what they are about, as plain data.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -25,8 +25,9 @@ from blockmech.studio.forms import typed
 from blockmech.studio.redraw import as_links
 from blockmech.studio.sketching import Form
 from blockmech.studio.turn import shown_motion
+from blockmech.typing import Arguments, Record
 
-Request = Mapping[str, Any]
+Request = Record
 COUPLED = {"Gears": "gear", "Rack": "rack", "Cam": "cam", "Belt": "belt"}
 AT_PINS: dict[str, Callable[..., Form]] = {
     "Link": sketching.linked,
@@ -62,7 +63,7 @@ def _at_pins(form: Form, act: str, names: list[str], request: Request) -> Step:
         pins = list(drawing)
     if not pins:
         raise refused(act, "no pin is chosen", "choose pins of a drawing first")
-    options: dict[str, Any] = {}
+    options: Arguments = {}
     if act == "Slider":
         options = {"angle": request.get("angle"), "on": request.get("on") or FRAME}
     changed = AT_PINS[act](form, pins, **options)
@@ -110,7 +111,7 @@ def _drag(now: Revision, request: Request) -> Step:
     if mechanism is None:
         raise refused(name, "the diagram is no mechanism yet", "mend it first")
     at = {d: [float(request["q"][d])] for d in mechanism.drivers}
-    settings: dict[str, Any] = {"rates": dict.fromkeys(at, 0.0), "want": (), "friction": "none"}
+    settings: Arguments = {"rates": dict.fromkeys(at, 0.0), "want": (), "friction": "none"}
     motion = moves_of_result(mechanism.run(at=at, on_gap="mark", **settings))
     if not motion.feasible.any():
         raise refused(name, "the mechanism does not close in this pose", "choose another pose")

@@ -48,9 +48,10 @@ from blockmech.studio.document import Revision
 from blockmech.studio.redraw import as_links
 from blockmech.studio.sketching import outlines_of, pins_of
 from blockmech.studio.turn import along_of, motion_data, numbers, poses_of, shown_motion
+from blockmech.typing import Data, Record
 
 Report = Callable[..., None]
-Answer = dict[str, Any]
+Answer = Data
 CURVES = 5  # of a family, the middle one as the sheet has it
 EVERY = 10  # of the poses, for what takes long at each
 STARTS = 1024  # shapes that are tried for a path
@@ -85,7 +86,7 @@ class Question:
     computed: Motion | None = None
 
     @classmethod
-    def of(cls, now: Revision, data: Mapping[str, Any], **extra: Any) -> Question:
+    def of(cls, now: Revision, data: Record, **extra: Any) -> Question:
         """A question in plain data."""
         units = str(data.get("units", ""))
         return cls(
@@ -130,7 +131,7 @@ class Question:
         return chosen[0]
 
     @property
-    def rows(self) -> Mapping[str, Any] | None:
+    def rows(self) -> Record | None:
         """The poses that are shown, where the drivers' laws do not say which."""
         q = self.motion.q
         return None if {*q} <= {*self.mechanism.scene.drive} else q
@@ -359,7 +360,7 @@ def _family(ask: Question) -> Answer:
     if ask.number not in parameters:
         raise refused("number", "none is chosen", "choose one in the list")
     value, samples = parameters[ask.number].value, ask.motion.result.samples
-    family: dict[str, Any] = {}
+    family: Data = {}
     settings = {"friction": ask.friction, "static": False}
     for x in value * (1 + ask.share * np.linspace(-1, 1, CURVES)):
         variant: Any = remade(ask.mechanism, {ask.number: float(x)})
@@ -451,7 +452,7 @@ def simulation(ask: Question) -> tuple[Motion, Answer]:
 # -- synthesis ---------------------------------------------------------------------------------
 
 
-def wishes(form: Mapping[str, Any]) -> tuple[list[complex], list[tuple[float, float, float]]]:
+def wishes(form: Record) -> tuple[list[complex], list[tuple[float, float, float]]]:
     """The points [m] and the positions [m, m, rad] that a drawing asks for."""
     pins = pins_of(form) if "links" in form else {}
     lone = [

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from blockmech.draw.boxes import Content, DrawnBlock
 from blockmech.draw.diagram import view_of
@@ -20,6 +19,7 @@ from blockmech.figures.paper import text_width, wrapped
 from blockmech.model.diagram import Ends
 from blockmech.model.graph import Graph
 from blockmech.studio.edits import markers_of
+from blockmech.typing import Data
 
 PIXELS = 13 / TEXT  # of the page for a point of a file's view: 13 px words in place of 8 pt ones
 
@@ -56,7 +56,7 @@ class Canvas:
             ways = {} if view_of(graph) else layout.ways
         return cls(labels, handles, {n: Rectangle(*at[n], *sizes[n]) for n in at}, ways)
 
-    def blocks(self, content: Content, wrong: Collection[str]) -> list[dict[str, Any]]:
+    def blocks(self, content: Content, wrong: Collection[str]) -> list[Data]:
         """The blocks as `diagram.js` draws them, in pixels."""
         return [
             {
@@ -70,7 +70,7 @@ class Canvas:
             for block in content.blocks
         ]
 
-    def wire(self, k: int, ends: Ends) -> dict[str, Any]:
+    def wire(self, k: int, ends: Ends) -> Data:
         """A wire and its way [px]: as it was laid out, or a plain one through few blocks."""
         boxes, sides = (self.boxes[ends.source], self.boxes[ends.target]), ("outputs", "inputs")
         at_ports = []

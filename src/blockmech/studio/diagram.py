@@ -7,7 +7,6 @@ declarations, as `draw.diagram` does.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 from blockmech.blocks.registry import REGISTRY
 from blockmech.draw.boxes import content_of
@@ -17,6 +16,7 @@ from blockmech.model import graph
 from blockmech.studio.canvas import PIXELS, Canvas
 from blockmech.studio.document import Revision
 from blockmech.studio.fields import schema_of, starter
+from blockmech.typing import Data
 
 
 def kinds() -> list[tuple[str, str, str, str]]:
@@ -44,7 +44,7 @@ def _kinds(types: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
     return sorted(kinds, key=lambda item: order.get(item[1], len(order)))
 
 
-def diagram_of(now: Revision) -> dict[str, Any]:
+def diagram_of(now: Revision) -> Data:
     """Blocks, wires and problems of a revision; of links and joints what follows from them."""
     blocks = now.blocks
     editable = blocks is now.document

@@ -11,7 +11,7 @@ from __future__ import annotations
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from blockmech.builders import Graph, Opened, from_data
 from blockmech.compiled import Compiled
@@ -20,12 +20,13 @@ from blockmech.ground.errors import GraphError, Problem
 from blockmech.model.graph import Graph as Blocks
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.model.writing import canonical_text
+from blockmech.typing import Data
 
 
 class Step(NamedTuple):
     """A state of the sheet, and what was done to get there."""
 
-    form: dict[str, Any]
+    form: Data
     said: str
 
 
@@ -39,7 +40,7 @@ class Revision:
     document : the `Graph` or `Linkage` of the form, complete or not
     """
 
-    def __init__(self, number: int, form: dict[str, Any], document: Opened) -> None:
+    def __init__(self, number: int, form: Data, document: Opened) -> None:
         self.number, self.form, self.document = number, form, document
 
     @cached_property
@@ -110,7 +111,7 @@ class Sheet:
         self._in_file = document.to_json()
         self._show(document, path)
 
-    def change(self, form: dict[str, Any], label: str) -> None:
+    def change(self, form: Data, label: str) -> None:
         """Take another form, as one step that can be undone; an equal one is no step.
 
         Raises `FormatError` or `GraphError` for a form that could not be read again, with
@@ -136,7 +137,7 @@ class Sheet:
         self._in_file, self.path = self.text(), path
 
     @property
-    def form(self) -> dict[str, Any]:
+    def form(self) -> Data:
         """What stands in the file."""
         return self.now.form
 
@@ -159,7 +160,7 @@ class Sheet:
         """The file's text, as `Graph.save` writes it."""
         return canonical_text(self.form)
 
-    def read(self, form: dict[str, Any]) -> Opened:
+    def read(self, form: Data) -> Opened:
         """The document of a form; of other files it takes those of the folder alone."""
         with resolving(Resolver(str(self.folder))):
             return from_data(form, self.path)

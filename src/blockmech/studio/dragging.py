@@ -8,7 +8,7 @@ place on the link.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from blockmech.draw.sketch import Sketch, shown_markers
 from blockmech.ground.values import Place, xy
 from blockmech.model.spots import Spot, marker_place
 from blockmech.model.structure import LinkRef, MarkerRef
+from blockmech.typing import Data, Record
 
 Move = Callable[[complex], complex]
 
@@ -34,9 +35,7 @@ def handles_of(motion: Motion, sketch: Sketch) -> dict[str, Spot]:
     return {name: spots[name] for name in spots if name in positions.values()}
 
 
-def dragged(
-    form: Mapping[str, Any], motion: Motion, k: int, old: complex, new: complex
-) -> dict[str, Any]:
+def dragged(form: Record, motion: Motion, k: int, old: complex, new: complex) -> Data:
     """The form in which what stands at ``old`` [m] in sample k stands at ``new``.
 
     A crank that turns by it starts as much further on, where the scene says its start. What
@@ -47,7 +46,7 @@ def dragged(
     def move(z: complex) -> complex:
         return new if abs(z - old) <= SAME_PLACE * size else z
 
-    changed: dict[str, Any] = copy.deepcopy(dict(form))
+    changed: Data = copy.deepcopy(dict(form))
     if "joints" in form:
         _drag_joints(changed, motion, k, move)
         return changed
@@ -63,7 +62,7 @@ def dragged(
     return changed
 
 
-def _drag_block(block: dict[str, Any], name: str, motion: Motion, k: int, move: Move) -> float:
+def _drag_block(block: Data, name: str, motion: Motion, k: int, move: Move) -> float:
     """Change lengths and markers of a block in place; the angle [rad] by which its link turns."""
     s = motion.structure
     model = s.blocks[name]
@@ -95,7 +94,7 @@ def _drag_block(block: dict[str, Any], name: str, motion: Motion, k: int, move: 
     return turned
 
 
-def _drag_joints(form: dict[str, Any], motion: Motion, k: int, move: Move) -> None:
+def _drag_joints(form: Data, motion: Motion, k: int, move: Move) -> None:
     """Change the places of joints and markers on the links of a joint-based form in place."""
     frames = {"frame": (0j, 1 + 0j)}
     names = motion.mechanism.names

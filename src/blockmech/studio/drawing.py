@@ -8,7 +8,7 @@ link, ``[link, x, y]``.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from blockmech.draw.motion import Motion
@@ -20,8 +20,9 @@ from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
 from blockmech.studio.dragging import handles_of
 from blockmech.studio.sketching import Form, cylinders_of, outlines_of, pins_of, pose_of, sides_of
+from blockmech.typing import Data, Record
 
-Drawing = dict[str, Any]
+Drawing = Data
 
 
 def of_links(form: Form) -> Drawing:
@@ -54,7 +55,7 @@ def _pose(form: Form, link: str) -> list[float]:
     return [o.real, o.imag, cmath.phase(e)]
 
 
-def _pin(form: Form, name: str, inside: Mapping[str, Any]) -> Drawing:
+def _pin(form: Form, name: str, inside: Record) -> Drawing:
     """A pin on the link that has its point; a slide also with its guide on the other one."""
     pin = pins_of(form)[name]
     joint = form.get("joints", {}).get(name)

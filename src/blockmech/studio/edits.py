@@ -16,14 +16,15 @@ from blockmech.ground.errors import GraphError
 from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.studio.fields import schema_of, starter, with_item
+from blockmech.typing import Data, Record
 
-Form = dict[str, Any]
+Form = Data
 Positions = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
 OF_DRIVERS = ("drive", "initial", "stops", "motion")  # sections of the scene, by driver
 NAMES_OTHERS = ("driver", "driven", "on")  # fields of blocks that name drivers or markers
 
 
-def markers_of(block: Any) -> dict[str, Any]:
+def markers_of(block: Any) -> Data:
     """Markers of a block at which wires begin: name -> link and `Marker`; loads have none."""
     is_source = isinstance(block, Block) and not isinstance(block, Element)
     return dict(block.all_markers) if is_source else {}
@@ -80,7 +81,7 @@ def renamed(form: Form, old: str, new: str) -> Form:
 
     blocks = {}
     for name, raw in form["blocks"].items():
-        named: dict[str, Any] = {key: end(raw[key]) for key in NAMES_OTHERS if key in raw}
+        named: Data = {key: end(raw[key]) for key in NAMES_OTHERS if key in raw}
         if "drivers" in raw.get("home", {}):
             drivers = {end(driver): q for driver, q in raw["home"]["drivers"].items()}
             named["home"] = {**raw["home"], "drivers": drivers}
@@ -117,7 +118,7 @@ def _by_block(form: Form, rename: Callable[[str], str | None]) -> Form:
     A driver is called as its block, or by a joint of it (``scissors.cylinder``).
     """
 
-    def keyed(part: Mapping[str, Any]) -> dict[str, Any]:
+    def keyed(part: Record) -> Data:
         return {new: item for old, item in part.items() if (new := rename(old)) is not None}
 
     scene = form.get("scene", {})

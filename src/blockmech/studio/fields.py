@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache
@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.units import NoQuantity, quantity, unit_behind
 from blockmech.model.schema import graph_schema, joints_schema
+from blockmech.typing import Data, Record
 
 Path = tuple[str, ...]
-Schema = Mapping[str, Any]
+Schema = Record
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 PI = Fraction(math.pi)
 MANY = {"mm": Fraction(1000), "inch": 1 / Fraction("0.0254"), "kN": Fraction(1, 1000)}
@@ -62,7 +63,7 @@ def _schema(blocks: bool, kinds: tuple[str, ...]) -> Schema:
     return graph_schema() if blocks else joints_schema()
 
 
-def resolved(root: Schema, node: Schema) -> dict[str, Any]:
+def resolved(root: Schema, node: Schema) -> Data:
     """A schema with its reference followed, and what an optional value is if it is given."""
     while True:
         if "$ref" in node:
@@ -78,7 +79,7 @@ def resolved(root: Schema, node: Schema) -> dict[str, Any]:
             return dict(node)
 
 
-def schema_at(root: Schema, path: Path) -> dict[str, Any]:
+def schema_at(root: Schema, path: Path) -> Data:
     """The schema of what stands at a path of a document."""
     node = dict(root)
     for key in path:

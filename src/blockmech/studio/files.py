@@ -7,7 +7,6 @@ import os
 import secrets
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 from blockmech.builders import Graph, Linkage, Opened, opened, read_text
 from blockmech.ground.errors import FormatError, refused
@@ -16,6 +15,7 @@ from blockmech.model.subgraph import Resolver, resolving
 from blockmech.studio.document import Sheet
 from blockmech.studio.sharing import unpacked
 from blockmech.testing.graph_files import gallery
+from blockmech.typing import Record
 
 
 def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
@@ -80,7 +80,7 @@ class Filed(Sheet):
         self.keep(path)
 
 
-READERS: Mapping[str, Callable[[str, Mapping[str, Any]], Opened]] = {
+READERS: Mapping[str, Callable[[str, Record], Opened]] = {
     "example": lambda name, _: opened(gallery()[name]),
     "text": lambda text, source: read_text(text, str(source.get("name", "the file"))),
     "link": lambda link, _: unpacked(link),
@@ -104,7 +104,7 @@ class Desk:
         self.sheets[name] = sheet
         return name
 
-    def create(self, source: Mapping[str, Any]) -> str:
+    def create(self, source: Record) -> str:
         """A sheet of an example of the gallery, a file, a text, a link, or a new one; its name.
 
         Raises `RequestError` for anything else, and what reading raises.

@@ -6,7 +6,7 @@ wrong stands under the fields.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from blockmech.blocks.registry import REGISTRY
@@ -24,6 +24,7 @@ from blockmech.studio.fields import (
     schema_of,
     with_item,
 )
+from blockmech.typing import Data, Record
 
 ITEMS = ("blocks", "links", "joints", "drivers", "loads", "couplings", "signals")
 """Sections of which each item has a form."""
@@ -39,11 +40,11 @@ def parts_of(form: Form) -> list[Path]:
 
 def form_of(
     document: Opened, form: Form, part: Path, units: Units, problems: Iterable[Problem]
-) -> dict[str, Any]:
+) -> Data:
     """The fields of a part as the page shows them, with what is wrong under each."""
     part = part if item_at(form, part) is not None else ()
     messages = [(p.where, message_of(p)) for p in problems]
-    groups: dict[str, list[dict[str, Any]]] = {}
+    groups: dict[str, list[Data]] = {}
     for local, field in fields_by_path(document, form, part).items():
         where = field.path[1] if field.path[0] == "wires" else ".".join(field.path)
         wrong = " ".join(message for at, message in messages if at == where)
@@ -123,7 +124,7 @@ def _wires(document: Opened, part: Path) -> Iterator[Field]:
             yield ends._replace(path=("wires", f"{part[1]}.{port}"))
 
 
-def _row(local: Path, field: Field, value: Any, units: Units, wrong: str) -> dict[str, Any]:
+def _row(local: Path, field: Field, value: Any, units: Units, wrong: str) -> Data:
     """A field as the page shows it, in the chosen units."""
     unit, empty = units.unit(field.unit), ""
     row = {
@@ -148,7 +149,7 @@ def _row(local: Path, field: Field, value: Any, units: Units, wrong: str) -> dic
     }
 
 
-def _value(form: Mapping[str, Any], field: Field) -> Any:
+def _value(form: Record, field: Field) -> Any:
     """What a form holds for a field: of a joint, the marker that is wired to it."""
     if field.path[0] != "wires":
         return item_at(form, field.path)

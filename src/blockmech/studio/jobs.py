@@ -10,14 +10,15 @@ import pickle
 import secrets
 import subprocess
 import sys
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from threading import Condition, Lock, Thread
 from typing import Any
 
+from blockmech.typing import Arguments, Data
+
 KEPT = 32  # jobs that are over
-Answer = dict[str, Any]
+Answer = Data
 
 
 class Job:
@@ -30,7 +31,7 @@ class Job:
     answer : once it is done
     """
 
-    def __init__(self, task: Mapping[str, Any]) -> None:
+    def __init__(self, task: Arguments) -> None:
         self.id, self.task = secrets.token_hex(6), task
         self.state, self.said = "waiting", ""
         self.answer: Answer | None = None
@@ -64,7 +65,7 @@ class Jobs:
         self._busy = Lock()
         self._process: Any = None
 
-    def begin(self, task: Mapping[str, Any]) -> Job:
+    def begin(self, task: Arguments) -> Job:
         """Ask for work; the answer comes in its own time."""
         for key in [key for key, job in self.jobs.items() if job.over][:-KEPT]:
             del self.jobs[key]

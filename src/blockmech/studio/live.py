@@ -32,6 +32,7 @@ from blockmech.model.spots import marker_place
 from blockmech.model.structure import Structure
 from blockmech.studies.variation import designed, planned_near
 from blockmech.studio import sketching
+from blockmech.typing import Data, Record
 
 LARGEST = 300_000  # letters of a module; longer ones stay on the server, which then has the poses
 KEPT = 64  # modules
@@ -69,7 +70,7 @@ class Tape:
 
 
 @primitives_of.register(Node)
-def _of_nodes(x: object) -> Mapping[str, Any]:
+def _of_nodes(x: object) -> Record:
     return {**PRIMITIVES, "hypot": lambda a, b: sqrt(a * a + b * b)}
 
 
@@ -147,7 +148,7 @@ class Recorded(Varied):
 
 
 @primitives_of.register(Recorded)
-def _of_recorded(x: object) -> Mapping[str, Any]:
+def _of_recorded(x: object) -> Record:
     plain = primitives_of.dispatch(Varied)(x)
 
     def planar(a: complex, b: complex) -> Recorded:
@@ -217,7 +218,7 @@ class Live:
     pins: Mapping[str, int] = field(default_factory=dict)
     constants: tuple[float, ...] = ()
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> Data:
         """As the page gets it."""
         return {
             "hash": remember(self.text),

@@ -7,7 +7,6 @@ joints do not say alike is refused.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,12 +16,13 @@ from blockmech.draw.motion import Motion
 from blockmech.ground.errors import BlockmechError, RequestError, refused
 from blockmech.model.joints.blocks import Form, SaidByLinks
 from blockmech.model.joints.contents import FRAME
+from blockmech.typing import Record
 
 COMPARED = 3  # poses
 SAME = 1e-9  # of the size: poses are found by other formulas
 
 
-def _said(form: Mapping[str, Any], motion: Motion) -> SaidByLinks:
+def _said(form: Record, motion: Motion) -> SaidByLinks:
     """In the pose that is farthest from dead centres."""
     k = motion.clearest
     poses = {
@@ -31,7 +31,7 @@ def _said(form: Mapping[str, Any], motion: Motion) -> SaidByLinks:
     return SaidByLinks(form, motion.structure, poses)
 
 
-def as_links(form: Mapping[str, Any], motion: Motion) -> Form:
+def as_links(form: Record, motion: Motion) -> Form:
     """A graph's form as links and joints.
 
     Raises `RequestError` where these do not say the same, with the reason.

@@ -40,13 +40,14 @@ from blockmech.studio.sketching import posed
 from blockmech.studio.state import View, state_of
 from blockmech.studio.turn import poses_of
 from blockmech.testing.graph_files import gallery
+from blockmech.typing import Data, Record
 
 WEB = Path(__file__).with_name("web")
 FOREVER = {"Cache-Control": "private, max-age=31536000, immutable"}
 FRESH = {"Cache-Control": "no-cache"}
 BEAT = 15.0  # seconds after which a stream sends a sign of life
-Body = Mapping[str, Any]
-Answer = dict[str, Any]
+Body = Record
+Answer = Data
 ViewKey = tuple[int, str, tuple[tuple[str, float], ...]]
 
 
@@ -347,7 +348,7 @@ class Studio:
 
     async def file(self, request: Request) -> Response:
         """The file of an export."""
-        answer: dict[str, Any] = self._job(request).answer or {}
+        answer: Data = self._job(request).answer or {}
         if "data" not in answer:
             raise Missing
         headers = {"Content-Disposition": f'attachment; filename="{answer["name"]}"'}
@@ -359,13 +360,13 @@ class Studio:
         return JSONResponse({})
 
 
-def _job_data(job: Job) -> dict[str, Any]:
+def _job_data(job: Job) -> Data:
     """A job for the page; a file is fetched by itself."""
     answer = job.answer and {key: x for key, x in job.answer.items() if key != "data"}
     return {"state": job.state, "said": job.said, "answer": answer}
 
 
-async def _body(request: Request) -> dict[str, Any]:
+async def _body(request: Request) -> Data:
     """The JSON object that was sent. Raises `RequestError` for anything else."""
     try:
         body = json.loads(await request.body() or b"{}")

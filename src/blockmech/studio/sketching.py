@@ -22,8 +22,9 @@ from blockmech.ground.errors import listed, refused
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio.fields import Path, item_at, with_item
+from blockmech.typing import Data, Record
 
-Form = dict[str, Any]
+Form = Data
 LOOSE = ("view", "pins")  # where pins stand that no link carries yet
 BAR = 1.0  # [kg/m] of a bar whose mass nobody has said
 STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
@@ -41,13 +42,13 @@ class Drawn(NamedTuple):
     driven: bool = False
 
 
-def pose_of(form: Mapping[str, Any], link: str) -> tuple[complex, complex]:
+def pose_of(form: Record, link: str) -> tuple[complex, complex]:
     """Origin [m] and x axis of a link's frame in the drawing."""
     x, y, angle = form["links"].get(link, {}).get("pose") or (0.0, 0.0, 0.0)
     return complex(x, y), cmath.rect(1.0, angle)
 
 
-def pins_of(form: Mapping[str, Any]) -> dict[str, Drawn]:
+def pins_of(form: Record) -> dict[str, Drawn]:
     """All joints, markers and loose pins of a form where they are drawn."""
     driven = {driver["joint"] for driver in form.get("drivers", {}).values()}
     pins = {name: Drawn(complex(*at)) for name, at in (item_at(form, LOOSE) or {}).items()}
@@ -156,7 +157,7 @@ def standing_at(pins: Mapping[str, Drawn], name: str) -> list[str]:
     ]
 
 
-def cylinders_of(form: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+def cylinders_of(form: Record) -> dict[str, tuple[str, str]]:
     """Barrels and rods, with the pins of the two: links that have a pin, and a guide at it."""
     on = dict[str, list[tuple[str, str, complex]]]()
     for name, joint in form.get("joints", {}).items():
@@ -182,7 +183,7 @@ def dimensioned(form: Form, a: str, b: str, value: float) -> Form:
     return moved(form, {b: pins[a].z + value * (off / abs(off) if off else 1.0)})
 
 
-def pin_at(form: Form, end: Mapping[str, Any]) -> tuple[Form, str]:
+def pin_at(form: Form, end: Record) -> tuple[Form, str]:
     """The pin that an end of a gesture names, or a new one at its place ``at``, ``on`` a link."""
     if end.get("pin") in pins_of(form):
         return form, end["pin"]
@@ -341,7 +342,7 @@ def _sizes(form: Form, ends: list[str], kinds: str, kind: str) -> Form:
     return {"law": law, "follower": "roller", "roller": rise}
 
 
-def guide_of(form: Mapping[str, Any], name: str) -> float:
+def guide_of(form: Record, name: str) -> float:
     """The direction [rad] of a guide in the drawing."""
     joint = form["joints"][name]
     directions = joint.get("angle") or [
@@ -548,7 +549,7 @@ def _without_marker(form: Form, link: str, name: str) -> Form:
     return {**changed, "links": {**changed["links"], link: changed["links"].get(link, {})}}
 
 
-def _on(form: Mapping[str, Any], link: str, z: complex) -> list[float]:
+def _on(form: Record, link: str, z: complex) -> list[float]:
     """A place of the drawing in a link's frame."""
     o, e = pose_of(form, link)
     return xy((z - o) / e)

@@ -13,6 +13,7 @@ from blockmech.model.joints.layout import Layout
 from blockmech.studio import drawing
 from blockmech.studio.document import Revision, Sheet
 from blockmech.studio.turn import motion_data, shown_motion
+from blockmech.typing import Data
 
 FIRST = {
     "joints": "Drag on the sheet to draw the first link.",
@@ -38,11 +39,11 @@ class View:
             except BlockmechError as error:
                 self.said = str(error)
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> Data:
         """The drawing with its motion and functions."""
         now, motion = self.now, self.motion
         links = isinstance(now.document, Linkage)
-        picture: dict[str, Any] = {
+        picture: Data = {
             "kind": "joints" if links else "blocks",
             "drawing": drawing.of_links(now.form) if links else None,
             "motion": None,
@@ -65,7 +66,7 @@ class View:
         return {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
 
 
-def state_of(sheet: Sheet, view: View) -> dict[str, Any]:
+def state_of(sheet: Sheet, view: View) -> Data:
     """All that the page shows of a sheet but answers."""
     now = sheet.now
     return {

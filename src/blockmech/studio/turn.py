@@ -26,13 +26,14 @@ from blockmech.model.spots import marker_place
 from blockmech.result.failures import why_not
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.studio.edits import without
+from blockmech.typing import Arguments, Data, Record
 
 SECONDS = 3.0  # that a turn is played
 MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each
 
 
 def shown_motion(
-    form: Mapping[str, Any],
+    form: Record,
     mechanism: Compiled | None,
     problems: Iterable[Problem],
     moved: str,
@@ -76,7 +77,7 @@ def turn(mechanism: Compiled, moved: str = "", at: Mapping[str, float] | None = 
     moved = moved or free[0]
     q0 = {d: (at or {}).get(d, _begin(mechanism, d)) for d in mechanism.drivers}
     q = np.linspace(*travel(mechanism, moved, q0), DEFAULT_SAMPLES)
-    settings: dict[str, Any] = {"want": (), "on_gap": "mark", "friction": "none"}
+    settings: Arguments = {"want": (), "on_gap": "mark", "friction": "none"}
     rows = {d: q if d == moved else np.full(q.shape, x) for d, x in q0.items()}
     return moves_of_result(mechanism.run(at=rows, rates=dict.fromkeys(rows, 0.0), **settings))
 
@@ -173,7 +174,7 @@ class Gap:
         mechanism = self.motion.mechanism
         points = tuple(name for name in mechanism.outputs if name.endswith(".p"))
         at = {d: float(q[self.first]) for d, q in self.motion.q.items()}
-        settings: dict[str, Any] = {"want": points, "on_gap": "mark", "friction": "none"}
+        settings: Arguments = {"want": points, "on_gap": "mark", "friction": "none"}
         alone = mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), **settings)
         return why_not(alone if alone.quality.gaps else self.motion.result.rerun(*points))
 
@@ -186,7 +187,7 @@ def gaps_of(motion: Motion) -> list[Gap]:
     return [Gap(motion, int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 
 
-def part_of(form: Mapping[str, Any], failing: Collection[str]) -> dict[str, Any]:
+def part_of(form: Record, failing: Collection[str]) -> Data:
     """A graph's form without some blocks, and without all that hangs on them."""
     wires = ((wire["from"].split(".")[0], wire["to"].split(".")[0]) for wire in form["wires"])
     after = nx.DiGraph(wires)
@@ -194,13 +195,13 @@ def part_of(form: Mapping[str, Any], failing: Collection[str]) -> dict[str, Any]
     return without({key: x for key, x in form.items() if key not in ("expect", "view")}, gone)
 
 
-def blamed_blocks(form: Mapping[str, Any], problems: Iterable[Problem]) -> set[str]:
+def blamed_blocks(form: Record, problems: Iterable[Problem]) -> set[str]:
     """The blocks that problems are about."""
     names = {word for p in problems for word in re.split(r", |[.\[]", p.where)}
     return names & set(form.get("blocks", ()))
 
 
-def what_moves(form: Mapping[str, Any], failing: Iterable[str], file: str = "") -> Mechanism | None:
+def what_moves(form: Record, failing: Iterable[str], file: str = "") -> Mechanism | None:
     """The largest part of a graph without the failing blocks that is a mechanism, or None."""
     gone = set(failing)
     while gone and form.get("blocks"):
@@ -227,7 +228,7 @@ def along_of(motion: Motion, degrees: bool) -> Abscissa:
     return replace(axis, events=tuple(events))
 
 
-def motion_data(motion: Motion, home: Mapping[str, float]) -> dict[str, Any]:
+def motion_data(motion: Motion, home: Mapping[str, float]) -> Data:
     """Coordinates of all samples, and how far each driver goes."""
     last = motion.clearest
     pose = {d: float(q[last]) for d, q in motion.q.items()}

@@ -10,7 +10,7 @@ import pickle
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,9 @@ from blockmech.model.subgraph import Resolver, resolving
 from blockmech.studio import answers
 from blockmech.studio.document import Revision
 from blockmech.studio.gallery import picture_of
+from blockmech.typing import Arguments, Data
 
-Answer = dict[str, Any]
+Answer = Data
 
 
 def work(folder: str) -> None:
@@ -69,7 +70,7 @@ class Answerer:
         self.folder = folder
         self.simulated = dict[str, tuple[str, Any]]()  # sheet -> text of its document, motion
 
-    def answer(self, task: Mapping[str, Any], report: Callable[..., None]) -> Answer:
+    def answer(self, task: Arguments, report: Callable[..., None]) -> Answer:
         """The answer of a task. Raises `BlockmechError` for what has none."""
         if task["what"] == "picture":
             return {"name": task["kind"], "data": picture_of(task["kind"])}

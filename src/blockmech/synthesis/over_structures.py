@@ -40,7 +40,7 @@ from blockmech.synthesis.designs import MET, Design
 from blockmech.synthesis.fourbar import Points
 from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar, size_of
 from blockmech.synthesis.structures import Structure, blank, structures
-from blockmech.typing import Progress
+from blockmech.typing import Data, Progress
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -138,7 +138,7 @@ class _Family:
         from scipy.optimize import least_squares
 
         size, k = size_of(wanted), len(x)
-        last: dict[str, Any] = {}
+        last: Data = {}
 
         def at(u: Floats) -> tuple[Floats, Floats]:
             if last.get("u") != u.tobytes():

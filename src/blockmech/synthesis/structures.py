@@ -17,6 +17,7 @@ from blockmech.assur.chains import Chain, chains, mechanisms
 from blockmech.assur.formation import formation
 from blockmech.assur.pairs import Pair
 from blockmech.builders import Graph, Linkage
+from blockmech.typing import Data
 
 
 class Structure(NamedTuple):
@@ -99,11 +100,11 @@ def blank(structure: Structure, seed: int = 0) -> Graph:
     rng = np.random.default_rng(seed)
     s, places = structure, {}
     name = {v: "frame" if v == s.frame else f"link{v}" for v in s.chain}
-    joints: dict[str, Any] = {}
+    joints: Data = {}
     for a, b in (sorted(e) for e in s.chain.edges):
         places[a, b] = rng.normal(size=2).tolist()
         joints[f"J{a}_{b}"] = {"type": "R", "links": [name[a], name[b]], "at": [places[a, b]] * 2}
-    links: dict[str, Any] = {name[v]: {"pose": [0.0, 0.0, 0.0]} for v in s.chain if v != s.frame}
+    links: Data = {name[v]: {"pose": [0.0, 0.0, 0.0]} for v in s.chain if v != s.frame}
     links[name[s.tracer]]["markers"] = {"P": {"at": rng.normal(size=2).tolist()}}
     motor = "J{}_{}".format(*sorted((s.frame, s.crank)))
     drivers = {"crank": {"joint": motor, "law": "constant_rate", "rate": 1.0}}

@@ -10,9 +10,6 @@ What fails is named by its rule.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
@@ -27,13 +24,14 @@ from blockmech.testing.element_rules import ElementRules
 from blockmech.testing.law_rules import LawRules
 from blockmech.testing.rules import Conformance, ConformanceError
 from blockmech.testing.signal_rules import SignalRules
+from blockmech.typing import Record
 
 __all__ = ["Conformance", "ConformanceError", "conformance"]
 
 
 @declared
 def conformance(
-    block: str | Block | FrictionLaw, example: Mapping[str, Any] | None = None, *, seed: int = 0
+    block: str | Block | FrictionLaw, example: Record | None = None, *, seed: int = 0
 ) -> Conformance:
     """Test a block against the numbered rules of its contract.
 

@@ -31,6 +31,7 @@ from blockmech.ground.report import Facts
 from blockmech.ground.validation_errors import validated
 from blockmech.model.expect import Expectation
 from blockmech.result.exported import aligned
+from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -47,7 +48,7 @@ class Expecting(Protocol):
     """A graph or linkage; what it expects stands in its ``extras``."""
 
     file: str
-    extras: dict[str, Any]
+    extras: Data
 
     def compile(self) -> Mechanism:
         """The mechanism that it describes."""
@@ -89,7 +90,7 @@ class Outcome(Facts):
         """Whether the number is met."""
         return self.error is not None and self.error <= self.tolerance
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The outcome as a JSON object; vectors are [x, y]."""
         drivers = {f"{d}.q": q for d, q in self.drivers.items()}
         data = super().to_dict() | {"drivers": drivers, "ok": self.ok}
@@ -172,7 +173,7 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
     moving, want = expectation.simulate, tuple(expectation.want)
     if moving is None:
         return mechanism.run(expectation.at, friction=expectation.method, want=want, on_gap="mark")
-    more: dict[str, Any] = {"times": moving.times, "method": moving.method}
+    more: Arguments = {"times": moving.times, "method": moving.method}
     friction: FrictionMethod | None = "none" if expectation.friction == "none" else None
     result = mechanism.simulate(moving.until, want=want, friction=friction, **more)
     if result.motion.end == "interrupted":

@@ -12,7 +12,7 @@ import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from random import Random
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from blockmech.assur.pairs import Pair
 from blockmech.assur.rigidity import rigidity
@@ -21,7 +21,7 @@ from blockmech.blocks.general.equations import ends
 from blockmech.blocks.general.kernels import jacobian
 from blockmech.ground.plane import cross, dot, spread
 from blockmech.ground.values import Link
-from blockmech.typing import Guide, LinkPosition
+from blockmech.typing import Data, Guide, LinkPosition
 
 Spot = tuple[complex, complex]
 
@@ -29,7 +29,7 @@ Spot = tuple[complex, complex]
 class Placed(NamedTuple):
     """Parameters, place and direction of each link, coordinate [rad or m] of driven joints."""
 
-    numbers: dict[str, Any]
+    numbers: Data
     places: dict[str, Spot]
     drives: Mapping[str, float] = {}
 
@@ -37,9 +37,9 @@ class Placed(NamedTuple):
 OWNERS = ("later", "later", "earlier")  # of a slider's point
 
 
-def _sliders(chance: Random, *joints: str) -> dict[str, Any]:
+def _sliders(chance: Random, *joints: str) -> Data:
     """Where the points of sliders lie on their guides, and which link has them."""
-    numbers: dict[str, Any] = {f"x_{joint}": chance.uniform(-0.3, 0.3) for joint in joints}
+    numbers: Data = {f"x_{joint}": chance.uniform(-0.3, 0.3) for joint in joints}
     owners = {joint: chance.choice(OWNERS) for joint in joints}
     return numbers | {"slider": owners if len(joints) > 1 else owners[joints[0]]}
 
@@ -194,7 +194,7 @@ def place_group(
         if tie.driven:
             drives[name] = q
     poses = {k: (o.real, o.imag, cmath.phase(e)) for k, (o, e) in places.items()}
-    numbers: dict[str, Any] = {"pairs": pairs, "home": {"drivers": {}, "poses": poses}}
+    numbers: Data = {"pairs": pairs, "home": {"drivers": {}, "poses": poses}}
     group = GeneralGroup(links={link: Link() for link in links}, **numbers)
     if _general_margin(group, places, supports) < least * SOFT:
         return None
@@ -203,7 +203,7 @@ def place_group(
 
 def _pair(
     chance: Random, tie: Tie, places: Mapping[str, Spot], support: Spot | None
-) -> tuple[dict[str, Any], float]:
+) -> tuple[Data, float]:
     """A pair where its links are, and its coordinate there."""
     if support is None:
         a = places[tie.first][0] + cmath.rect(chance.uniform(0.2, 1.5), chance.uniform(-3.0, 3.0))
@@ -220,7 +220,7 @@ def _pair(
         z = (place - o) / e
         at.append((z.real, z.imag))
         angle.append(cmath.phase(direction / e))
-    made: dict[str, Any] = {"type": tie.kind, "driven": tie.driven}
+    made: Data = {"type": tie.kind, "driven": tie.driven}
     if support:
         made |= {"link": tie.second, "at": at[0], "slider": chance.choice(OWNERS)}
     else:

@@ -25,7 +25,7 @@ from blockmech.loads.applied import Couple, Force
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.testing.rules import Array, planar, vectors
-from blockmech.typing import Guide, LinkAcceleration, LinkVelocity, Load
+from blockmech.typing import Data, Guide, LinkAcceleration, LinkVelocity, Load
 
 STAGES = {"position": 0, "velocity": 1, "acceleration": 2, "reactions": 1}
 """Each kernel, and how many of its arguments come from earlier kernels."""
@@ -223,7 +223,7 @@ def add_turntable(
     graph.connect(f"y_{name}.S", f"turn_{name}.A")
 
 
-def request(subject: Subject, motions: Array, size: float) -> dict[str, Any]:
+def request(subject: Subject, motions: Array, size: float) -> Data:
     """Driver coordinates, rates and accelerations that make the motions in the rig."""
     rows = {"block": motions[-1].real} if subject.block.driven else {}
     for joint in subject.outer:

@@ -14,6 +14,7 @@ from blockmech.engines.numpy import Planar
 from blockmech.engines.trace import Trace
 from blockmech.ground.report import DEGREES, Report
 from blockmech.plan.plan import Program
+from blockmech.typing import Data, Record
 
 Array = NDArray[Any]
 Leaves = Mapping[str, Array]
@@ -91,9 +92,9 @@ class Checks:
                 yield f"{row.name}{how} is off by {row.value:.1e} of its terms"
 
 
-def derivative(values: Callable[[float], Mapping[str, Any]]) -> dict[str, Any]:
+def derivative(values: Callable[[float], Record]) -> Data:
     """Derivative at t = 0 of values of time [s], by differences of order 8."""
-    total: dict[str, Any] = {}
+    total: Data = {}
     for k, weight in enumerate(WEIGHTS, start=1):
         ahead, behind = values(k * STEP), values(-k * STEP)
         for name in ahead:

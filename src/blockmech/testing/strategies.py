@@ -19,7 +19,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from random import Random
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from blockmech.blocks import REGISTRY
 from blockmech.blocks.contract import Block, Moving
@@ -30,6 +30,7 @@ from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.structure import LinkRef
 from blockmech.testing.random_groups import PLACERS, SIZES, Placed, place_group, random_shape
+from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -83,7 +84,7 @@ class Case:
     """A random mechanism and a request in whose pose it closes."""
 
     graph: Graph
-    request: dict[str, Any]
+    request: Arguments
 
     def __repr__(self) -> str:
         return f"Case(request={self.request!r}, graph={self.graph.to_json()})"
@@ -116,7 +117,7 @@ class _Draft:
     """A moving block on its way: parameters, link places, markers added later."""
 
     type: str
-    numbers: dict[str, Any]
+    numbers: Data
     places: dict[str, tuple[complex, complex]]  # link -> origin, direction
     feeds: dict[str, str]  # joint -> "block.marker"
     drives: dict[str, float] = field(default_factory=dict)  # driver -> coordinate
@@ -283,7 +284,7 @@ class _Maker:
             return Frame(markers=draft.markers.get(name, {}))
         links = {}
         for link in draft.places:
-            properties: dict[str, Any] = {"markers": draft.markers.get(link, {})}
+            properties: Data = {"markers": draft.markers.get(link, {})}
             if self.options.masses and self.chance.randint(0, 3):
                 properties["mass"] = self.chance.uniform(0.1, 5.0)
                 properties["inertia"] = self.chance.uniform(0.01, 1.0)
@@ -292,7 +293,7 @@ class _Maker:
         block, friction = cls(**draft.numbers, links=links), {}
         for joint in block.joints.values():
             if self.options.friction and self.chance.randint(0, 1):
-                law: dict[str, Any] = {"coefficient": self.chance.uniform(0.05, 0.3)}
+                law: Data = {"coefficient": self.chance.uniform(0.05, 0.3)}
                 if joint.kind == "R":
                     law["radius"] = self.chance.uniform(0.005, 0.05)
                 elif self.chance.randint(0, 1):

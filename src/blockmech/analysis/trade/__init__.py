@@ -20,7 +20,7 @@ from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
 from blockmech.dynamics.request import Until
 from blockmech.ground.errors import Problem, RequestError, as_names, close_match, listed, refused
-from blockmech.typing import Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]
 
@@ -75,7 +75,7 @@ def trade(
     ------
     RequestError for an unknown question or output, or settings that do not fit
     """
-    asked_for: dict[str, Any] = {"at": at, "samples": samples, "times": times, "rates": rates}
+    asked_for: Arguments = {"at": at, "samples": samples, "times": times, "rates": rates}
     asked_for |= {"accelerations": accelerations, "static": static, "until": until}
     asked_for |= {"start": start, "friction": friction}
     request = {name: x for name, x in asked_for.items() if x is not None}

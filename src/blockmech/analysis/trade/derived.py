@@ -6,19 +6,18 @@ So they are known to its last digit, in whatever precision a run then is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import cycle
-from typing import Any
 
 from blockmech.analysis.reference_errors import DOUBLE
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, each_part
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
+from blockmech.typing import Arguments, Data
 
 
 def run_off_by_a_digit(
-    mechanism: Compiled, samples: Samples, precision: str, settings: Mapping[str, Any]
+    mechanism: Compiled, samples: Samples, precision: str, settings: Arguments
 ) -> Result:
     """A run whose numbers are off by the last digit of double precision, up and down by turns.
 
@@ -32,7 +31,7 @@ def run_off_by_a_digit(
     return Result(mechanism, plan, samples, values, "numpy", how(settings))
 
 
-def how(settings: Mapping[str, Any]) -> dict[str, Any]:
+def how(settings: Arguments) -> Data:
     """The settings of a result that was run in a way of its own."""
     usual = {"friction": "newton", "static": False}
     return usual | {k: v for k, v in settings.items() if k != "want"}

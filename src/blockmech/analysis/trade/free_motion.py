@@ -8,7 +8,7 @@ methods solve its equations by Newton's method, and the other ones are settings.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.ground.errors import RequestError, refused
 from blockmech.result.motion import Motion
 from blockmech.result.result import Result
-from blockmech.typing import FixedStep, Successive
+from blockmech.typing import Arguments, FixedStep, Successive
 
 FINEST = (  # references and checks, best first; coarser ones where those do not end in time
     ("auto", 1e-14),
@@ -63,7 +63,7 @@ class FreeMotion(Question):
         self,
         mechanism: Any,
         want: tuple[str, ...] | None,
-        request: Mapping[str, Any],
+        request: Arguments,
         clock: Clock,
     ) -> None:
         self.mechanism, self.clock = mechanism, clock
@@ -174,7 +174,7 @@ class FreeMotion(Question):
             fixed = FixedStep(method, step)  # type: ignore[arg-type]
             yield Setting(method, f"step {step:g} {unit}", {"method": fixed})
 
-    def run(self, options: Mapping[str, Any], seconds: float) -> SimulationResult | None:
+    def run(self, options: Arguments, seconds: float) -> SimulationResult | None:
         """The simulation with a setting, through the public call; None if it took longer.
 
         Raises `KeyboardInterrupt` if the user stopped it: half a run cannot be compared.
@@ -182,7 +182,7 @@ class FreeMotion(Question):
         result, in_time = self._run(options, seconds)
         return result if in_time else None
 
-    def _run(self, options: Mapping[str, Any], seconds: float) -> tuple[SimulationResult, bool]:
+    def _run(self, options: Arguments, seconds: float) -> tuple[SimulationResult, bool]:
         """The simulation as far as it comes, and whether that is its end."""
         end = self.clock.now() + seconds
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -14,6 +14,7 @@ import numpy as np
 
 from blockmech.ground.errors import BlockmechError
 from blockmech.result.result import Result
+from blockmech.typing import Arguments
 
 FEWEST = 5  # warm repeats: of fewer the least time says little
 LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
@@ -32,7 +33,7 @@ class Setting:
 
     method: str
     setting: str = ""
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Arguments = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -141,7 +142,7 @@ class Question(ABC):
         """What is tried, from cheap to dear."""
 
     @abstractmethod
-    def run(self, options: Mapping[str, Any], seconds: float) -> Result | None:
+    def run(self, options: Arguments, seconds: float) -> Result | None:
         """The answer of a setting; None where it took longer than the seconds allowed."""
 
     @abstractmethod

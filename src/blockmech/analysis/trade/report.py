@@ -17,6 +17,7 @@ from blockmech.figures.paper import legend_above, panelled, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.report import DEGREES, Facts, as_json
 from blockmech.result.exported import CsvTable, aligned
+from blockmech.typing import Data
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -267,7 +268,7 @@ class Trade(CsvTable, Facts, Pictured):
         yield from (f"skipped: {'; '.join(labels)}: {why}" for why, labels in reasons.items())
         yield from (f"measured in {self.spent:.1f} s", "", self.recommendation)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Data:
         """The trade as JSON data; what is not finite is None."""
         best, lean = self.recommended, self.pareto_by_evaluations
         points = [row | {"pareto_by_evaluations": p in lean} for p, row in self._rows()]
@@ -290,7 +291,7 @@ class Trade(CsvTable, Facts, Pictured):
         head = [f"{name} [s]" if name in times else name for name in names]
         return head, ([row[name] for name in names] for row in rows)
 
-    def _rows(self) -> list[tuple[Point, dict[str, Any]]]:
+    def _rows(self) -> list[tuple[Point, Data]]:
         """Points, and each as data."""
         rows, pareto = [], self.pareto
         for p in self.points:

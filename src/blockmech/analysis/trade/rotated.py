@@ -8,7 +8,6 @@ as this mechanism amplifies it at these samples.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +24,7 @@ from blockmech.loads.contract import Element
 from blockmech.model.structure import JointRef, Structure
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
+from blockmech.typing import Arguments
 
 ANGLE = 0.7  # [rad] no symmetry of anything
 E = cmath.rect(1.0, ANGLE)
@@ -32,7 +32,7 @@ SAME = 1e-12  # relative difference of numbers that rotating only rounds
 
 
 def rotated_run(
-    mechanism: Compiled, samples: Samples, precision: str, settings: Mapping[str, Any]
+    mechanism: Compiled, samples: Samples, precision: str, settings: Arguments
 ) -> Result:
     """A run of the rotated mechanism, its vectors and directions rotated back.
 

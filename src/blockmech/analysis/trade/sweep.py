@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from blockmech.compiled import Compiled
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.result.result import Result
-from blockmech.typing import Successive
+from blockmech.typing import Arguments, Data, Successive
 
 NUMPY = {"engine": "numpy"}
 SINGLE = NUMPY | {"precision": "complex64"}
@@ -36,7 +35,7 @@ WIDEST = NUMPY | {"precision": "clongdouble"}
 SETTLED = 60  # successive iterations of the check; P^60 is rounding wherever P < 0.5
 USABLE = 1e-3  # relative error up to which single precision is worth having
 
-ENGINES: Mapping[str, dict[str, Any]] = {
+ENGINES: Mapping[str, Data] = {
     "": NUMPY,
     " llvm": {"engine": "llvm"},
 }  # how methods of friction are called by each
@@ -77,7 +76,7 @@ class Sweep(Question):
     )
 
     def __init__(
-        self, mechanism: Compiled, want: tuple[str, ...] | None, request: Mapping[str, Any]
+        self, mechanism: Compiled, want: tuple[str, ...] | None, request: Arguments
     ) -> None:
         self.mechanism = mechanism
         self.request = {**request, "want": want or EVERYTHING, "on_gap": "mark"}
@@ -100,7 +99,7 @@ class Sweep(Question):
             yield from FRICTIONS
         yield from PLAIN[3:]
 
-    def run(self, options: Mapping[str, Any], seconds: float = 0.0) -> Result:
+    def run(self, options: Arguments, seconds: float = 0.0) -> Result:
         """The sweep with a setting; gaps are NaN. One batch cannot be stopped."""
         return self.mechanism.run(**self.request, **options)
 
@@ -128,7 +127,7 @@ class Sweep(Question):
         if not good.any():
             found, code = "no sample has an answer", "nothing-to-compare"
             raise refused("trade", found, "see limits", code=code)
-        how: dict[str, Any] = {"static": self.request.get("static", False)}
+        how: Arguments = {"static": self.request.get("static", False)}
         solver = ", Newton's method" if self.rubs else ""
         bounds = [float(np.max(c[good])) for c in best.quality.contraction.values()]
         checked = solver

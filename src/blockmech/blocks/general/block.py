@@ -54,6 +54,7 @@ from blockmech.ground.values import (
     is_name,
     mistake,
 )
+from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.assur.groups import Unit
@@ -273,7 +274,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     def parameters(self) -> Any:
         """Places and directions of all pairs, and the group's size."""
-        numbers: dict[str, Any] = {"size": self.characteristic_length()}
+        numbers: Data = {"size": self.characteristic_length()}
         for k, pair in enumerate(self.pairs.values()):
             for s, marker in enumerate(pair.sides.values()):
                 numbers[f"at{k}_{s}"] = marker.at.z

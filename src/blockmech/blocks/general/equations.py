@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 from blockmech.blocks.motion import acceleration_at, velocity_at
 from blockmech.ground.plane import angle, cross, dot, expi, imul, mul, planar
-from blockmech.typing import Complex, LinkAcceleration, LinkPosition, LinkVelocity, Real
+from blockmech.typing import Complex, LinkAcceleration, LinkPosition, LinkVelocity, Parameters, Real
 
 Entries = dict[int, Real]
 """Entries of one row of the Jacobian: column -> number."""
@@ -80,13 +80,15 @@ class Ends(NamedTuple):
     t: tuple[Complex, ...]  # (...) [-] n and, where driven, u of a guide; x and y of a pin
 
 
-def side(link: LinkPosition, p: Any, at: str, along: str) -> Side:
+def side(link: LinkPosition, p: Parameters, at: str, along: str) -> Side:
     """A side on an own link."""
     r = link.e * getattr(p, at)
     return Side(r, link.o + r, link.e * getattr(p, along) if along else link.e)
 
 
-def ends(pair: PairPlan, links: tuple[LinkPosition, ...], outer: tuple[Any, ...], p: Any) -> Ends:
+def ends(
+    pair: PairPlan, links: tuple[LinkPosition, ...], outer: tuple[Any, ...], p: Parameters
+) -> Ends:
     """Both sides of a pair; a support's arm is not needed and stands as its place."""
     b = side(links[pair.later], p, pair.at[1], pair.along[1])
     if pair.earlier >= 0:

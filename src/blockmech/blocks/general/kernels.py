@@ -51,6 +51,7 @@ from blockmech.typing import (
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
+    Parameters,
     Real,
     Slide,
 )
@@ -159,7 +160,7 @@ def unit(e: Complex) -> Complex:
 
 
 def newton(
-    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Any
+    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Parameters
 ) -> tuple[Links, Real]:
     """The pose to which Newton's method comes, and the size of its first step."""
     data = (plans, supports, q, p)
@@ -174,7 +175,7 @@ def newton_step(
     plans: Plans,
     supports: tuple[Any, ...],
     q: tuple[Real, ...],
-    p: Any,
+    p: Parameters,
 ) -> tuple[Links, Real, Real]:
     """The pose moved by the solution of J step = -residual, by how much, and whether to go on."""
     pose, _, _ = state
@@ -185,7 +186,7 @@ def newton_step(
 
 
 def conditions(
-    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Any
+    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Parameters
 ) -> tuple[tuple[Ends, ...], list[Real]]:
     """Both sides of each pair at a pose, and how far all conditions are from zero."""
     at = tuple(ends(pair, pose, supports, p) for pair in plans)
@@ -212,7 +213,7 @@ def stepped(pose: Links, step: tuple[Real, ...], size: Real) -> tuple[Links, Rea
     return tuple(moved), largest(step)
 
 
-def jacobian(plans: Plans, at: tuple[Ends, ...], links: int, p: Any) -> Any:
+def jacobian(plans: Plans, at: tuple[Ends, ...], links: int, p: Parameters) -> Any:
     """The matrix of all conditions."""
     filled = []
     for pair, sides in zip(plans, at, strict=True):
@@ -241,7 +242,7 @@ def carried(pair: PairPlan, at: Ends, own: tuple[Real, ...], size: Real) -> Any:
     return Slide(N, own[-1] + N * b, own[-1] + N * a)
 
 
-def margin(pose: Pose, p: Any) -> Real:
+def margin(pose: Pose, p: Parameters) -> Real:
     """Squared ratio of extreme singular values; below 0 where the path from home ends."""
     ratio = spread(pose.J)
     return where(pose.reached < 1.0, pose.reached - 1.0, ratio * ratio)

@@ -6,7 +6,7 @@ Loops run on the numbers of the planned design; what they end at is proved by
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from blockmech.engines.binding import Binder, bind
@@ -39,6 +39,7 @@ from blockmech.ground.plane import (
     times,
 )
 from blockmech.plan.plan import Program
+from blockmech.typing import Data, Record
 
 
 def each(function: Any, *x: Any) -> Any:
@@ -68,7 +69,7 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
 _OF_PLANE = (cross, dot, times, where, maximum, minimum, sqrt, exp, sign, power, modulo, piecewise)
 _OF_VECTORS = (expi, hyp, planar, mul, imul, angle)
 _OF_SOLVERS = (each, repeat, implicit, solve, solve_transposed, spread)
-PRIMITIVES: dict[str, Any] = {
+PRIMITIVES: Data = {
     **{f.__name__: f for f in (*_OF_PLANE, *_OF_VECTORS, *_OF_SOLVERS)},
     "matrix": Matrix,
     "EPS": EPS,
@@ -82,7 +83,7 @@ def scale(a: Any, b: Any) -> float:
 
 
 @primitives_of.register(Form)
-def _of_forms(x: object) -> Mapping[str, Any]:
+def _of_forms(x: object) -> Record:
     return {**PRIMITIVES, "maximum": scale, "one_by_one": one_by_one}
 
 

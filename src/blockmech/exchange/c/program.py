@@ -37,6 +37,7 @@ from blockmech.plan.plan import Output, Plan
 from blockmech.plan.settings import friction_asked
 from blockmech.result.quality import WORDS
 from blockmech.result.samples import Samples
+from blockmech.typing import Record
 
 VECTORS = 24  # poses of the test program
 INPUTS = {"q": ("q", ""), "qd": ("rate", "/s"), "qdd": ("acceleration", "/s2")}
@@ -350,7 +351,7 @@ def _comment(text: str) -> str:
     return printable(text).replace("*/", "* /").replace("??", "? ?").rstrip("\\")
 
 
-def _members(parameters: Mapping[str, Any]) -> Iterator[Member]:
+def _members(parameters: Record) -> Iterator[Member]:
     """The parameters of a program as members, in the order of the trace's."""
     taken = Names()
     for name, value in parameters.items():

@@ -8,7 +8,7 @@ two knots of the path a cubic of places and rates, so close that Newton comes to
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ from blockmech.result.quality import (
     UNDEFINED,
     WORDS,
 )
+from blockmech.typing import Record
 
 Array = NDArray[np.float64]
 READINGS: dict[str, Callable[..., Any]] = {
@@ -151,9 +152,7 @@ def _knots(path: Path) -> tuple[Array, Array, Array]:
     return q, places[:, own], slopes(places[:, own], rates[:, own])
 
 
-def status(
-    plan: Plan, values: tuple[Any, ...], judged: Iterable[Any], of: Mapping[str, Any]
-) -> Any:
+def status(plan: Plan, values: tuple[Any, ...], judged: Iterable[Any], of: Record) -> Any:
     """The number of `WORDS` that says whether a sample has an answer, as a node.
 
     As `blockmech.result.quality.failures` decides: the first block that fails is blamed. ``judged``

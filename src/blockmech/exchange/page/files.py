@@ -30,6 +30,7 @@ from blockmech.model.spots import marker_place
 from blockmech.model.structure import LinkRef
 from blockmech.result.quality import WORDS
 from blockmech.result.samples import Samples
+from blockmech.typing import Data
 
 FRAMES = 181  # poses of the range
 SECONDS = 3.0  # that they are played
@@ -116,7 +117,7 @@ def _is_given(name: str) -> bool:
     return not name.startswith("size_") and not name.endswith("_branch")
 
 
-def _picture(drawing: Script) -> dict[str, Any]:
+def _picture(drawing: Script) -> Data:
     """What is drawn: places are outputs of the drawing, or lie in the frame of a link."""
     at = {name: i for i, name in enumerate(drawing.outputs)}
     motion = moves(drawing.mechanism)

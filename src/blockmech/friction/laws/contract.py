@@ -51,7 +51,7 @@ from blockmech.ground.errors import close_match, listed, shown
 from blockmech.ground.plane import has_arithmetic
 from blockmech.ground.registry import Registry
 from blockmech.ground.values import StrictModel, mistake
-from blockmech.typing import Real
+from blockmech.typing import Data, Real
 
 LAWS = Registry("friction law", code="unknown-friction-law")
 """Every friction law by the name that files give it."""
@@ -136,7 +136,7 @@ class FrictionLaw(StrictModel):
         """Whether friction is not linear in the load, see rule 6."""
         return LOAD in _read(self.kernel())
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> Data:
         """The law's numbers by name."""
         fields = ((name, getattr(self, name)) for name in type(self).model_fields)
         return {name: float(x) if isinstance(x, int) else x for name, x in fields if _is_number(x)}
@@ -253,7 +253,7 @@ class _Registered:
     @classmethod
     def __get_pydantic_json_schema__(
         cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    ) -> Data:
         inner: Any = handler  # laws may be registered after a model that holds one is built
         mapping = {}
         for name in LAWS:

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
 from blockmech.ground.plane import always
 from blockmech.ground.values import Length, NotNegative, mistake
+from blockmech.typing import Data, Parameters
 
 
 class DryFriction(FrictionLaw):
@@ -34,7 +35,7 @@ class DryFriction(FrictionLaw):
         """Radius [m] of a pin; 1 of a guide."""
         return 1.0 if self.radius is None else self.radius
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> Data:
         """The law's coefficients and speeds, and its arm."""
         shape = ("radius", "guide_length")
         own = {name: x for name, x in super().numbers().items() if name not in shape}
@@ -54,7 +55,7 @@ class DryFriction(FrictionLaw):
         raise mistake("friction-mismatch", found, valid, remedy)
 
 
-def coulomb(p: Any) -> FrictionTerms:
+def coulomb(p: Parameters) -> FrictionTerms:
     """f' r [m] or mu [-] at all speeds."""
     return FrictionTerms(p.factor, 0.0)
 
@@ -79,7 +80,7 @@ class Coulomb(DryFriction):
         """Couple [N m] or force [N] per newton on the pair: f' r [m], or mu [-]."""
         return self.coefficient * self.arm
 
-    def numbers(self) -> dict[str, Any]:
+    def numbers(self) -> Data:
         """The factor."""
         return {"factor": self.factor}
 

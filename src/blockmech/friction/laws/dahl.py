@@ -12,31 +12,31 @@ exponent 1; as in Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Autom
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.ground.plane import always, sign
 from blockmech.ground.values import Axis, Positive, Units
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 
-def bending(slip: Real, deflection: Real, p: Any) -> Real:
+def bending(slip: Real, deflection: Real, p: Parameters) -> Real:
     """Rate of the deflection."""
     return slip - p.stiffness * abs(slip) * deflection / p.kinetic
 
 
-def bent(slip: Real, p: Any) -> Real:
+def bent(slip: Real, p: Parameters) -> Real:
     """Deflection of a pair that has slipped at a rate for long."""
     return sign(slip) * p.kinetic / p.stiffness
 
 
-def dahl(slip: Real, deflection: Real, p: Any) -> FrictionTerms:
+def dahl(slip: Real, deflection: Real, p: Parameters) -> FrictionTerms:
     """The spring of the bristles."""
     return FrictionTerms(p.stiffness * deflection * p.arm, 0.0 * slip)
 
 
-def most(p: Any) -> FrictionTerms:
+def most(p: Parameters) -> FrictionTerms:
     """What the bristles carry at most."""
     return FrictionTerms(p.kinetic * p.arm, 0.0)
 

@@ -18,7 +18,7 @@ Trans. Automatic Control 47 (2002), 787-792.
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import model_validator
 
@@ -27,10 +27,10 @@ from blockmech.friction.laws.lugre import BristleFriction, resisting
 from blockmech.friction.laws.stribeck import falling
 from blockmech.ground.plane import always, expi, maximum, minimum, where
 from blockmech.ground.values import Positive, mistake
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 
-def slipping(slip: Real, deflection: Real, p: Any) -> Real:
+def slipping(slip: Real, deflection: Real, p: Parameters) -> Real:
     """The share of the motion that slips, of bristles that are fully bent."""
     top, f = falling(abs(slip), p), p.stiffness * abs(deflection)
     place = (f - 0.5 * (top + p.breakaway)) / (top - p.breakaway)
@@ -38,13 +38,13 @@ def slipping(slip: Real, deflection: Real, p: Any) -> Real:
     return where(slip * deflection > 0.0, share, 0.0 * share)
 
 
-def bending(slip: Real, deflection: Real, p: Any) -> Real:
+def bending(slip: Real, deflection: Real, p: Parameters) -> Real:
     """Rate of the deflection."""
     lost = slipping(slip, deflection, p) * p.stiffness / falling(abs(slip), p)
     return slip - lost * abs(slip) * deflection
 
 
-def elasto_plastic(slip: Real, deflection: Real, p: Any) -> FrictionTerms:
+def elasto_plastic(slip: Real, deflection: Real, p: Parameters) -> FrictionTerms:
     """`resisting`, as the bristles bend."""
     return resisting(slip, deflection, bending(slip, deflection, p), p)
 

@@ -40,7 +40,7 @@ from blockmech.ground.values import (
     in_unit,
     mistake,
 )
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 THICKEST = 0.01  # [-] of the radius: a film of journal bearings is a thousandth of it
 
@@ -61,7 +61,7 @@ class FilmNumbers(NamedTuple):
     slopes: tuple[tuple[Real, ...], ...]  # of its derivative
 
 
-def petroff(speed: Real, p: Any) -> FrictionTerms:
+def petroff(speed: Real, p: Parameters) -> FrictionTerms:
     """The shear stress of the film over the journal's surface, times its radius."""
     area = 2.0 * math.pi * p.radius * p.length
     stress = p.viscosity * (speed * p.radius / p.clearance)

@@ -13,7 +13,7 @@ friction, IEEE Trans. Automatic Control 40 (1995), 419-425.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 from pydantic import model_validator
 
@@ -23,31 +23,31 @@ from blockmech.friction.laws.stiction import check_static
 from blockmech.friction.laws.stribeck import falling
 from blockmech.ground.plane import always, sign
 from blockmech.ground.values import Axis, NotNegative, Positive, Units
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 
-def bending(slip: Real, deflection: Real, p: Any) -> Real:
+def bending(slip: Real, deflection: Real, p: Parameters) -> Real:
     """Rate of the deflection."""
     return slip - p.stiffness * abs(slip) * deflection / falling(abs(slip), p)
 
 
-def bent(slip: Real, p: Any) -> Real:
+def bent(slip: Real, p: Parameters) -> Real:
     """Deflection of a pair that has slipped at a rate for long."""
     return sign(slip) * falling(abs(slip), p) / p.stiffness
 
 
-def resisting(slip: Real, deflection: Real, rate: Real, p: Any) -> FrictionTerms:
+def resisting(slip: Real, deflection: Real, rate: Real, p: Parameters) -> FrictionTerms:
     """Spring and damper of the bristles, and the film between them."""
     f = p.stiffness * deflection + p.damping * rate + p.viscous * slip
     return FrictionTerms(f * p.arm, 0.0 * slip)
 
 
-def lugre(slip: Real, deflection: Real, p: Any) -> FrictionTerms:
+def lugre(slip: Real, deflection: Real, p: Parameters) -> FrictionTerms:
     """`resisting`, as the bristles bend."""
     return resisting(slip, deflection, bending(slip, deflection, p), p)
 
 
-def most(p: Any) -> FrictionTerms:
+def most(p: Parameters) -> FrictionTerms:
     """What the bristles carry at most."""
     return FrictionTerms(p.static * p.arm, 0.0)
 

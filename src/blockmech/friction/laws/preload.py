@@ -5,14 +5,15 @@ Source: Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30 (1994), secti
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
 from blockmech.ground.plane import always
 from blockmech.ground.values import Axis, NotNegative, Units
+from blockmech.typing import Parameters
 
 
-def preload(p: Any) -> FrictionTerms:
+def preload(p: Parameters) -> FrictionTerms:
     """Always the same."""
     return FrictionTerms(0.0, p.resistance)
 

@@ -17,14 +17,14 @@ the catalogues of INA and FAG.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
 from blockmech.ground.plane import always, power, where
 from blockmech.ground.values import Length, NotNegative, Number, in_unit, mistake
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 SLOW = 2000.0  # nu n [mm2/s/min], below which the oil's part does not depend on the speed
 SLOW_PART = 160.0  # and what stands for (nu n)^(2/3) there
@@ -33,7 +33,7 @@ OIL = 0.1  # 1e-7 N mm/mm3 in SI
 TABLES: dict[str, tuple[float, float]] = {"f0": (0.3, 24.0), "f1": (0.0, 0.01)}
 
 
-def palmgren(speed: Real, p: Any) -> FrictionTerms:
+def palmgren(speed: Real, p: Parameters) -> FrictionTerms:
     """The load's part as a factor, the oil's as a drag."""
     fast = PER_MINUTE * p.viscosity * speed
     oil = where(fast < SLOW, SLOW_PART, power(fast, 2.0 / 3.0))

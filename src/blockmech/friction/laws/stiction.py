@@ -7,21 +7,22 @@ machines with friction, Automatica 30 (1994), 1083-1138, section 2.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import model_validator
 
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.ground.values import NotNegative, mistake
+from blockmech.typing import Parameters
 
 
-def kinetic(p: Any) -> FrictionTerms:
+def kinetic(p: Parameters) -> FrictionTerms:
     """While the pair slips."""
     return FrictionTerms(p.kinetic * p.arm, 0.0)
 
 
-def static(p: Any) -> FrictionTerms:
+def static(p: Parameters) -> FrictionTerms:
     """While it does not."""
     return FrictionTerms(p.static * p.arm, 0.0)
 

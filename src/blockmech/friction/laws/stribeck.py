@@ -8,7 +8,7 @@ Bo & Pavelescu 1982 (the exponent), as in Armstrong-Helouvry, Dupont & Canudas d
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import model_validator
 
@@ -17,16 +17,16 @@ from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.friction.laws.stiction import check_static
 from blockmech.ground.plane import always, exp, power
 from blockmech.ground.values import Axis, NotNegative, Positive, Units
-from blockmech.typing import Real
+from blockmech.typing import Parameters, Real
 
 
-def falling(speed: Real, p: Any) -> Real:
+def falling(speed: Real, p: Parameters) -> Real:
     """The coefficient at a speed without the viscous part."""
     left = exp(-power(speed / p.stribeck_speed, p.exponent))
     return p.kinetic + (p.static - p.kinetic) * left
 
 
-def stribeck(speed: Real, p: Any) -> FrictionTerms:
+def stribeck(speed: Real, p: Parameters) -> FrictionTerms:
     """The curve at a speed."""
     f = falling(speed, p) + p.viscous * speed
     return FrictionTerms(f * p.arm, 0.0)

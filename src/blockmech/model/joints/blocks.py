@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from blockmech.ground.errors import refused
 from blockmech.ground.values import xy
@@ -16,8 +15,9 @@ from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.scene import PER_DRIVER
 from blockmech.model.spots import guide_spots, marker_place, pin_spot
 from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef, Structure
+from blockmech.typing import Data, Record
 
-Form = dict[str, Any]
+Form = Data
 COUPLED = ("driver", "driven")
 OF_LINKS = ("mass", "inertia", "cm")
 
@@ -34,7 +34,7 @@ class SaidByLinks:
 
     def __init__(
         self,
-        form: Mapping[str, Any],
+        form: Record,
         structure: Structure,
         poses: Mapping[LinkRef, tuple[complex, complex]],
     ) -> None:

@@ -40,6 +40,7 @@ from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.laws_of_motion import AnyLaw
 from blockmech.model.scene import Initial, Role, Stops
 from blockmech.signals.contract import Signal
+from blockmech.typing import Data
 
 FRAME = "frame"
 """Name of the fixed link."""
@@ -207,7 +208,7 @@ def _load_model(cls: type[Element]) -> type[StrictModel]:
     """The model of a load: its element's keys, and the links it takes hold of."""
     kinds = [terminal.kind for terminal in cls.terminals.values()]
     points, number = "point" in kinds, len(kinds)
-    fields: dict[str, Any] = {}
+    fields: Data = {}
     if number == 1:
         fields["link"] = (str, ...)
         fields |= {"at": (Place, default(Place(0j)))} if points else {}
@@ -253,7 +254,7 @@ def sections() -> dict[str, Section]:
 
 @functools.lru_cache(1)
 def _sections(types: tuple[Any, ...]) -> dict[str, Section]:
-    def registered(prefix: str, base: type[Block]) -> dict[str, Any]:
+    def registered(prefix: str, base: type[Block]) -> Data:
         kinds = {cls.type_name: cls for cls in types if issubclass(cls, base)}
         return {n.removeprefix(prefix): cls for n, cls in kinds.items() if n.startswith(prefix)}
 
@@ -284,17 +285,17 @@ class JointsDocument(StrictModel):
     name: str = "mechanism"
     title: str = ""
     gravity: Vector = Vector(0j)
-    links: dict[str, Any]
-    joints: dict[str, Any]
-    drivers: dict[str, Any] = {}
-    couplings: dict[str, Any] = {}
-    loads: dict[str, Any] = {}
-    signals: dict[str, Any] = {}
+    links: Data
+    joints: Data
+    drivers: Data = {}
+    couplings: Data = {}
+    loads: Data = {}
+    signals: Data = {}
     wires: list[WireEnds] = []
     initial: dict[str, Initial] = {}
     stops: dict[str, Stops] = {}
     motion: dict[str, Role] = {}
-    view: Annotated[dict[str, Any], Field(description="places on a canvas; not computed with")] = {}
+    view: Annotated[Data, Field(description="places on a canvas; not computed with")] = {}
     expect: list[Expectation] = []
     source: str = ""
     notes: str | list[str] = ""

@@ -14,7 +14,7 @@ Names: the block of a driver or a cylinder is named like the driver, a group's a
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -40,9 +40,10 @@ from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
 from blockmech.model.parameters import wrong_units
+from blockmech.typing import Data
 
 General: TypeAlias = Literal["", "groups", "one"]
-Parts: TypeAlias = tuple[dict[str, Any], Names, Formation, Linkage | None]
+Parts: TypeAlias = tuple[Data, Names, Formation, Linkage | None]
 """The fields of a `blockmech.builders.Decomposition`."""
 
 

@@ -36,6 +36,7 @@ from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
+from blockmech.typing import Arguments, Data
 
 MOST_IN_NAME = 3  # links that a group is named after
 
@@ -73,7 +74,7 @@ class Diagram:
         self.linkage = linkage
         self.found = found
         self.drivers = linkage.driven  # driven pair -> driver
-        self._blocks: dict[str, dict[str, Any]] = {}
+        self._blocks: dict[str, Data] = {}
         self._wires: list[tuple[MarkerRef | str, JointRef]] = []
         self._seats: dict[str, LinkPlacement] = {}
         self._ends: dict[str, tuple[str, End]] = {}  # pair -> block and joint
@@ -99,7 +100,7 @@ class Diagram:
             if weld.link == carrier:
                 self._seats[link] = weld.on(seat)
 
-    def _mass(self, carrier: str) -> dict[str, Any]:
+    def _mass(self, carrier: str) -> Data:
         """Mass properties of a link of the graph: of all that are welded to it."""
         welds = self.found.layout.welds
         links = [link for link in welds if welds[link].link == carrier]
@@ -177,7 +178,7 @@ class Diagram:
         if wish in taken:
             wish = free_name(f"{link}_{wish}", taken)
         taken.add(wish)
-        data: dict[str, Any] = {"at": xy(seat.place(at))}
+        data: Data = {"at": xy(seat.place(at))}
         direction = 1 + 0j if along is None else seat.direction(along)
         if direction != 1:
             data["dir"] = xy(direction)
@@ -200,7 +201,7 @@ class Diagram:
         self._wires.append((source, JointRef(block, end.joint)))
         return source.block
 
-    def _home(self, unit: Unit, upstream: Iterable[str]) -> dict[str, Any]:
+    def _home(self, unit: Unit, upstream: Iterable[str]) -> Data:
         """Driver values and poses of a general group in the refined pose."""
         poses, values = self.found.poses, {}
         for driver in upstream:
@@ -222,7 +223,7 @@ class Diagram:
 
     # -- loads, scene, names ----------------------------------------------
 
-    def _block(self, wish: str, data: dict[str, Any]) -> str:
+    def _block(self, wish: str, data: Data) -> str:
         """Add a block without links under a name that is free."""
         name = free_name(wish, self._names)
         self._blocks[name] = data
@@ -275,13 +276,13 @@ class Diagram:
         c = self.found.layout.pairs[pair]
         return c.ends[c.links.index(self._ends[pair][1].later)]
 
-    def _scene(self) -> dict[str, Any]:
+    def _scene(self) -> Data:
         drive = {
             name: {key: value for key, value in plain(law).items() if key != "joint"}
             for name, law in self.linkage.drivers.items()
             if isinstance(law, LawOfMotion)
         }
-        scene: dict[str, Any] = {
+        scene: Data = {
             "gravity": self.linkage.gravity.written if self.linkage.gravity.z else None,
             "drive": drive,
             "initial": plain(self.linkage.initial),
@@ -290,7 +291,7 @@ class Diagram:
         }
         return {key: item for key, item in scene.items() if item}
 
-    def _stops(self, name: str, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    def _stops(self, name: str, given: Arguments) -> tuple[str, Data]:
         """Stops by a driver, or by the coordinate of a pair as its block counts it.
 
         Raises `GraphError` for a driven pair, and one that is none of a block.
@@ -319,7 +320,7 @@ class Diagram:
             key: x for key, x in {**given, **both}.items() if x is not None
         }
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> Data:
         """The graph as it would stand in a file."""
         sections = {
             "name": self.linkage.name,
@@ -373,7 +374,7 @@ def _seated(value: Any, seat: LinkPlacement) -> Any:
     return xy(seat.place(Place.parse(value).z))  # as a file may have it
 
 
-def _mass_of(bodies: list[tuple[LinkGiven, LinkPlacement]]) -> dict[str, Any]:
+def _mass_of(bodies: list[tuple[LinkGiven, LinkPlacement]]) -> Data:
     """Mass properties of links that are one, in the frame of their block."""
     if len(bodies) > 1:
         mass = sum(link.mass for link, _ in bodies)
@@ -387,7 +388,7 @@ def _mass_of(bodies: list[tuple[LinkGiven, LinkPlacement]]) -> dict[str, Any]:
         return {"mass": mass, "inertia": inertia, "cm": xy(cm)} if mass or inertia else {}
     ((given, seat),) = bodies
     fields, moved = given.model_fields_set, seat.o != 0 or seat.e != 1
-    own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in fields}
+    own: Data = {k: getattr(given, k) for k in ("mass", "inertia") if k in fields}
     if "cm" in fields or (moved and given.mass):
         own["cm"] = xy(seat.place(given.cm.z)) if moved else given.cm.written
     return own

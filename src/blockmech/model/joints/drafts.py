@@ -25,7 +25,7 @@ from blockmech.ground.values import free_name, xy
 from blockmech.model.joints.closing import CLOSED
 from blockmech.model.joints.layout import Connection, Connections, LinkPlacement, Pose, Poses
 from blockmech.model.joints.varied import phase, settled
-from blockmech.typing import Guide
+from blockmech.typing import Data, Guide
 
 GENERAL = "group.general"
 DEAD = 64 * EPS
@@ -71,7 +71,7 @@ class BlockDraft:
     """
 
     type: str
-    keys: dict[str, Any]
+    keys: Data
     seats: Mapping[str, LinkPlacement]
     ends: Mapping[str, End]
     points: Mapping[tuple[str, complex], str]
@@ -173,7 +173,7 @@ def _joints_on(cls: type[AssurGroup], link: str) -> list[Joint]:
 
 def _seated(
     cls: type[AssurGroup], link_of: Mapping[str, str], at: Mapping[str, Connection]
-) -> tuple[dict[str, Any], dict[str, LinkPlacement], dict[tuple[str, complex], str]]:
+) -> tuple[Data, dict[str, LinkPlacement], dict[tuple[str, complex], str]]:
     """Lengths, frames and markers of the links.
 
     The origin is at the outer pin, else at the inner one, else at the outer slider's point; the
@@ -204,9 +204,9 @@ def _lines(
     at: Mapping[str, Connection],
     seats: Mapping[str, LinkPlacement],
     feet: Mapping[tuple[str, str], complex],
-) -> dict[str, Any]:
+) -> Data:
     """Offsets and turns of the guide lines, and the sliders' points."""
-    keys: dict[str, Any] = {}
+    keys: Data = {}
     owners: dict[str, str] = {}
     for (name, link), foot in feet.items():
         c, joint, seat = at[name], cls.joints[name], seats[link]
@@ -227,7 +227,7 @@ def _lines(
 
 def _mode(
     made: AssurGroup, seats: Mapping[str, LinkPlacement], at: Mapping[str, Connection], poses: Poses
-) -> tuple[dict[str, Any], str, Poses]:
+) -> tuple[Data, str, Poses]:
     """The branch of the mode that stands nearest, or why the pose does not tell it; its poses."""
     supports: list[Any] = []
     for name, c in at.items():
@@ -262,7 +262,7 @@ def general_group(unit: Unit, pairs: Connections) -> BlockDraft:
     the other way round is turned (P), or counts with the opposite sign (R).
     """
     own, taken = set(unit.links), set(unit.links)
-    data: dict[str, Any] = {}
+    data: Data = {}
     ends: dict[str, End] = {}
     points: dict[tuple[str, complex], str] = {}
     drivers: list[str] = []

@@ -15,15 +15,16 @@ from blockmech.model.joints.contents import FRAME, HOLDS
 from blockmech.model.joints.layout import Connection, Connections, LinkPlacement
 from blockmech.model.joints.varied import phase, remainder
 from blockmech.model.writing import plain
+from blockmech.typing import Arguments, Data, Record
 
 Hold: TypeAlias = tuple[str, str, complex | None]
 """A terminal of an element, and the link and place that it takes hold of; None: the link."""
 
-BlockDraft: TypeAlias = tuple[str, dict[str, Any], Sequence[Hold]]
+BlockDraft: TypeAlias = tuple[str, Data, Sequence[Hold]]
 """An element of the graph: its name, data and holds."""
 
 
-def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[str]:
+def links_read_as_they_are(loads: Record, pairs: Connections) -> set[str]:
     """Links whose frames a law of their relative angle reads.
 
     The angle is one between -pi and pi, so a law of it cannot be moved to other frames.
@@ -73,14 +74,14 @@ def elements(
 
 
 def _along_guide(
-    name: str, load: Any, data: dict[str, Any], c: Connection, seats: Mapping[str, LinkPlacement]
+    name: str, load: Any, data: Data, c: Connection, seats: Mapping[str, LinkPlacement]
 ) -> Iterator[BlockDraft]:
     """A couple between the links of a P joint is a force along its guide."""
     holds: list[Hold] = [("a", c.first, c.at[0]), ("b", c.second, c.at[1])]
     along = _turned(c.along[0], seats[c.first])
     useful = {"useful": data["useful"]} if "useful" in data else {}
 
-    def thrust(law: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    def thrust(law: Data, more: Arguments) -> Data:
         return {"type": "load.thrust", "law": law, **more, "direction": along, **useful}
 
     if "law" in data:

@@ -22,6 +22,7 @@ from blockmech.ground.errors import GraphError, Problem, path_text
 from blockmech.model.joints.contents import FRAME, GuideGiven, WeldGiven
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.varied import phase, settled
+from blockmech.typing import Arguments
 
 
 class Pose(NamedTuple):
@@ -213,7 +214,7 @@ def _pairs_of(linkage: Linkage, name: str, welds: Mapping[str, LinkPlacement]) -
     start, *ends = (seat.place(at.z) for seat, at in zip(seats, joint.at, strict=True))
     guides = joint.directions if isinstance(joint, GuideGiven) else [1 + 0j] * len(seats)
     along, *directions = (seat.direction(u) for seat, u in zip(seats, guides, strict=True))
-    more: dict[str, Any] = {"clearance": getattr(joint, "clearance", None)}
+    more: Arguments = {"clearance": getattr(joint, "clearance", None)}
     if isinstance(joint, GuideGiven):
         more["slider"] = joint.slider
     names = [f"{name}.{link}" for link in rest] if len(rest) > 1 else [name]

@@ -30,6 +30,7 @@ from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Role, Scene, Stops
 from blockmech.model.writing import plain
 from blockmech.signals.contract import Signal
+from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:
     from blockmech.friction.laws.contract import FrictionLaw
@@ -56,9 +57,9 @@ class Linkage(Document):
     form = LINKAGE_FILE
     links: dict[str, LinkGiven]
     joints: dict[str, JointGiven]
-    drivers: dict[str, Any]
+    drivers: Data
     couplings: dict[str, Coupling]
-    loads: dict[str, Any]
+    loads: Data
     signals: dict[str, Signal]
     initial: dict[str, Initial]
     stops: dict[str, Stops]
@@ -338,7 +339,7 @@ class Linkage(Document):
     def _give(self, section: str, driver: str, item: Any) -> None:
         getattr(self, section)[driver] = item
 
-    def _add(self, what: str, name: str, given: Mapping[str, Any], kind: str = "") -> None:
+    def _add(self, what: str, name: str, given: Arguments, kind: str = "") -> None:
         """Add an item of a kind. Raises `GraphError` with places in the document."""
         if not isinstance(name, str) or not is_name(name):
             raise GraphError(bad_name(what, name))

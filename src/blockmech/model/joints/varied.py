@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.ground.plane import angle, apply, primitives_of
+from blockmech.typing import Record
 
 
 class Varied(complex):
@@ -103,7 +104,7 @@ def tangents(x: Any) -> Any:
 
 
 @primitives_of.register(Varied)
-def _of_varied(x: object) -> Mapping[str, Any]:
+def _of_varied(x: object) -> Record:
     return {"planar": _planar, "expi": _expi, "angle": _angle}
 
 
