@@ -59,14 +59,15 @@ def kinetostatics(friction: bool) -> float:
     return 1e-9 * least("bound_kinetostatics", lambda x: float(x[friction]["ns_per_config"]))
 
 
-def dynamics(error: float, name: str = "bound_dynamics") -> float:
+def dynamics(error: float, name: str = "bound_dynamics", method: str = "curve") -> float:
     """Seconds for the Watt six-bar's angle at 2 s to an error, by the best setting.
 
     name : "bound_squeezer" is Andrews' squeezer at 0.03 s
+    method : "curve" of RK4 by its steps, "dop853" by its tolerances
     """
 
     def read(reports: list[dict[str, Any]]) -> float:
-        curve = reports[0]["curve"]
+        curve = reports[0][method]
         return min(float(p["seconds"]) for p in curve if float(p["err_theta"]) <= error)
 
     return least(name, read)

@@ -68,6 +68,7 @@ def test_watt_sixbar_from_rest(
 ) -> None:
     to = max(target, YARDSTICK)
     goals = [(f"C RK4 to {to:g}", c_bounds.dynamics(to), goal)]
+    goals += [(f"C DOP853 to {to:g}", c_bounds.dynamics(to, method="dop853"), None)]
     goals += [(NUMPY, numpy, 1.0)] if numpy else []
     right = WATT["theta_at_2s"]
     task = "T3 Watt six-bar", "watt_sixbar", 2.0
@@ -90,7 +91,9 @@ def test_andrews_squeezer(
     benchmark: Any, method: str, target: float, goal: float | None, numpy: float | None
 ) -> None:
     to = max(target, 1e-8)
-    goals = [(f"C RK4 to {to:g}", c_bounds.dynamics(to, "bound_squeezer"), goal)]
+    bound = "bound_squeezer"
+    goals = [(f"C RK4 to {to:g}", c_bounds.dynamics(to, bound), goal)]
+    goals += [(f"C DOP853 to {to:g}", c_bounds.dynamics(to, bound, "dop853"), None)]
     goals += [(NUMPY, numpy, 1.0)] if numpy else []
     task = "T4 Andrews' squeezer", "andrews_squeezer", 0.03
     rows_of(benchmark, *task, method, target, BETA, goals)

@@ -80,8 +80,22 @@ static double now(void) {
     return t.tv_sec + 1e-9 * t.tv_nsec;
 }
 
+#define ACCELERATION acceleration
+#include "dop853.h"
+
 int main(void) {
-    printf("{\"task\":\"T4\",\"curve\":[");
+    printf("{\"task\":\"T4\",\"dop853\":[");
+    for (double tolerance = 1e-2, first = 1; tolerance > 1e-14; tolerance /= 2, first = 0) {
+        double least = INFINITY, q = 0;
+        for (int r = 0; r < 9; r++) {
+            double begin = now();
+            q = dop853(START, 0, END, tolerance);
+            least = fmin(least, now() - begin);
+        }
+        printf("%s{\"tolerance\":%g,\"seconds\":%.4g,\"err_theta\":%.3e}", first ? "" : ",",
+               tolerance, least, fabs(q - BETA));
+    }
+    printf("],\"curve\":[");
     for (long n = 60, first = 1; n <= 16000; n = n * 5 / 4, first = 0) {
         double least = INFINITY, q = 0;
         for (int r = 0; r < 9; r++) {
