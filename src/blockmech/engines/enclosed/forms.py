@@ -400,9 +400,9 @@ def maximum(x: Any, y: Any) -> Form:
 
 
 def arctangent(y: Form, x: Form) -> Form:
-    """The angle of a vector, in (-pi, pi]: that of the planned design, and a small one from there.
+    """The angle of a vector, in (-pi, pi].
 
-    |arctan t - t + t^3 / 3| <= |t|^5 / 5.
+    That of the planned design, and a small one from there: |arctan t - t + t^3 / 3| <= |t|^5 / 5.
     """
     at = math.atan2(y.at + 0.0, x.at)
     base = math.atan2(y.at, x.at) if y.at == y.at and x.at == x.at else 0.0
