@@ -9,7 +9,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
+from blockmech.exchange.page.files import MODULES, _module
 from blockmech.exchange.page.script import Script, numbers
+from blockmech.studio.document import Revision
+from blockmech.studio.sharing import link_of, packed
 from tests.studio.conftest import ARGUMENTS, chromium, driver
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
@@ -97,14 +100,14 @@ def test_a_browser_has_the_numbers_of_python(page, tmp_path, name, want):
     result = Result(mechanism, script.plan, samples, values, "", {"friction": "newton"})
     expected = np.array(script.answers(result))
     page.goto("about:blank")
-    page.add_script_tag(content=numbers() + script.text("curves"))
+    page.add_script_tag(content="".join(map(_module, MODULES[:-1])))
     found = page.evaluate(
-        """([p, rows, n]) => rows.map((u) => {
+        """([text, p, rows, n]) => {
+            const own = new program.Program(text, p.length, rows[0].length, n);
             const out = new Float64Array(n);
-            curves(p, u, out);
-            return Array.from(out, String);
-        })""",
-        [script.values, script.rows(samples), len(script.outputs)],
+            return rows.map((u) => (own.run(p, u, out), Array.from(out, String)));
+        }""",
+        [script.compact(), script.values, script.rows(samples), len(script.outputs)],
     )
     found = np.array([[float(x.replace("Infinity", "inf")) for x in row] for row in found])
     assert found.shape == (POSES, len(script.outputs))
@@ -118,28 +121,80 @@ def test_a_browser_has_the_numbers_of_python(page, tmp_path, name, want):
     assert off.max() <= 2
 
 
+def readings(page):
+    """The first output, and how far right pins are [px], in all poses, as the page shows them."""
+    rows = page.evaluate(
+        """() => {
+            const slider = document.querySelector("main input[type=range]");
+            return Array.from({ length: Number(slider.max) + 1 }, (_, k) => {
+                slider.value = k;
+                slider.dispatchEvent(new Event("input"));
+                const across = [...document.querySelectorAll(".dot")].map(
+                    (pin) => Number(pin.getAttribute("transform").match(/[-\\d.]+/)[0]));
+                const text = document.querySelector(".values dd").textContent;
+                return [Number(text.split(" ")[0].replace("\\u2212", "-")), ...across];
+            });
+        }"""
+    )
+    values, *across = np.array(rows).T
+    return values, across
+
+
 def test_a_page_moves_and_a_number_is_changed(page, tmp_path):
+    """Numbers are those of another run; pixels are a scale and an origin of what it has."""
     path = written(tmp_path, "slider_crank", slider="piston.l, gas_force_x")
     page.goto(path.as_uri())
-    assert page.locator(".curve path").get_attribute("d").startswith("M")
-    given = json.loads((GRAPHS / "slider_crank.json").read_text("utf-8"))
-    given["blocks"]["piston"]["l"] = 0.3
-    other = bm.Graph.from_data(given).run(samples=181, want=["crank.drive"])["crank.drive"]
+    assert page.locator("path.curve").get_attribute("d").startswith("M")
+    data = json.loads((GRAPHS / "slider_crank.json").read_text("utf-8"))
+    data["blocks"]["piston"]["l"] = 0.3
+    drive = bm.Graph.from_data(data).run(samples=181, want=["crank.drive"])["crank.drive"]
     field = page.get_by_label("piston l", exact=False).first
     field.fill("0.3")
     field.press("Enter")
-    found = page.evaluate("answers.map((row) => row[0])")
-    assert found == pytest.approx(other.tolist(), rel=1e-11, abs=1e-12)
-    drawn = page.evaluate("poses.map((z) => place(z, DATA.pins.at(-1).at)[0])")
+    values, (*_, across) = readings(page)
+    assert values == pytest.approx(drive, rel=1e-11, abs=1e-9)
     q = np.linspace(0, 2 * np.pi, 181)
-    assert drawn == pytest.approx(0.05 * np.cos(q) + np.sqrt(0.09 - (0.05 * np.sin(q)) ** 2), 1e-12)
+    x = 0.05 * np.cos(q) + np.sqrt(0.09 - (0.05 * np.sin(q)) ** 2)
+    scale = np.polyfit(x, across, 1)
+    assert scale[0] > 100
+    assert np.abs(np.polyval(scale, x) - across).max() < 0.1  # [px], of which it writes tenths
     page.get_by_role("button", name="Play").click()
-    slider = page.get_by_label("pose", exact=True)
-    slider.and_(page.locator("input")).wait_for()
+    slider = page.get_by_label("Pose", exact=True)
     while int(slider.input_value()) < 5:
         page.wait_for_timeout(20)
     page.get_by_role("button", name="Pause").click()
-    page.screenshot(path=tmp_path / "page.png")
+
+
+def test_a_page_opens_the_link_of_another_mechanism_without_eval(page, tmp_path):
+    path = written(tmp_path, "slider_crank")
+    text = path.read_text("utf-8")
+    assert "unsafe-eval" not in text
+    assert "script-src 'sha256-" in text
+    four_bar = opened(GRAPHS / "ruiz_fourbar.json")
+    mechanism = four_bar.compile()
+    link = packed(link_of(Revision(1, four_bar.to_data(), four_bar), ["dyad.C.x"]))
+    assert len(link) < 12000
+    page.goto(path.as_uri() + link)
+    page.locator("html[data-ready]").wait_for(state="attached")
+    assert page.get_by_role("heading").inner_text() == four_bar.title
+    values, across = readings(page)
+    drive = mechanism.run(samples=181, want=["crank.drive"])["crank.drive"]
+    assert values == pytest.approx(drive, rel=1e-11, abs=1e-9)
+    assert max(map(np.ptp, across)) > 100
+    for wrong in ("", "AAAA", link[: len(link) // 2]):
+        page.goto("about:blank")
+        page.goto(f"{path.as_uri()}#doc={wrong.removeprefix('#doc=')}")
+        page.get_by_text("copy the whole link again").wait_for()
+
+
+def test_a_link_of_what_does_not_move_says_why(page, tmp_path):
+    path, empty = written(tmp_path, "slider_crank"), bm.Linkage("four")
+    link = packed(link_of(Revision(1, empty.to_data(), empty), []))
+    page.goto(path.as_uri() + link)
+    page.get_by_text("It is no mechanism yet.").wait_for()
+    with page.expect_download() as loading:
+        page.get_by_role("link", name="The mechanism's file").click()
+    assert bm.Linkage.load(loading.value.path()).name == "four"
 
 
 def test_texts_of_a_hostile_document_run_nothing_in_a_page(page, tmp_path):
@@ -151,13 +206,14 @@ def test_texts_of_a_hostile_document_run_nothing_in_a_page(page, tmp_path):
     page.goto(path.as_uri())
     assert page.get_by_role("heading").inner_text().startswith("</script>")
     assert page.evaluate("window.hurt") is None
-    assert page.evaluate("JSON.parse(DATA.document).title") == hurt
+    link = json.loads(page.locator("#contents").text_content())
+    assert json.loads(link["document"])["title"] == hurt
 
 
 def test_the_command_writes_a_page(tmp_path, call):
     file, made = GRAPHS / "whitworth_shaper.json", tmp_path / "p.html"
     assert str(made) in call("page", file, "-o", made, "--samples", "31").out
-    assert "<svg" in made.read_text("utf-8")
+    assert '"n": 31' in made.read_text("utf-8")
     said = call("page", file, "-o", made, "--slider", "crank.lenght")
     assert said.code == 2
     assert "crank_length" in said.err

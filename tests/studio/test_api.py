@@ -8,10 +8,12 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
+from blockmech.exchange.page.files import Link
 from blockmech.studio.files import Desk
 from blockmech.studio.jobs import Jobs
 from blockmech.studio.sharing import packed, unpacked
 from blockmech.testing.graph_files import gallery
+from tests.exchange import corpus
 
 starlette = pytest.importorskip("starlette", reason="the extra studio is not installed")
 TOKEN, HOST = "token", "http://127.0.0.1:5000"
@@ -62,7 +64,7 @@ def test_strangers_are_refused(client):
 
 
 def test_what_every_answer_says_to_the_browser(client):
-    for path in ("/", "/api/files", "/api/nothing", "/web/main.js"):
+    for path in ("/", "/api/files", "/api/nothing", "/studio/web/main.js"):
         headers = client.get(path).headers
         policy = headers["content-security-policy"]
         assert "script-src 'self'" in policy
@@ -71,7 +73,9 @@ def test_what_every_answer_says_to_the_browser(client):
         assert headers["referrer-policy"] == "no-referrer"
 
 
-@pytest.mark.parametrize("path", ["/web/../server.py", "/web/%2e%2e/server.py", "/kernels/x.js"])
+@pytest.mark.parametrize(
+    "path", ["/studio/web/../server.py", "/exchange/page/web/%2e%2e/files.py", "/kernels/x.js"]
+)
 def test_nothing_else_is_served(client, path):
     assert client.get(path).status_code == 404
 
@@ -198,6 +202,16 @@ def test_files_links_and_what_is_not_saved(client):
     assert made["id"] in [one["id"] for one in client.get("/api/files").json()["left"]]
 
 
+def test_an_address_of_pmks_plus_is_read(client):
+    machine = corpus.MACHINES["rocker"]
+    reply = client.post("/api/documents", json={"address": corpus.pmks_plus(machine)}).json()
+    assert reply["kind"] == "joints"
+    assert reply["problems"] == []
+    assert len(reply["drawing"]["pins"]) == len(machine.points)
+    for wrong in ("https://example.org/", "/etc/hostname", "file:///etc/hostname"):
+        assert client.post("/api/documents", json={"address": wrong}).status_code == 422
+
+
 @pytest.mark.parametrize("wrong", ["", "AAAA", "=", "\u00e9", "x" * 1000])
 def test_a_link_that_holds_no_document_is_refused(client, wrong):
     reply = client.post("/api/documents", json={"link": f"#doc={wrong}"})
@@ -207,7 +221,7 @@ def test_a_link_that_holds_no_document_is_refused(client, wrong):
 
 def test_a_link_of_a_large_document_is_unpacked_up_to_a_limit():
     with pytest.raises(bm.RequestError, match="larger than a document may be"):
-        unpacked(packed('{"a": "' + "x" * (5 << 20) + '"}'))
+        unpacked(packed(Link("x" * (5 << 20), "a.json", None)))
 
 
 def answer(client, path, **task):

@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
+import blockmech.exchange
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 WEB = Path(bm.studio.__file__).parent / "web"
+SHARED = Path(bm.exchange.__file__).parent / "page" / "web"
 TSC = ROOT / ".ci" / "node_modules" / ".bin" / "tsc"
 NODE = shutil.which("node")
 
@@ -24,13 +26,14 @@ def test_the_pure_modules_by_node():
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="TypeScript is not installed: see .ci/run")
-def test_types_of_the_page():
-    done = subprocess.run([TSC, "-p", WEB / "tsconfig.json"], capture_output=True, text=True)
+@pytest.mark.parametrize("folder", [WEB, SHARED], ids=["studio", "page"])
+def test_types_of_the_page(folder):
+    done = subprocess.run([TSC, "-p", folder / "tsconfig.json"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
 
 
 def test_nothing_of_the_page_comes_from_elsewhere_or_is_markup():
-    for path in WEB.rglob("*.*"):
+    for path in (*WEB.rglob("*.*"), *SHARED.rglob("*.*")):
         text = path.read_text("utf-8")
         assert "innerHTML" not in text, path
         assert "eval(" not in text, path

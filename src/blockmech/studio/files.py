@@ -84,9 +84,19 @@ READERS: Mapping[str, Callable[[str, Record], Opened]] = {
     "example": lambda name, _: opened(gallery()[name]),
     "text": lambda text, source: read_text(text, str(source.get("name", "the file"))),
     "link": lambda link, _: unpacked(link),
+    "address": lambda address, _: _of_address(address),
     "new": lambda kind, _: Linkage() if kind == "joints" else Graph(),
 }
 """What a new sheet is read from."""
+
+
+def _of_address(address: str) -> Linkage:
+    """The drawing that an address of PMKS+ holds; nothing is downloaded."""
+    from blockmech.exchange.reading import imported
+
+    if not address.lower().startswith("https://"):
+        raise refused("address", f"{address[:60]} is no address", "paste one of PMKS+, https://...")
+    return Linkage.from_data(imported(address))
 
 
 class Desk:

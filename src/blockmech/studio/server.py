@@ -22,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 
 import blockmech
 from blockmech.builders import Linkage, Opened, opened
+from blockmech.exchange.page.script import WEB as SHARED
 from blockmech.ground.errors import BlockmechError, Problem, refused
 from blockmech.model.diagram import Wire
 from blockmech.studio import answers
@@ -35,7 +36,7 @@ from blockmech.studio.gallery import title_of
 from blockmech.studio.guard import HOST, Guard
 from blockmech.studio.jobs import Job, Jobs
 from blockmech.studio.live import live, module
-from blockmech.studio.sharing import packed
+from blockmech.studio.sharing import link_of, packed
 from blockmech.studio.sketching import posed
 from blockmech.studio.state import View, state_of
 from blockmech.studio.turn import poses_of
@@ -169,9 +170,10 @@ class OpenSheet:
         """Velocities, reactions or friction circles along the motion."""
         return answers.vectors(self.question(body), str(body.get("what", "")))
 
-    def link(self, _: Body) -> Answer:
-        """The document as what stands behind an address."""
-        return {"link": packed(self.sheet.text())}
+    def link(self, body: Body) -> Answer:
+        """The document, with what moves it, as what stands behind an address."""
+        names = tuple(map(str, body.get("names", ())))
+        return {"link": packed(link_of(self.sheet.now, names))}
 
 
 def _functions(view: View) -> Answer | None:
@@ -413,7 +415,8 @@ def application(desk: Desk, token: str, port: int, framed: bool = False) -> Guar
     """The server's application, behind its guard."""
     studio = Studio(desk)
     app = Starlette(routes=studio.routes(), exception_handlers=dict.fromkeys(ERRORS, _refusal))
-    app.mount("/web", StaticFiles(directory=WEB))
+    app.mount("/studio/web", StaticFiles(directory=WEB))
+    app.mount("/exchange/page/web", StaticFiles(directory=SHARED))  # as on disk, for imports
     app.state.studio = studio
     return Guard(app, token, port, framed)
 

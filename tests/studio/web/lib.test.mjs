@@ -3,11 +3,11 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { frameAt, path, range, ticks } from "../../../src/blockmech/studio/web/lib/curve.js";
-import { closest, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../../../src/blockmech/studio/web/lib/geometry.js";
+import { frameAt, path, range, ticks } from "../../../src/blockmech/exchange/page/web/curve.js";
+import { closest, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../../../src/blockmech/exchange/page/web/geometry.js";
 import { command, writes } from "../../../src/blockmech/studio/web/lib/keys.js";
 import { Room } from "../../../src/blockmech/studio/web/lib/labels.js";
-import { factor, place, quantity, rounded, vector } from "../../../src/blockmech/studio/web/lib/quantity.js";
+import { factor, place, quantity, rounded, vector } from "../../../src/blockmech/exchange/page/web/quantity.js";
 import { aim } from "../../../src/blockmech/studio/web/lib/snap.js";
 import { pathOf } from "../../../src/blockmech/studio/web/lib/trace.js";
 

@@ -1,27 +1,31 @@
 """The format ``page``: one HTML file with drawing, motion, curves and sliders, without a server.
 
+The page also opens links, ``#doc=`` with the same contents deflated, of any other mechanism.
+
 What is drawn follows the numbers: links are outlines through their markers, whose places the
 page works out itself. Rails, wheels and blocks lie in the frames of their links.
 """
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import html
 import json
 import math
 import re
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-import blockmech
 from blockmech.draw.motion import SAME_PLACE, moves
 from blockmech.draw.sketch import sketch_of
 from blockmech.exchange.c.program import poses
 from blockmech.exchange.formats import Order, Writer
-from blockmech.exchange.page.script import HERE, Script, numbers
+from blockmech.exchange.page.script import WEB, Script
+from blockmech.figures.curves import abscissa
 from blockmech.figures.palette import LINK_FILLS
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.files import refuse_spared, writing
@@ -35,50 +39,111 @@ from blockmech.typing import Data
 FRAMES = 181  # poses of the range
 SECONDS = 3.0  # that they are played
 FEW = 3  # sliders where none are asked for
+MODULES = ("numbers", "geometry", "quantity", "curve", "dom", "panel", "program", "viewer")
+
+
+class Link(NamedTuple):
+    """What a page or a link holds.
+
+    document : the text of its file
+    file : a name for it
+    page : programs that move it without Python, see `contents_of`; None where it does not move
+    why : it does not
+    """
+
+    document: str
+    file: str
+    page: dict[str, Any] | None
+    why: str = ""
 
 
 def write_page(order: Order, path: Path) -> list[Path]:
     """One page; ``slider`` names the numbers that have a slider when it is opened."""
-    mechanism = order.mechanism
-    curves = Script(mechanism, wanted_of(order), **order.settings)
-    of_blocks = mechanism._of_blocks
-    drawing = Script(of_blocks, ["*.angle", "*.p"])
-    samples = samples_of(order)
-    shown = _picture(drawing)
-    offered = [m.name for m in curves.parameters if not m.is_array and _is_given(m.name)]
-    chosen = _chosen(order.options.get("slider"), offered)
-    title = getattr(mechanism.document, "title", "") or mechanism.name
-    data = {
-        **shown,
-        "parameters": [{"name": m.name, "numbers": m.numbers} for m in curves.parameters],
-        "drawing": [{"name": m.name, "numbers": m.numbers} for m in drawing.parameters],
-        "inputs": [{"name": m.name, "comment": m.comment} for m in curves.inputs],
-        "outputs": [{"name": n, "unit": m.comment.rpartition(" [")[2].rstrip("]")}
-                    for n, m in curves.outputs.items()],
-        "rows": curves.rows(samples),
-        "drawn": drawing.rows(samples),
-        "places": len(drawing.outputs),
-        "words": WORDS,
-        "offered": offered,
-        "chosen": chosen,
-        "seconds": SECONDS,
-        "document": mechanism.document.to_json() if mechanism.document else "",
-        "file": f"{path.stem}.json",
-    }  # fmt: skip
-    scripts = [numbers(), drawing.text("drawing"), curves.text("curves")]
-    scripts.append((HERE / "page.js").read_text("utf-8"))
+    contents = contents_of(order)
+    document = order.mechanism.document.to_json() if order.mechanism.document else ""
+    link = Link(document, f"{path.stem}.json", contents)._asdict()
+    script = _bundle()
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     # JSON that ends no script element, and that JavaScript reads as it is.
-    text = json.dumps(data, allow_nan=False, ensure_ascii=True)
-    page = Template((HERE / "page.html").read_text("utf-8")).substitute(
-        title=html.escape(title),
-        version=blockmech.__version__,
-        data=text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"),
-        scripts="\n".join(scripts),
+    text = json.dumps(link, allow_nan=False, ensure_ascii=True)
+    page = Template((WEB / "viewer.html").read_text("utf-8")).substitute(
+        title=html.escape(contents["title"]),
+        hash=digest,
+        contents=text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"),
+        script=script,
     )
     refuse_spared(path)
     with writing(path) as stream:
         stream.write(page.encode())
     return [path]
+
+
+def contents_of(order: Order) -> dict[str, Any]:
+    """Programs, numbers, samples and shapes, as `viewer.js` reads them."""
+    mechanism, samples = order.mechanism, samples_of(order)
+    curves = Script(mechanism, wanted_of(order), **order.settings)
+    drawing = Script(mechanism._of_blocks, ["*.angle", "*.p"])
+    offered = [m.name for m in curves.parameters if not m.is_array and _is_given(m.name)]
+    axis = abscissa(mechanism._answer(samples, (), {"friction": None, "static": False}))
+    return {
+        **_picture(drawing),
+        "title": getattr(mechanism.document, "title", "") or mechanism.name,
+        "n": samples.n,
+        "curves": _part(curves),
+        "drawing": _part(drawing),
+        "columns": _columns(curves, samples) | _columns(drawing, samples),
+        "along": {"words": axis.words, "values": _column(axis.values)},
+        "reasons": WORDS,
+        "offered": offered,
+        "chosen": _chosen(order.options.get("slider"), offered),
+        "seconds": SECONDS,
+    }
+
+
+def _part(script: Script) -> dict[str, Any]:
+    """A program with its numbers."""
+    return {
+        "program": script.compact(),
+        "parameters": [
+            {"name": m.name, "unit": _unit(m.comment), "numbers": m.numbers}
+            for m in script.parameters
+        ],
+        "inputs": [m.name for m in script.inputs],
+        "outputs": [{"name": n, "unit": _unit(m.comment)} for n, m in script.outputs.items()],
+    }
+
+
+def _unit(comment: str) -> str:
+    return comment.rpartition("[")[2].rstrip("]") if comment.endswith("]") else ""
+
+
+def _columns(script: Script, samples: Samples) -> dict[str, Any]:
+    """The inputs at the samples, by name."""
+    rows = np.array(script.rows(samples))
+    return {m.name: _column(x) for m, x in zip(script.inputs, rows.T, strict=True)}
+
+
+def _column(values: Any) -> Any:
+    """Numbers; of equal steps the ends."""
+    first, last = float(values[0]), float(values[-1])
+    if np.array_equal(values, np.linspace(first, last, len(values))):
+        return {"from": first, "to": last}
+    return [float(x) for x in values]
+
+
+def _bundle() -> str:
+    """The modules of the page as one script: each a function that returns its exports."""
+    return "".join(['"use strict";\n', *map(_module, MODULES)])
+
+
+def _module(name: str) -> str:
+    text = (WEB / f"{name}.js").read_text("utf-8")
+    text = re.sub(r'^import \{(.*)\} from "\./(\w+)\.js";$', r"const {\1} = \2;", text, flags=re.M)
+    exported = re.findall(r"^export (?:const|function|class) (\w+)", text, re.M)
+    listed_last = re.search(r"^export (\{.*\});\n", text, re.M)
+    exports = listed_last[1] if listed_last else f"{{ {', '.join(exported)} }}"
+    body = re.sub(r"^export (?:\{.*\};\n)?", "", text, flags=re.M)
+    return f"const {name} = (() => {{\n{body}return {exports};\n}})();\n"
 
 
 def wanted_of(order: Order) -> tuple[str, ...]:
@@ -173,11 +238,16 @@ def _picture(drawing: Script) -> Data:
             {"link": frame(wheel.link), "points": [_pair(z) for z in wheel.points]}
             for wheel in sketch.wheels
         ],
+        "loads": [
+            {"name": load.name, "ends": [end(*spot) for spot in load.spots]}
+            for load in sketch.loads
+        ],
     }
 
 
 def _pair(z: complex) -> list[float]:
-    return [z.real, z.imag]
+    """A place of a shape, in which a billionth is not seen."""
+    return [float(f"{x:.9g}") for x in (z.real, z.imag)]
 
 
 WRITER = Writer(

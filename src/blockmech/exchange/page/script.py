@@ -6,6 +6,7 @@ browser has of its own is not rounded as Python's, and differs from browser to b
 
 from __future__ import annotations
 
+import re
 from itertools import accumulate
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from blockmech.exchange.c.statements import DOUBLE, Language, Statements, litera
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
 
-HERE = Path(__file__).parent
+WEB = Path(__file__).with_name("web")
 OWN = {"fmod": "rest", "rint": "even"} | {x: f"Math.{x}" for x in ("sqrt", "abs", "exp", "pow")}
 SPECIAL = {"NAN": "NaN", "INFINITY": "Infinity", "-INFINITY": "-Infinity"}
 
@@ -38,7 +39,7 @@ SCRIPT = Language(
 
 def numbers() -> str:
     """The functions that scripts call, as text."""
-    return (HERE / "numbers.js").read_text("utf-8")
+    return (WEB / "numbers.js").read_text("utf-8").partition("\nexport")[0]
 
 
 class Script(CProgram):
@@ -78,6 +79,22 @@ class Script(CProgram):
         )
         end = f"    return Number({made.name(self._status)});\n}}\n"
         return f"{''.join(own)}function {name}(p, u, out) {{\n{body}{ends}{end}"
+
+    def compact(self) -> str:
+        """The program for `program.js`, which runs it without eval: its operations, one a line.
+
+        A value has no name; lines after it name it by the distance ``~k``, so that programs of
+        equal groups have equal lines, and a program is deflated to a third.
+        """
+        lines: list[str] = []
+        order: dict[str, int] = {}
+        for line in self.text("t").splitlines():
+            defined = re.match(r" *const (x\d+) = (.*);", line)
+            text = defined[2] if defined else line.strip()
+            lines.append(re.sub(r"\bx\d+", lambda x: f"~{len(order) - order[x[0]]}", text))
+            if defined:
+                order[defined[1]] = len(order)
+        return "\n".join(line for line in lines if not line.startswith("function"))[:-2]
 
     def rows(self, samples: Samples) -> list[list[float]]:
         """The inputs (n, k) at some samples."""

@@ -2,13 +2,13 @@
 
 import { Refused, ask } from "./api.js";
 import { command } from "./lib/keys.js";
-import { factor, quantity, rounded } from "./lib/quantity.js";
-import { frameAt } from "./lib/curve.js";
+import { factor, quantity, rounded } from "../../exchange/page/web/quantity.js";
+import { frameAt } from "../../exchange/page/web/curve.js";
 import { Live } from "./lib/live.js";
 import { angle, asked, edit, follow, length, open, recompute, reopen, say, set, showPose, store } from "./state.js";
 import { answersView, exportAs, stopButton } from "./view/answers.js";
 import { diagramView } from "./view/diagram.js";
-import { button, element, field, options, tabs } from "./view/dom.js";
+import { button, element, field, options, tabs } from "../../exchange/page/web/dom.js";
 import { galleryView } from "./view/gallery.js";
 import { inspector } from "./view/inspector.js";
 import { sheetView } from "./view/sheet.js";
@@ -27,6 +27,8 @@ const replace = button(bar, "Replace the file", () => write(true));
 const undo = button(bar, "Undo", () => edit({}, "undo"));
 const redo = button(bar, "Redo", () => edit({}, "redo"));
 button(bar, "Copy link", share);
+const viewer = field(bar, "Page", "input");
+Object.assign(viewer.input, { value: localStorage.getItem("blockmech viewer") ?? "", placeholder: "its address", title: "where links open: a page that blockmech page wrote" });
 const kind = field(bar, "Export as", "select");
 for (const [name, words] of Object.entries(/** @type {Record<string, string[]>} */ (about.formats))) {
   const group = element(kind.input, "optgroup");
@@ -63,10 +65,13 @@ async function write(over) {
 }
 
 async function share() {
-  const { link } = await ask(`documents/${store.id}/link`);
-  const address = `${location.origin}/${link}`;
+  const { link } = await ask(`documents/${store.id}/link`, asked());
+  const at = viewer.input.value.trim().replace(/#.*/, "");
+  const address = `${at || `${location.origin}/`}${link}`;
+  localStorage.setItem("blockmech viewer", at);
   await navigator.clipboard.writeText(address).catch(() => prompt("the link", address));
-  say("the link with the document is copied");
+  say(at ? "the link is copied: it opens in that page, without blockmech"
+    : "the link is copied: it opens in any studio. Export a page, put it on a server, type its address under Page: then everybody opens it");
 }
 
 follow(["sheet", "id"], ({ sheet }) => {
@@ -231,6 +236,16 @@ document.addEventListener("keydown", (event) => {
   if (done) event.preventDefault();
 });
 
+// A link that is pasted is opened: of blockmech, or of PMKS+.
+document.addEventListener("paste", async (event) => {
+  const at = /** @type {HTMLElement} */ (document.activeElement ?? document.body);
+  const text = event.clipboardData?.getData("text").trim() ?? "";
+  const link = text.includes("#doc=") ? { link: text.slice(text.indexOf("#doc=")) } : /^https:/i.test(text) ? { address: text } : null;
+  if (!link || at.matches("input, textarea")) return;
+  event.preventDefault();
+  await opened(() => open(link));
+});
+
 // -- addresses -------------------------------------------------------------------------------------------
 
 /** @param {string} to */
@@ -241,15 +256,19 @@ function go(to) {
 
 const leave = () => { page.hidden = false; front.hidden = true; front.replaceChildren(); };
 
-async function route() {
+function route() {
   const id = new URLSearchParams(location.search).get("sheet");
+  return opened(() => (location.hash.startsWith("#doc=") ? open({ link: location.hash }) : id ? reopen(id) : Promise.reject(null)));
+}
+
+/** Show a sheet, or the first page with the reason why there is none. @param {() => Promise<void>} act */
+async function opened(act) {
   try {
-    if (location.hash.startsWith("#doc=")) await open({ link: location.hash });
-    else if (id) await reopen(id);
-    else throw null;
+    await act();
     leave();
   } catch (error) {
     if (error !== null && !(error instanceof Refused)) throw error;
+    if (error && !page.hidden) return say(error.words, true);
     [page.hidden, front.hidden] = [true, false];
     set({ id: "", sheet: null, playing: false });
     await galleryView(front, leave);

@@ -3,10 +3,10 @@
 // `set` changes parts of it; who follows a part is told once in the next frame.
 
 import { Live, Rows } from "./lib/live.js";
-import { posed } from "./lib/geometry.js";
+import { posed } from "../../exchange/page/web/geometry.js";
 import { Refused, ask, kernel, stream } from "./api.js";
 
-/** @typedef {import("./lib/geometry.js").Point} Point */
+/** @typedef {import("../../exchange/page/web/geometry.js").Point} Point */
 /** @typedef {[string, number, number]} Spot link, x, y */
 /**
  * @typedef {{name: string, label?: string, at: Spot, links: string[], ground: boolean, driven: boolean, kind: string,
@@ -24,8 +24,8 @@ import { Refused, ask, kernel, stream } from "./api.js";
  *   seconds: number, forward: boolean, gaps: [number, number][], why: string, events: [number, string][],
  *   poses?: Record<string, (number | null)[][]>}} Motion
  */
-/** @typedef {{quantity: string, unit: string, si: string, shown: [number, number], curves: [string, (number | null)[]][], without: [string, (number | null)[]][]}} Panel */
-/** @typedef {{along: {words: string, values: number[], events: [number, string][]} | null, panels: Panel[], margins: Panel[], said: string}} Curves */
+/** @typedef {import("../../exchange/page/web/panel.js").Panel} Panel */
+/** @typedef {{along: import("../../exchange/page/web/panel.js").Along | null, panels: Panel[], margins: Panel[], said: string}} Curves */
 /**
  * @typedef {{revision: number, name: string, title: string, file: string, saved: boolean, undoable: string,
  *   redoable: string, problems: {where: string, found: string, remedy?: string, code: string}[], status: string,

@@ -4,9 +4,9 @@
 // the numbers p that follow from the places x of pins in the drawing. Links of a document are
 // seats on those of blocks.
 
-import { posed } from "./geometry.js";
+import { posed } from "../../../exchange/page/web/geometry.js";
 
-/** @typedef {import("./geometry.js").Point} Point */
+/** @typedef {import("../../../exchange/page/web/geometry.js").Point} Point */
 /** @typedef {Record<string, number[]>} Poses link -> [x, y, cos, sin] */
 /**
  * @typedef {{hash: string, p: number[], c: number[], links: Record<string, number>, places: number,

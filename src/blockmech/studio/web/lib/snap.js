@@ -1,6 +1,6 @@
 // Where a pointer means: a pin, then a crossing of the grid, then in line with pins, then a direction.
 
-/** @typedef {import("./geometry.js").Point} Point */
+/** @typedef {import("../../../exchange/page/web/geometry.js").Point} Point */
 /** @typedef {{name: string, at: Point}} Named */
 /** @typedef {{at: Point, pin?: string, lines: ("x" | "y" | "turn")[]}} Aim */
 

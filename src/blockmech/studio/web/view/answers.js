@@ -1,10 +1,10 @@
 // What is asked and what is answered: curves, motions, margins, analyses, synthesis.
 
 import { Refused, ask, save, stream } from "../api.js";
-import { signed } from "../lib/quantity.js";
+import { signed } from "../../../exchange/page/web/quantity.js";
 import { asked, edit, follow, recompute, say, set, showPose, store } from "../state.js";
-import { drawCurves, pointAll } from "./curves.js";
-import { button, element, field, options, tabs } from "./dom.js";
+import { drawPanel } from "../../../exchange/page/web/panel.js";
+import { button, element, field, options, tabs } from "../../../exchange/page/web/dom.js";
 
 const FRICTIONS = ["newton", "successive", "single", "none"];
 const ACCURACIES = ["1e-3", "1e-6", "1e-9", "1e-12"];
@@ -97,10 +97,17 @@ export function answersView(parent, about) {
     chips.replaceChildren();
     for (const name of names) button(chips, `${name} \u00d7`, () => { set({ names: store.names.filter((n) => n !== name) }); recompute(); }, `hide ${name}`);
   });
+  /** @type {((k: number | null) => void)[]} */
+  let cursors = [];
   const redraw = () => {
     const { curves } = store;
-    if (!pages.Curves.hidden) drawCurves(drawn, curves?.panels ?? [], curves?.along ?? null);
-    if (!pages.Margins.hidden) drawCurves(margins, curves?.margins ?? [], curves?.along ?? null);
+    cursors = [];
+    for (const [parent, panels] of /** @type {const} */ ([[drawn, curves?.panels], [margins, curves?.margins]])) {
+      parent.replaceChildren();
+      if (!curves?.along || !parent.clientWidth) continue;
+      for (const panel of panels ?? []) cursors.push(drawPanel(parent, panel, curves.along, store.motion?.gaps ?? [], showPose));
+    }
+    for (const point of cursors) point(store.pose);
     note.textContent = curves?.said ?? "";
   };
   follow(["curves", "units"], redraw);
@@ -110,8 +117,7 @@ export function answersView(parent, about) {
   }).observe(parent);
   const values = element(pages.Curves, "dl", "values");
   follow(["curves", "pose"], ({ curves, pose }) => {
-    pointAll(drawn);
-    pointAll(margins);
+    for (const point of cursors) point(pose);
     values.replaceChildren();
     if (pose === null) return;
     for (const panel of curves?.panels ?? [])

@@ -4,12 +4,12 @@
 // their handles, and wires with their ways. Every gesture ends in one act.
 
 import { ask } from "../api.js";
-import { between, closest, corners, zoomed } from "../lib/geometry.js";
+import { between, closest, corners, zoomed } from "../../../exchange/page/web/geometry.js";
 import { ARROWS } from "../lib/keys.js";
 import { asked, edit, follow, set, store } from "../state.js";
-import { button, element, pixelIn, put, sayAt } from "./dom.js";
+import { button, element, pixelIn, put, sayAt } from "../../../exchange/page/web/dom.js";
 
-/** @typedef {import("../lib/geometry.js").Pixel} Pixel */
+/** @typedef {import("../../../exchange/page/web/geometry.js").Pixel} Pixel */
 /** @typedef {{id: string, kind: string, said: string}} Handle */
 /** @typedef {{id: string, kind: string, bad: boolean, lines: string[], inputs: Handle[], outputs: Handle[], x: number, y: number, width: number, height: number}} Block */
 /** @typedef {{id: string, from: [string, string], to: [string, string], way: [number, number][]}} Wire */

@@ -2,7 +2,7 @@
 
 import { Refused, ask } from "../api.js";
 import { open, reopen } from "../state.js";
-import { button, element } from "./dom.js";
+import { button, element } from "../../../exchange/page/web/dom.js";
 
 /** @param {HTMLElement} parent @param {() => void} opened */
 export async function galleryView(parent, opened) {

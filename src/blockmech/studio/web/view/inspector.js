@@ -5,7 +5,7 @@
 
 import { ask } from "../api.js";
 import { edit, follow, set, store } from "../state.js";
-import { button, element, field, options } from "./dom.js";
+import { button, element, field, options } from "../../../exchange/page/web/dom.js";
 
 /** @typedef {{path: string[], kind: string, label: string, about: string, wrong: string, wide: boolean, keys: string[], options?: [string, string][], value: string, hint?: string}} Row */
 /** @typedef {{part: string[], parts: string[][], kind: string, renamed: boolean, words: string, groups: {name: string, rows: Row[]}[]}} Form */

@@ -4,19 +4,19 @@
 // and ends in one act; the sheet that comes back is the truth.
 
 import { Live } from "../lib/live.js";
-import { closest, corners, between, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../lib/geometry.js";
+import { closest, corners, between, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../../../exchange/page/web/geometry.js";
 import { ARROWS, writes } from "../lib/keys.js";
 import { Room } from "../lib/labels.js";
-import { factor, place, quantity, rounded, signed, vector } from "../lib/quantity.js";
+import { factor, place, quantity, rounded, signed, vector } from "../../../exchange/page/web/quantity.js";
 import { TAKES, aim } from "../lib/snap.js";
-import { path } from "../lib/curve.js";
+import { path } from "../../../exchange/page/web/curve.js";
 import { angle, asked, edit, enliven, follow, length, poses, say, set, showPose, store } from "../state.js";
 import { Refused, ask, kernel } from "../api.js";
-import { button, element, field, options, pixelIn, put, sayAt } from "./dom.js";
+import { button, element, field, options, pixelIn, put, sayAt } from "../../../exchange/page/web/dom.js";
 import { Tracing } from "./tracing.js";
 
-/** @typedef {import("../lib/geometry.js").Point} Point */
-/** @typedef {import("../lib/geometry.js").Pixel} Pixel */
+/** @typedef {import("../../../exchange/page/web/geometry.js").Point} Point */
+/** @typedef {import("../../../exchange/page/web/geometry.js").Pixel} Pixel */
 /** @typedef {import("../state.js").Pin} Pin */
 /** @typedef {import("../state.js").Spot} Spot */
 /** @typedef {import("../state.js").Drawing} Drawing */

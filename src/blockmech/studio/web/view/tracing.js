@@ -1,17 +1,17 @@
 // A picture or DXF below the drawing, to be traced.
 
-import { metres, pixel } from "../lib/geometry.js";
+import { metres, pixel } from "../../../exchange/page/web/geometry.js";
 import { tracedFile } from "../lib/trace.js";
 import { say } from "../state.js";
-import { button, element, put } from "./dom.js";
+import { button, element, put } from "../../../exchange/page/web/dom.js";
 
-/** @typedef {import("../lib/geometry.js").Point} Point */
+/** @typedef {import("../../../exchange/page/web/geometry.js").Point} Point */
 /** @typedef {import("../lib/trace.js").Traced & {at: Point, scale: number}} Placed */
 
 export class Tracing {
   /**
    * @param {HTMLElement} box
-   * @param {() => {view: import("../lib/geometry.js").View, svg: SVGSVGElement, step: number}} now @param {() => void} draw
+   * @param {() => {view: import("../../../exchange/page/web/geometry.js").View, svg: SVGSVGElement, step: number}} now @param {() => void} draw
    */
   constructor(box, now, draw) {
     /** @type {Placed | null} */

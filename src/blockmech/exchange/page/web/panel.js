@@ -1,29 +1,24 @@
-// Curves as SVG: axes in the unit chosen, a cursor at the pose, gaps hatched, dead centres named.
+// A panel of curves as SVG: axes, a cursor at the pose, gaps hatched, dead centres named.
 
-import { path, range, ticks } from "../lib/curve.js";
-import { signed } from "../lib/quantity.js";
-import { showPose, store } from "../state.js";
+import { path, range, ticks } from "./curve.js";
+import { signed } from "./quantity.js";
 import { element, put } from "./dom.js";
 
-/** @typedef {import("../state.js").Panel} Panel */
-/** @typedef {NonNullable<import("../state.js").Curves["along"]>} Along */
+/** @typedef {{quantity: string, unit: string, shown: [number, number], curves: [string, (number | null)[]][], without: [string, (number | null)[]][]}} Panel */
+/** @typedef {{words: string, values: number[], events: [number, string][]}} Along what curves are drawn over */
 
 const [LEFT, RIGHT, TOP, BOTTOM, HEIGHT] = [64, 12, 8, 34, 170];
-export const DASHES = ["", "6 3", "2 3", "8 3 2 3"];
+const DASHES = ["", "6 3", "2 3", "8 3 2 3"];
 
 /**
- * Panels below one another. @param {HTMLElement} parent @param {Panel[]} panels @param {Along | null} along
- * @param {boolean} stale whether they are of what stood before a drag
+ * A panel; the answer puts its cursor to a sample.
+ * @param {HTMLElement} parent @param {Panel} panel @param {Along} along
+ * @param {[number, number][]} gaps samples without an answer, from the first to the last
+ * @param {(k: number) => void} pick what a tap on a sample does
+ * @returns {(k: number | null) => void}
  */
-export function drawCurves(parent, panels, along, stale = false) {
-  parent.replaceChildren();
-  if (!along) return;
-  for (const panel of panels) drawPanel(parent, panel, along, stale);
-}
-
-/** @param {HTMLElement} parent @param {Panel} panel @param {Along} along @param {boolean} stale */
-function drawPanel(parent, panel, along, stale) {
-  const figure = element(parent, "figure", stale ? "stale" : "");
+export function drawPanel(parent, panel, along, gaps, pick) {
+  const figure = element(parent, "figure");
   const legend = element(figure, "figcaption");
   const width = Math.max(parent.clientWidth, 260);
   const svg = put(figure, "svg", { width: "100%", viewBox: `0 0 ${width} ${HEIGHT}`, role: "img" });
@@ -36,7 +31,7 @@ function drawPanel(parent, panel, along, stale) {
   const [low, high] = range(panel.shown[0], panel.shown[1], floor);
   const across = (/** @type {number} */ v) => LEFT + ((v - ends[0]) / (ends[1] - ends[0] || 1)) * (width - LEFT - RIGHT);
   const down = (/** @type {number} */ v) => TOP + ((high - v) / (high - low)) * (HEIGHT - TOP - BOTTOM);
-  for (const [a, b] of store.motion?.gaps ?? []) {
+  for (const [a, b] of gaps) {
     const [from, to] = [across(x[Math.max(a - 1, 0)]), across(x[Math.min(b + 1, x.length - 1)])];
     put(svg, "rect", { x: Math.min(from, to), y: TOP, width: Math.abs(to - from), height: HEIGHT - TOP - BOTTOM, class: "gap" });
   }
@@ -48,7 +43,7 @@ function drawPanel(parent, panel, along, stale) {
     put(svg, "line", { x1: across(v), x2: across(v), y1: TOP, y2: HEIGHT - BOTTOM, class: "axis" });
     put(svg, "text", { x: across(v), y: HEIGHT - BOTTOM + 14, "text-anchor": "middle" }, signed(v, 6));
   }
-  put(svg, "text", { x: (LEFT + width - RIGHT) / 2, y: HEIGHT - 5, "text-anchor": "middle" }, along.words.replace("[rad]", "[rad]"));
+  put(svg, "text", { x: (LEFT + width - RIGHT) / 2, y: HEIGHT - 5, "text-anchor": "middle" }, along.words);
   const word = put(svg, "text", { transform: `translate(12 ${(TOP + HEIGHT - BOTTOM) / 2}) rotate(-90)`, "text-anchor": "middle" }, `${panel.quantity} [${panel.unit}]`);
   word.classList.add("quantity");
   const clip = `clip${Math.random().toString(36).slice(2)}`;
@@ -68,22 +63,15 @@ function drawPanel(parent, panel, along, stale) {
   });
   if (panel.without.length) element(legend, "span", "key without", "without friction");
   const cursor = put(svg, "line", { y1: TOP, y2: HEIGHT - BOTTOM, class: "cursor" });
-  cursor.dataset.values = "";
-  /** @type {any} */ (figure).point = (/** @type {number | null} */ k) => {
-    const place = k === null || !Number.isFinite(x[k]) ? -10 : across(x[k]);
-    cursor.setAttribute("x1", String(place));
-    cursor.setAttribute("x2", String(place));
-  };
-  /** @type {any} */ (figure).point(store.pose);
   svg.addEventListener("pointerdown", (event) => {
     const at = ((event.clientX - svg.getBoundingClientRect().x) / svg.getBoundingClientRect().width) * width;
     let [best, least] = [0, Infinity];
     x.forEach((v, k) => { const off = Math.abs(across(v) - at); if (off < least) [best, least] = [k, off]; });
-    showPose(best);
+    pick(best);
   });
-}
-
-/** Put all cursors to a pose. @param {HTMLElement} parent */
-export function pointAll(parent) {
-  for (const figure of parent.children) /** @type {any} */ (figure).point?.(store.pose);
+  return (k) => {
+    const place = k === null || !Number.isFinite(x[k]) ? -10 : across(x[k]);
+    cursor.setAttribute("x1", String(place));
+    cursor.setAttribute("x2", String(place));
+  };
 }

@@ -1,3 +1,4 @@
+// @ts-nocheck: the same text is a part of kernels, without modules and types.
 // Numbers as Python has them. Pairs [a, b] are sums a + b of two doubles, b below the last bit of a.
 //
 // Sources: Dekker, A floating-point technique for extending the available precision, 1971;
@@ -150,3 +151,5 @@ function spread(a, n) {
   }
   a[0] = Math.sqrt(least) / Math.sqrt(largest) + nought;
 }
+
+export { atan2, cos, even, hypot, piece, rest, sin, spread };

@@ -1,0 +1,312 @@
+// The page of a mechanism: it opens what it holds, or what a link behind `#doc=` holds, and needs no server.
+//
+// A mechanism comes as two programs, of its drawing and of its outputs, with their numbers; they are
+// interpreted here, so that numbers can be changed and nothing is ever evaluated as code.
+
+import { frameAt } from "./curve.js";
+import { button, element, field, put } from "./dom.js";
+import { fitted, on, pixel, posed } from "./geometry.js";
+import { drawPanel } from "./panel.js";
+import { Program } from "./program.js";
+import { rounded, signed } from "./quantity.js";
+
+/** @typedef {import("./geometry.js").Point} Point */
+/** @typedef {number[] | {from: number, to: number}} Column values at the samples, or the ends of equal steps */
+/** @typedef {{name: string, unit: string, numbers: number[]}} Parameter */
+/** @typedef {{program: string, parameters: Parameter[], inputs: string[], outputs: {name: string, unit: string}[]}} Part */
+/** @typedef {[number, number] | null} Frame where origin and angle of a link are among the outputs; null: the fixed one */
+/** @typedef {number | {link: Frame, at: Point}} Place an output, or a place in the frame of a link */
+/**
+ * @typedef {{title: string, seconds: number, reasons: Record<string, string>, n: number, drawing: Part, curves: Part,
+ *   columns: Record<string, Column>, along: {words: string, values: Column}, offered: string[], chosen: string[],
+ *   pins: {at: number, name: string, ground: boolean}[], bodies: {ends: Place[], fill: string}[],
+ *   rails: {link: Frame, ends: Point[]}[], blocks: {at: Place, link: Frame, turn: number}[],
+ *   wheels: {link: Frame, points: Point[]}[], loads: {name: string, ends: Place[]}[]}} Contents
+ */
+/** @typedef {{document: string, file: string, page: Contents | null, why: string}} Link */
+
+const LARGEST = 8 << 20; // bytes of a link that is unpacked
+
+/** What an address holds behind `#doc=`. Throws for what is none. @param {string} hash @returns {Promise<Link>} */
+async function unpacked(hash) {
+  const word = hash.slice("#doc=".length).replaceAll("-", "+").replaceAll("_", "/");
+  const bytes = Uint8Array.from(atob(word), (letter) => letter.charCodeAt(0));
+  const reader = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
+  const decoder = new TextDecoder();
+  let text = "";
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) return JSON.parse(text + decoder.decode());
+    text += decoder.decode(value, { stream: true });
+    if (text.length > LARGEST) throw new Error("larger than a document may be");
+  }
+}
+
+/** @param {Column} column @param {number} n @returns {number[]} */
+function values(column, n) {
+  if (Array.isArray(column)) return column;
+  const step = (column.to - column.from) / Math.max(n - 1, 1);
+  return Array.from({ length: n }, (_, k) => (k === n - 1 ? column.to : k * step + column.from));
+}
+
+/** A program with its numbers, and its outputs at all samples. */
+class Run {
+  /** @param {Part} part @param {Contents} contents */
+  constructor({ program, parameters, inputs, outputs }, { n, columns }) {
+    this.numbers = Float64Array.from(parameters.flatMap((own) => own.numbers));
+    /** @type {Map<string, number>} */
+    this.starts = new Map();
+    parameters.reduce((at, own) => (this.starts.set(own.name, at), at + own.numbers.length), 0);
+    this.program = new Program(program, this.numbers.length, inputs.length, outputs.length);
+    const rows = inputs.map((name) => values(columns[name], n));
+    this.rows = Array.from({ length: n }, (_, k) => rows.map((row) => row[k]));
+    this.count = outputs.length;
+    /** @type {Float64Array[]} */
+    this.outputs = [];
+    /** @type {number[]} */
+    this.statuses = [];
+  }
+
+  compute() {
+    this.outputs = this.rows.map(() => new Float64Array(this.count));
+    this.statuses = this.rows.map((row, k) => this.program.run(this.numbers, row, this.outputs[k]));
+  }
+
+  /** @param {string} name @param {number} x */
+  change(name, x) {
+    const at = this.starts.get(name);
+    if (at !== undefined) this.numbers[at] = x;
+  }
+}
+
+/** The convex outline of some points. @param {Point[]} points @returns {Point[]} */
+function hull(points) {
+  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const half = (/** @type {Point[]} */ row) => {
+    /** @type {Point[]} */
+    const edge = [];
+    for (const p of row) {
+      const turn = ([a, b] = edge.slice(-2)) => (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+      while (edge.length > 1 && turn() <= 0) edge.pop();
+      edge.push(p);
+    }
+    return edge.slice(0, -1);
+  };
+  return points.length < 3 ? points : [...half(sorted), ...half(sorted.reverse())];
+}
+
+const words = (/** @type {string} */ name) => name.replace(/^P_/, "").replaceAll("_", " ");
+const there = (/** @type {Point[]} */ points) => points.every((z) => Number.isFinite(z[0] + z[1]));
+
+/** Shows a mechanism. @param {HTMLElement} main @param {HTMLElement} aside @param {Contents} contents */
+function show(main, aside, contents) {
+  const [drawing, curves] = [new Run(contents.drawing, contents), new Run(contents.curves, contents)];
+  const { n, seconds, reasons } = contents;
+  const along = { words: contents.along.words, values: values(contents.along.values, n), events: [] };
+  const svg = put(main, "svg", { role: "img", "aria-label": "the mechanism in a pose", class: "canvas" });
+  const row = element(main, "div", "row");
+  const play = button(row, "Play", () => (playing ? pause() : start()));
+  const slider = field(row, "Pose", "input").input;
+  Object.assign(slider, { type: "range", min: "0", max: String(n - 1), value: "0", step: "1" });
+  const caption = element(main, "p", "note");
+  caption.setAttribute("role", "status");
+  let [pose, playing, begun] = [0, false, 0];
+  let view = { scale: 1, x: 0, y: 0 };
+  /** @type {((k: number) => void)[]} */
+  let cursors = [];
+
+  // -- places --------------------------------------------------------------------------------
+
+  /** @param {ArrayLike<number>} row @param {Frame} link @param {Point} at @returns {Point} */
+  const placed = (row, link, at) => (link ? on(posed([row[link[0]], row[link[0] + 1], row[link[1]]]), at[0], at[1]) : at);
+  /** @param {Place} place @param {ArrayLike<number>} row @returns {Point} */
+  const at = (place, row = drawing.outputs[pose]) => (typeof place === "number" ? [row[place], row[place + 1]] : placed(row, place.link, place.at));
+  const line = (/** @type {Point[]} */ points) => points.map((z) => pixel(view, z)).map(({ x, y }) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
+
+  function fit() {
+    const places = drawing.outputs.flatMap((row) => contents.bodies.flatMap(({ ends }) => ends.map((end) => at(end, row))));
+    const { width, height } = svg.getBoundingClientRect();
+    view = fitted(places.filter((z) => there([z])), width, height);
+  }
+
+  // -- the picture -----------------------------------------------------------------------------
+
+  function draw() {
+    svg.replaceChildren();
+    const now = drawing.outputs[pose];
+    for (const pin of contents.pins) {
+      const points = drawing.outputs.map((row) => at(pin.at, row)).filter((z) => there([z]));
+      put(svg, "polyline", { points: line(points), class: "path" });
+    }
+    for (const { link, ends } of contents.rails) polyline(ends.map((z) => placed(now, link, z)), "rail");
+    for (const pin of contents.pins.filter(({ ground }) => ground)) mark(at(pin.at), "M0 0L-11 17H11ZM-14 17H14", "ground");
+    for (const { ends, fill } of contents.bodies) {
+      const points = ends.map((end) => at(end)).filter((z) => there([z]));
+      if (points.length > 1) for (const layer of ["edge", "link"]) put(svg, "polygon", { points: line(hull(points)), class: layer }).style.setProperty("--fill", fill);
+    }
+    for (const { link, points } of contents.wheels) polyline(points.map((z) => placed(now, link, z)), "wheel");
+    for (const { name, ends } of contents.loads) drawLoad(name, ends.map((end) => at(end)));
+    for (const { at: place, link, turn } of contents.blocks) {
+      const angle = -(((link ? now[link[1]] : 0) + turn) * 180) / Math.PI;
+      mark(at(place), "M-13-9H13V9H-13Z", "block", ` rotate(${angle})`);
+    }
+    for (const { at: place, name } of contents.pins) {
+      mark(at(place), "M-5 0A5 5 0 1 0 5 0A5 5 0 1 0-5 0Z", "dot");
+      const { x, y } = pixel(view, at(place));
+      if (Number.isFinite(x)) put(svg, "text", { x: x + 9, y: y - 9 }, name);
+    }
+    const status = curves.statuses[pose] || drawing.statuses[pose];
+    caption.textContent = `${along.words}: ${signed(along.values[pose], 5)}${status ? ` \u2013 ${reasons[status]}` : ""}`;
+    for (const point of cursors) point(pose);
+    readings();
+  }
+
+  /** @param {Point[]} points @param {string} name */
+  function polyline(points, name) {
+    if (there(points)) put(svg, "polyline", { points: line(points), class: name });
+  }
+
+  /** @param {Point} z @param {string} d @param {string} name @param {string} turn */
+  function mark(z, d, name, turn = "") {
+    const { x, y } = pixel(view, z);
+    if (Number.isFinite(x)) put(svg, "path", { d, class: name, transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})${turn}` });
+  }
+
+  /** A load: a line between its ends, or a mark at its one. @param {string} name @param {Point[]} ends */
+  function drawLoad(name, ends) {
+    if (ends.length > 1) polyline(ends, "spring");
+    else mark(ends[0], "M0 0L-4-8M0 0L4-8M0 0V-26", "force");
+    const { x, y } = pixel(view, ends[0]);
+    if (Number.isFinite(x)) put(svg, "text", { x: x + 9, y: y - 22, class: "force" }, name);
+  }
+
+  // -- curves ------------------------------------------------------------------------------------
+
+  const numbers = element(aside, "div", "numbers");
+  const more = field(aside, "Another number", "select").input;
+  const table = element(aside, "dl", "values");
+  const plots = element(aside, "div", "plots");
+
+  function plot() {
+    plots.replaceChildren();
+    cursors = contents.curves.outputs.map(({ name, unit }, i) => {
+      const row = curves.outputs.map((out, k) => (!curves.statuses[k] && Number.isFinite(out[i]) ? out[i] : null));
+      const known = row.filter((x) => x !== null);
+      /** @type {[number, number]} */
+      const shown = [known.reduce((a, b) => Math.min(a, b), 0), known.reduce((a, b) => Math.max(a, b), 0)];
+      const panel = { quantity: name.split(".").slice(-1 - Number(/\.[xy]$/.test(name))).join("."), unit: unit || "-", shown, curves: /** @type {[string, (number | null)[]][]} */ ([[name, row]]), without: [] };
+      return drawPanel(plots, panel, along, gaps(), step);
+    });
+  }
+
+  /** Runs of samples without an answer. */
+  function gaps() {
+    /** @type {[number, number][]} */
+    const found = [];
+    curves.statuses.forEach((status, k) => {
+      const previous = found[found.length - 1];
+      if (!status) return;
+      if (previous?.[1] === k - 1) previous[1] = k;
+      else found.push([k, k]);
+    });
+    return found;
+  }
+
+  function readings() {
+    table.replaceChildren();
+    contents.curves.outputs.forEach(({ name, unit }, i) => {
+      const largest = Math.max(...curves.outputs.map((out) => Math.abs(out[i]) || 0));
+      const x = Math.abs(curves.outputs[pose][i]) > 1e-13 * largest ? curves.outputs[pose][i] : curves.outputs[pose][i] * 0;
+      element(table, "dt", "", name);
+      element(table, "dd", "", Number.isFinite(x) && !curves.statuses[pose] ? `${signed(x, 12)} ${unit}` : "none");
+    });
+  }
+
+  function renew() {
+    drawing.compute();
+    curves.compute();
+    plot();
+    draw();
+  }
+
+  // -- what the reader does ------------------------------------------------------------------------
+
+  /** @param {number} k */
+  function step(k) {
+    pose = Math.min(Math.max(k, 0), n - 1);
+    slider.value = String(pose);
+    draw();
+  }
+
+  function start() {
+    [playing, begun, play.textContent] = [true, performance.now() - (pose / n) * seconds * 1e3, "Pause"];
+    requestAnimationFrame(tick);
+  }
+
+  function pause() {
+    [playing, play.textContent] = [false, "Play"];
+  }
+
+  /** @param {number} time */
+  function tick(time) {
+    if (!playing) return;
+    step(frameAt(Math.max(time - begun, 0) / 1e3 / seconds, n, true));
+    requestAnimationFrame(tick);
+  }
+
+  /** A slider and a field for a number. @param {string} name */
+  function offer(name) {
+    const own = /** @type {Parameter} */ (contents.curves.parameters.find((x) => x.name === name));
+    const first = own.numbers[0];
+    const { cell, input: typed } = field(numbers, `${words(name)}${own.unit ? ` [${own.unit}]` : ""}`, "input");
+    Object.assign(typed, { type: "number", step: "any", value: String(first) });
+    const range = element(cell, "input");
+    Object.assign(range, { type: "range", min: "0", max: "1000", value: "500" });
+    range.setAttribute("aria-label", `${words(name)}, by a slider`);
+    const take = (/** @type {number} */ x) => {
+      for (const run of [drawing, curves]) run.change(name, x);
+      renew();
+    };
+    range.addEventListener("input", () => {
+      typed.value = rounded(first + (Number(range.value) / 500 - 1) * (Math.abs(first) || 1) * 0.5, 6);
+      take(Number(typed.value));
+    });
+    typed.addEventListener("change", () => { if (Number.isFinite(typed.valueAsNumber)) take(typed.valueAsNumber); });
+    for (const option of more.options) if (option.value === name) option.disabled = true;
+  }
+
+  more.append(new Option("", ""), ...contents.offered.map((name) => new Option(words(name), name)));
+  more.addEventListener("change", () => {
+    if (more.value) offer(more.value);
+    more.value = "";
+  });
+  contents.chosen.forEach(offer);
+  slider.addEventListener("input", () => { pause(); step(Number(slider.value)); });
+  new ResizeObserver(() => { fit(); plot(); draw(); }).observe(main);
+  drawing.compute();
+  curves.compute();
+}
+
+async function open() {
+  const held = /** @type {HTMLElement} */ (document.getElementById("contents")).textContent ?? "";
+  const parts = ["title", "main", "aside", "footer"].map((name) => /** @type {HTMLElement} */ (document.getElementById(name)));
+  const [title, main, aside, footer] = parts;
+  for (const part of [main, aside, footer]) part.replaceChildren();
+  try {
+    const link = location.hash.startsWith("#doc=") ? await unpacked(location.hash) : /** @type {Link} */ (JSON.parse(held));
+    title.textContent = document.title = link.page?.title ?? link.file;
+    if (link.page) show(main, aside, link.page);
+    else element(main, "p", "wrong", link.why);
+    const href = URL.createObjectURL(new Blob([link.document], { type: "application/json" }));
+    const save = element(footer, "a", "", "The mechanism's file");
+    Object.assign(save, { href, download: link.file });
+    element(footer, "span", "", " opens in blockmech. SI units; all is computed in this page.");
+  } catch {
+    title.textContent = "No mechanism";
+    element(main, "p", "wrong", "The address holds no mechanism, or is cut: copy the whole link again.");
+  }
+  document.documentElement.dataset.ready = "yes";
+}
+
+addEventListener("hashchange", () => location.reload());
+open();
