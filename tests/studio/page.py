@@ -3,6 +3,8 @@
 import json
 import re
 
+from blockmech.studio.sharing import unpacked
+
 
 class Sheet:
     """A sheet in the window. ``acts`` counts clicks, drags, presses and typed words."""
@@ -54,10 +56,18 @@ class Sheet:
         box = self.svg.bounding_box()
         return box["x"] + x * box["width"], box["y"] + y * box["height"]
 
+    def to(self, x, y):
+        """Pixels of a place [m]."""
+        scale, left, top = map(float, self.svg.get_attribute("data-view").split())
+        box = self.svg.bounding_box()
+        return box["x"] + left + x * scale, box["y"] + top - y * scale
+
     def pin(self, name):
         ring = self.page.locator(f'.pin[data-pin="{name}"] .ring')
-        ring.wait_for(state="attached")
-        box = ring.bounding_box()
+        box = None
+        while box is None:  # as long as a frame is drawn there is none
+            ring.wait_for(state="attached")
+            box = ring.bounding_box()
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     def drag(self, a, b, typed="", steps=5):
@@ -79,6 +89,19 @@ class Sheet:
         self.page.mouse.move(x + right, y - up, steps=steps)
         self.page.wait_for_timeout(200)
         assert self.svg.get_attribute("data-live") == "exact"
+
+    def form(self):
+        """The document, as plain data."""
+        reply = self.page.request.post(f"{self.root}/api/documents/{self.id}/link", data="{}")
+        return unpacked(reply.json()["link"]).to_data()
+
+    def take(self, tool, *names):
+        """Press a tool that goes on with the pins that are clicked, and end it."""
+        self.tool(tool)
+        for name in names:
+            self.acts += 1
+            self.changed(lambda name=name: self.page.mouse.click(*self.pin(name)))
+        self.page.keyboard.press("Escape")
 
     def link(self, a, b, typed=""):
         self.changed(lambda: self.drag(a, b, typed))

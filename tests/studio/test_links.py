@@ -270,8 +270,8 @@ def test_gears_let_one_driver_follow_another():
     ]
     assert pane.problems == ()
     assert [wheel["radius"] for wheel in drawing.of_links(pane.form)["wheels"]] == [1.5, 1.5]
-    pane.act("Gears", "A", "B")
-    assert "joint that turns" in pane.said
+    pane.act("Rack", "A", "C")
+    assert "joint that slides" in pane.said
     pane.act("Delete", "C")
     assert "couplings" not in pane.sheet.form
 

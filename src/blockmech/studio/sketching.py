@@ -303,10 +303,13 @@ def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
     """With a gear, rack, cam or belt by which the first of two joints moves the second.
 
     Sizes are those of the drawing: wheels of equal size that meet, a pinion that reaches the
-    rack, a cam whose roller stands at the follower's joint. Raises `RequestError` for joints of
-    other kinds, and for one that follows another already.
+    rack, a cam whose roller stands at the follower's joint. A pin of one link is put on the
+    frame. Raises `RequestError` for joints of other kinds, and for one that follows another
+    already.
     """
     ends, couplings = list(both_pins(names)), form.get("couplings", {})
+    for name in ends:
+        form = form if name in form["joints"] else _grounded(form, name)
     pairs = REGISTRY[f"coupling.{kind}"].pairs
     kinds = "".join(form["joints"].get(name, {}).get("type", "-") for name in ends)
     if kinds not in pairs:
@@ -446,20 +449,29 @@ def both_pins(names: Iterable[str]) -> tuple[str, str]:
 
 
 def driven(form: Form, names: Iterable[str]) -> Form:
-    """With joints that are driven, or no longer; one that turns goes round."""
+    """With joints that are driven, or no longer; one that turns goes round.
+
+    A pin of one link is put on the frame. Raises `RequestError` for a pin of none.
+    """
     for name in names:
         drivers = form.get("drivers", {})
         mine = [driver for driver, driver_data in drivers.items() if driver_data["joint"] == name]
         if mine:
             form = _without_drivers(form, mine)
-        elif name not in form["joints"]:
-            raise refused(name, "it joins no two links", "put it on the frame or on another link")
         else:
+            if name not in form["joints"]:
+                form = _grounded(form, name)
             turns = form["joints"][name]["type"] == "R"
             law = {"law": "constant_rate", "rate": 1.0} if turns else {}
             motor = free(drivers, ["motor"], "motor")
             form = with_item(form, ("drivers", motor), {"joint": name, **law})
     return form
+
+
+def _grounded(form: Form, name: str) -> Form:
+    if not pins_of(form)[name].links:
+        raise refused(name, "it joins no two links", "draw a link to it first")
+    return attached(form, [name])
 
 
 def _without_drivers(form: Form, gone: Iterable[str]) -> Form:

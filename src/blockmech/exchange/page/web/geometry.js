@@ -68,6 +68,13 @@ export const between = (a, b) => ({
   x: Math.min(a.x, b.x), y: Math.min(a.y, b.y), width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y),
 });
 
+/** How far a pixel is from the line between two others. @param {Pixel} p @param {Pixel} a @param {Pixel} b */
+export function beside(p, a, b) {
+  const [x, y] = [b.x - a.x, b.y - a.y];
+  const share = Math.max(0, Math.min(1, ((p.x - a.x) * x + (p.y - a.y) * y) / (x * x + y * y || 1)));
+  return Math.hypot(p.x - a.x - share * x, p.y - a.y - share * y);
+}
+
 /** A place on a link in a pose [x, y, cos, sin]. @param {number[]} pose @param {number} x @param {number} y @returns {Point} */
 export const on = (pose, x, y) => [pose[0] + pose[2] * x - pose[3] * y, pose[1] + pose[3] * x + pose[2] * y];
 

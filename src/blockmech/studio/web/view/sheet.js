@@ -4,7 +4,7 @@
 // and ends in one act; the sheet that comes back is the truth.
 
 import { Live } from "../lib/live.js";
-import { closest, corners, between, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../../../exchange/page/web/geometry.js";
+import { beside, closest, corners, between, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../../../exchange/page/web/geometry.js";
 import { ARROWS, writes } from "../lib/keys.js";
 import { Room } from "../lib/labels.js";
 import { factor, place, quantity, rounded, signed, vector } from "../../../exchange/page/web/quantity.js";
@@ -31,6 +31,7 @@ const GUIDE = [
   "Press Play. Esc ends a tool; then a drag moves a pin, and curves follow at once.",
 ];
 const SPAN = /** @type {Record<string, number>} */ ({ mm: 0.5, inch: 0.5, m: 2 }); // m that an empty sheet shows
+const BAR = 6; // px of half a link that is drawn
 const FEW = 12; // moving pins whose paths are all drawn
 
 /** @param {HTMLElement} parent */
@@ -124,7 +125,18 @@ export function sheetView(parent) {
   /** @param {string} name @param {string[]} names */
   function act(name, names) {
     const turn = along.input.value.trim() ? quantity(along.input.value, "rad", angle()) : null;
-    return edit({ act: name, pins: names, angle: turn, on: slot.input.value });
+    return edit({ act: name, pins: names, angle: turn, on: slot.input.value || (name === "Slider" && carrier(names[0])) || "frame" });
+  }
+
+  /** The link that passes below a pin that it does not have. @param {string} name */
+  function carrier(name) {
+    const one = /** @type {Pin} */ (pin(name));
+    const p = shown(one);
+    return drawing()?.links.find((link) => {
+      if (one.links.includes(link.name)) return false;
+      const ends = link.ends.flatMap((end) => { const own = typeof end === "string" && pin(end); return own ? [shown(own)] : []; });
+      return ends.some((a, k) => beside(p, a, ends[(k + 1) % ends.length]) < BAR);
+    })?.name;
   }
 
   /** Fetch the arrows that are shown, of the sheet as it is. */
@@ -243,6 +255,7 @@ export function sheetView(parent) {
     if (!drag && store.pose === null && ours()) drawAngle();
     if (drag?.kind === "box" && drag.now) put(svg, "rect", { ...between(drag.begun, drag.now), class: "box" });
     svg.dataset.tool = store.tool;
+    svg.dataset.view = `${view.scale} ${view.x} ${view.y}`; // px/m and the origin, for who acts on places
     svg.dataset.live = drag?.moved ? (drag.live ? "exact" : "server") : "";
     guide.hidden = pins().length > 0 || !ours() || tracing.shown;
   }
@@ -787,9 +800,16 @@ export function sheetView(parent) {
     begin.hidden = mine;
     paths.setAttribute("aria-pressed", String(store.paths));
     along.label.textContent = `along [${angle()}]`;
-    const names = ["frame", ...(sheet?.drawing?.links ?? []).map((link) => link.name)];
-    options(slot.input, mine ? names.map((n) => [n, n]) : [], names.includes(slot.input.value) ? slot.input.value : "frame");
+    const names = ["", "frame", ...(sheet?.drawing?.links ?? []).map((link) => link.name)];
+    options(slot.input, mine ? names.map((n) => [n, n || "what is below"]) : [], names.includes(slot.input.value) ? slot.input.value : "");
   });
-  new ResizeObserver(() => { if (box.clientWidth) { if (!drag) fit(); draw(); } }).observe(box);
+  let [wide, high] = [0, 0];
+  new ResizeObserver(() => { // what is in the middle stays there
+    const { width, height } = size();
+    if (!width) return;
+    if (!drag && wide) view = { ...view, x: view.x + (width - wide) / 2, y: view.y + (height - high) / 2 };
+    [wide, high] = [width, height];
+    draw();
+  }).observe(box);
   return { typing, command, fit: () => { fit(); draw(); } };
 }
