@@ -10,7 +10,7 @@ import numpy as np
 from blockmech.dynamics import methods
 from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.request import SimulationRequest, Start, Until
-from blockmech.dynamics.system import One, Sample, System
+from blockmech.dynamics.system import Sample, ScalarTerms, System
 
 TURN = 2 * math.pi
 
@@ -33,10 +33,10 @@ class Synthetic(System):
     engine_of_states = SimpleNamespace(name="scalar")
     drivers = ("q",)
     rotary = (True,)
-    held = {}
+    contacts = {}
 
     def __init__(self, one=None, batch=None, *, terms=None, k=1, **more):
-        self._given_one, self._given_batch, self._given_terms = one, batch, terms
+        self._scalar, self._batch_terms, self._full_terms = one, batch, terms
         self.method = self.progress = None
         self.samples = self.calls = self.singles = self.states = 0
         self.steppers, self.budget = {}, Budget()
@@ -59,9 +59,9 @@ class Synthetic(System):
     def but(self, **more):
         """The same with something else."""
         given = {
-            "one": self._given_one,
-            "batch": self._given_batch,
-            "terms": self._given_terms,
+            "one": self._scalar,
+            "batch": self._batch_terms,
+            "terms": self._full_terms,
             "k": len(self.drivers),
         }
         own = ("depends_on", "period", "knots", "span", "stops", "rotary", "lossless")
@@ -71,7 +71,7 @@ class Synthetic(System):
         return Synthetic(**{**given, **kept, **more})
 
     @property
-    def kept(self):
+    def cache(self):
         return {}
 
     @property
@@ -81,29 +81,29 @@ class Synthetic(System):
     def load_size(self, q):
         return np.ones(q.size)
 
-    def one(self, q, qd=0.0, t=0.0):
+    def scalar_terms(self, q, qd=0.0, t=0.0):
         self._count(1, False)
-        return One(*self._given_one(q, qd, t))
+        return ScalarTerms(*self._scalar(q, qd, t))
 
     def sample(self, q, qd=0.0, t=0.0):
         self._count(q.size, True)
         rates = np.broadcast_to(np.asarray(qd, dtype=float), q.shape)
-        if self._given_batch is not None:
+        if self._batch_terms is not None:
             with np.errstate(all="ignore"):
-                found = self._given_batch(q, rates, t)
+                found = self._batch_terms(q, rates, t)
             return Sample(*(np.broadcast_to(x, q.shape).astype(float) for x in found))
         rows = [
-            self._given_one(float(a), float(b), t) for a, b in zip(q.flat, rates.flat, strict=True)
+            self._scalar(float(a), float(b), t) for a, b in zip(q.flat, rates.flat, strict=True)
         ]
         columns = zip(*rows, strict=True)
         J, tau, _, margin = (np.array(c, dtype=float).reshape(q.shape) for c in columns)
         return Sample(J, tau, margin)
 
     def terms(self, q, qd, t=0.0):
-        if self._given_terms is None:
+        if self._full_terms is None:
             return super().terms(q, qd, t)
         self._count(1, False)
-        return self._given_terms(q, qd, t)
+        return self._full_terms(q, qd, t)
 
 
 def move(

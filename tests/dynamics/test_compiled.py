@@ -9,7 +9,7 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics import solvers
 from blockmech.dynamics.change_points import FollowingSystem
-from blockmech.dynamics.equation import Equation, kept_rates
+from blockmech.dynamics.equation import Equation, cached_rates
 from blockmech.dynamics.solvers import ANYWHERE, AdaptiveSolver
 from blockmech.dynamics.system import System
 from blockmech.engines.cost import Account
@@ -120,13 +120,13 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
         wanted = np.array(plain(0.1, y))
         assert np.isfinite(wanted).all()
         np.testing.assert_allclose(fast(0.1, y), wanted, rtol=1e-11)
-        margin, inertia = system.one(q).margin, system.one(q).J / fast.typical
+        margin, inertia = system.scalar_terms(q).margin, system.scalar_terms(q).J / fast.typical
         assert fast.closeness(y) == pytest.approx((margin, inertia), rel=1e-11)
         if system.friction is not None:
             np.testing.assert_allclose(fast.slips(y), plain.slips(y), rtol=1e-12)
             pairs = fast.pair_loads(0.1, y), plain.pair_loads(0.1, y)
             np.testing.assert_allclose(*pairs, rtol=1e-11)
-    assert kept_rates(system) is not None
+    assert cached_rates(system) is not None
 
 
 @pytest.mark.parametrize("engine", ["scalar", "llvm"])

@@ -70,14 +70,14 @@ def fourbar(arm, beside=False):
 def answers(at, static):
     """Accelerations that satisfy the laws at rest: of all patterns of sides, each by itself."""
     m, k = at.S.shape
-    found = []
+    solutions = []
     for sides in map(np.array, itertools.product((-1, 0, 1), repeat=m)):
         stuck, t = sides == 0, np.zeros(m)
         S = at.S[stuck]
-        whole = np.block([[at.M, -S.T], [S, np.zeros((len(S), len(S)))]])
+        matrix = np.block([[at.M, -S.T], [S, np.zeros((len(S), len(S)))]])
         for _ in range(200):
             right = np.append(at.push + t[~stuck] @ at.S[~stuck], np.zeros(len(S)))
-            both = np.linalg.lstsq(whole, right, rcond=1e-12)[0]
+            both = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
             last, t[stuck] = t.copy(), both[k:]
             load = np.abs(at.f + at.G @ both[:k] + at.R @ t)
             t[~stuck] = (-sides * static * load)[~stuck]
@@ -85,8 +85,8 @@ def answers(at, static):
                 break
         starts = sides * (at.S @ both[:k])
         if (starts[~stuck] > 1e-9).all() and (np.abs(t[stuck]) <= (static * load)[stuck]).all():
-            found.append(both[:k])
-    return found
+            solutions.append(both[:k])
+    return solutions
 
 
 MACHINES = {
@@ -104,12 +104,12 @@ def test_a_start_from_rest_is_the_one_that_brute_force_finds(name):
         q = rng.uniform(-np.pi, np.pi, k)
         if rng.random() < 0.5:  # all but hanging: some hold
             q = np.append(-np.pi / 2, np.zeros(k - 1)) + rng.normal(0, 0.1, k)
-        begun, qdd, _ = friction.from_state(q, np.zeros(k), 0.0, None)
+        settled, qdd, _ = friction.from_state(q, np.zeros(k), 0.0, None)
         at = friction.instant(q, np.zeros(k), 0.0, None, None)
-        (wanted,) = answers(at, np.array(friction.static[: len(friction.names)]))
-        assert begun.end == ""
-        np.testing.assert_allclose(qdd, wanted, rtol=1e-9, atol=1e-9 * np.abs(at.unheld).max())
-        kinds.add(begun.sides)
+        (expected,) = answers(at, np.array(friction.static[: len(friction.names)]))
+        assert settled.end == ""
+        np.testing.assert_allclose(qdd, expected, rtol=1e-9, atol=1e-9 * np.abs(at.unheld).max())
+        kinds.add(settled.sides)
     assert len(kinds) > 1
 
 
@@ -121,17 +121,17 @@ def test_what_a_loop_does_satisfies_laws_and_balance(make, k):
         for _ in range(6):
             q = np.array([1.2, 2.2])[:k] + rng.normal(0, 0.3, k)
             qd = rate * rng.normal(size=k)
-            begun, qdd, _ = friction.from_state(q, qd, 0.0, None)
+            settled, qdd, _ = friction.from_state(q, qd, 0.0, None)
             at = friction.instant(q, qd, 0.0, None, None)
-            response = friction.respond(at, begun.sides)
-            sides, t = np.array(begun.sides), response.t
+            response = friction.respond(at, settled.sides)
+            sides, t = np.array(settled.sides), response.t
             size = np.abs(at.push).max()
             np.testing.assert_allclose(at.M @ qdd, at.push + t @ at.S, atol=1e-12 * size)
             loads = np.abs(at.f + at.G @ qdd + at.R @ t)
-            held = np.array(friction.static[:m]) * loads
+            capacity = np.array(friction.static[:m]) * loads
             slips = sides != 0
-            np.testing.assert_allclose(t[slips], (-sides * held)[slips], rtol=1e-10)
-            assert (np.abs(t[~slips]) <= held[~slips] * (1 + 1e-9)).all()
+            np.testing.assert_allclose(t[slips], (-sides * capacity)[slips], rtol=1e-10)
+            assert (np.abs(t[~slips]) <= capacity[~slips] * (1 + 1e-9)).all()
             moves = at.S @ qdd + at.b if not rate else at.w
             assert (sides[slips] * moves[slips] > 0).all()
 
@@ -140,10 +140,10 @@ def test_one_driver_is_several_of_which_the_others_stand_apart():
     alone, both = friction_of(fourbar(0.02)), friction_of(fourbar(0.02, beside=True))
     rng = np.random.default_rng(8)
     for rate in (0.0, 0.0, 2.0, -2.0):
-        q, other = rng.uniform(-3, 3, 1), rng.uniform(-3, 3, 1)
-        one, qdd, _ = alone.from_state(q, np.array([rate]), 0.0, None)
-        two, qdds, _ = both.from_state(np.append(q, other), np.array([rate, 0.7]), 0.0, None)
-        assert one.sides == two.sides
+        q, second = rng.uniform(-3, 3, 1), rng.uniform(-3, 3, 1)
+        single, qdd, _ = alone.from_state(q, np.array([rate]), 0.0, None)
+        two, qdds, _ = both.from_state(np.append(q, second), np.array([rate, 0.7]), 0.0, None)
+        assert single.sides == two.sides
         np.testing.assert_allclose(qdds[0], qdd[0], rtol=1e-13)
 
 
@@ -173,9 +173,9 @@ def test_a_pair_at_its_dead_centre_turns_and_does_not_stop_the_machine(beside):
     assert 0 < abs(at.S[j, 0]) < 1e-7 * np.abs(at.S).max()
     turned = friction.turning(at, [j])
     assert not turned.S[j].any()
-    begun = friction.settled(turned, [j])
-    assert begun.sides[j] == np.sign(at.b[j])
-    np.testing.assert_array_equal(friction.kept(turned, begun.sides), state[1])
+    settled = friction.settled(turned, [j])
+    assert settled.sides[j] == np.sign(at.b[j])
+    np.testing.assert_array_equal(friction.sticking_rates(turned, settled.sides), state[1])
 
     start = {"crank": (0.2, 8.0)} | ({"other": (0.3, 1.0)} if beside else {})
     motion = mech.simulate("time=1", start=start, accuracy=1e-8, want=()).motion
@@ -191,8 +191,8 @@ def test_a_slope_holds_to_rounding_with_any_number_of_drivers(beside, short, res
     """Friction a billionth, and a trillionth, short of holding lets it start; else it rests."""
     slope = math.atan(0.3)
     g = bm.Graph("slope", gravity=(0.0, -G))
-    places = {"G": bm.Marker(at=(0.0, 0.0), angle=slope), "O": (5.0, 0.0)}
-    g.add("frame", bm.Frame(markers=places))
+    markers = {"G": bm.Marker(at=(0.0, 0.0), angle=slope), "O": (5.0, 0.0)}
+    g.add("frame", bm.Frame(markers=markers))
     rough = {"S": bm.friction.Coulomb(coefficient=0.3 * (1 - short))}
     body = bm.Link(mass=3.0)
     g.add("slider", bm.SlideDrive(links={"slider": body}, friction=rough))
@@ -203,12 +203,12 @@ def test_a_slope_holds_to_rounding_with_any_number_of_drivers(beside, short, res
         g.add("other", bm.Crank(length=0.5, links={"crank": hanging}, friction=dry_pin))
         g.connect("frame.O", "other.A")
     mech, still = g.compile(), np.zeros(1 + beside)
-    begun, qdds, _ = friction_of(mech).from_state(still, still, 0.0, None)
+    settled, qdds, _ = friction_of(mech).from_state(still, still, 0.0, None)
     qdd = qdds[mech.drivers.index("slider")]
-    assert begun.end == ""
-    assert any(begun.sides) is not rests
-    wanted = 0.0 if rests else -G * math.cos(slope) * 0.3 * short
-    assert qdd == pytest.approx(wanted, rel=1e-3, abs=0.0)
+    assert settled.end == ""
+    assert any(settled.sides) is not rests
+    expected = 0.0 if rests else -G * math.cos(slope) * 0.3 * short
+    assert qdd == pytest.approx(expected, rel=1e-3, abs=0.0)
 
 
 def test_of_one_driver_what_holds_it_is_what_sticking_needs():
@@ -218,6 +218,6 @@ def test_of_one_driver_what_holds_it_is_what_sticking_needs():
     assert (low <= high).all()
     assert (rounding < 1e-12).all()
     for q, a, b in zip(np.linspace(0.0, 6.0, 40), low, high, strict=True):
-        begun, qdd, _ = friction.from_state(np.array([q]), np.zeros(1), 0.0, None)
-        assert any(begun.sides) is not bool(a <= 0 <= b)
+        settled, qdd, _ = friction.from_state(np.array([q]), np.zeros(1), 0.0, None)
+        assert any(settled.sides) is not bool(a <= 0 <= b)
         assert np.sign(qdd[0]) == (0 if a <= 0 <= b else 1 if b < 0 else -1)

@@ -51,9 +51,9 @@ def with_crank(length, **markers):
 
 def four_bar(a, l_i, l_j, ground, start=UPRIGHT, branch="follow"):
     graph = with_crank(a, D=(ground, 0.0))
-    said = {"home": home(*start)} if branch == "follow" else {}
+    options = {"home": home(*start)} if branch == "follow" else {}
     links = {"i": rod(l_i), "j": rod(l_j)}
-    graph.add("dyad", bm.RRR(l_i=l_i, l_j=l_j, branch=branch, links=links, **said))
+    graph.add("dyad", bm.RRR(l_i=l_i, l_j=l_j, branch=branch, links=links, **options))
     graph.connect("crank.B", "dyad.B")
     graph.connect("frame.D", "dyad.D")
     return graph
@@ -89,8 +89,8 @@ def moved(graph, q, *want, rate=1.0):
     return graph.compile().run(at=q, rates=rate, want=want)
 
 
-def off(found, wanted):
-    return float(np.abs(np.asarray(found) - np.asarray(wanted)).max())
+def off(values, expected):
+    return float(np.abs(np.asarray(values) - np.asarray(expected)).max())
 
 
 # -- motions -------------------------------------------------------------------------------
@@ -129,11 +129,12 @@ def test_a_guide_through_a_pin_on_the_circle_turns_at_half_the_rate():
 
 def test_a_kite_is_the_same_again_after_two_turns():
     once, twice = (moved(kite(), Q + k * TURN, "dyad.j.angle", "dyad.j.omega") for k in (1, 2))
-    here = moved(kite(), Q, "dyad.j.angle", "dyad.j.omega")
-    assert off(np.exp(1j * twice["dyad.j.angle"]), np.exp(1j * here["dyad.j.angle"])) < PLACE
-    assert off(np.exp(1j * once["dyad.j.angle"]), np.exp(1j * here["dyad.j.angle"])) > 0.1
-    path = np.unwrap(here["dyad.j.angle"])
-    middle = np.diff(path) - np.diff(Q) * (here["dyad.j.omega"][1:] + here["dyad.j.omega"][:-1]) / 2
+    result = moved(kite(), Q, "dyad.j.angle", "dyad.j.omega")
+    assert off(np.exp(1j * twice["dyad.j.angle"]), np.exp(1j * result["dyad.j.angle"])) < PLACE
+    assert off(np.exp(1j * once["dyad.j.angle"]), np.exp(1j * result["dyad.j.angle"])) > 0.1
+    path = np.unwrap(result["dyad.j.angle"])
+    omega = result["dyad.j.omega"]
+    middle = np.diff(path) - np.diff(Q) * (omega[1:] + omega[:-1]) / 2
     assert np.abs(middle).max() < 1e-3  # the trapezium rule at 0.1 rad: no jump anywhere
     assert system_of(kite().compile()).period == pytest.approx(2 * TURN)
 
@@ -159,8 +160,8 @@ def chain():
 
 
 def test_forty_four_bars_change_at_the_same_two_places():
-    found = {followed.points for followed in chain().structure.followed.values()}
-    (points,) = found
+    points_of_dyads = {followed.points for followed in chain().structure.followed.values()}
+    (points,) = points_of_dyads
     assert off(points, (0.0, math.pi)) < 1e-13
     r = chain().run(at=Q, rates=1.0, want=["loop40.C.p", "loop40.j.omega"])
     assert off(r["loop40.C.p"], 40 + np.exp(1j * Q)) < 40 * PLACE
@@ -172,16 +173,16 @@ def test_the_answer_depends_on_the_sample_alone():
     want = ["dyad.j.angle", "dyad.j.omega"]
     batch = mech.run(at=Q, rates=1.0, want=want, engine="numpy")
     backward = mech.run(at=Q[::-1], rates=1.0, want=want, engine="numpy", chunk=7)
-    one_by_one = mech.run(at=Q, rates=1.0, want=want, engine="scalar")
+    single = mech.run(at=Q, rates=1.0, want=want, engine="scalar")
     for name in want:
         assert (batch[name] == backward[name][::-1]).all()
-        assert off(batch[name], one_by_one[name]) < RATE
+        assert off(batch[name], single[name]) < RATE
 
 
 def test_home_may_stand_anywhere_on_the_way():
-    here = moved(kite(), Q, "dyad.j.angle")["dyad.j.angle"]
-    there = four_bar(1.0, 2.0, 2.0, 1.0, start=(1.0 + TURN, -1))  # one change point further
-    assert (moved(there, Q, "dyad.j.angle")["dyad.j.angle"] == here).all()
+    angles = moved(kite(), Q, "dyad.j.angle")["dyad.j.angle"]
+    moved_home = four_bar(1.0, 2.0, 2.0, 1.0, start=(1.0 + TURN, -1))  # one change point further
+    assert (moved(moved_home, Q, "dyad.j.angle")["dyad.j.angle"] == angles).all()
 
 
 # -- at and near a change point ------------------------------------------------------------
@@ -207,8 +208,8 @@ def test_near_a_change_point_digits_are_lost_as_documented(point, d):
     assert off(r["dyad.C.p"], 1 + np.exp(1j * np.array([point - d, point + d]))) < 10 * EPS / d
     assert off(r["dyad.j.omega"], 1.0) < 10 * EPS / d**2
     assert off(r["dyad.j.alpha"], 0.0) < 10 * EPS / d**3
-    near = {f.code for f in r.quality.flags}
-    assert near == ({"near-change-point"} if d < 1e-2 else set())
+    codes = {f.code for f in r.quality.flags}
+    assert codes == ({"near-change-point"} if d < 1e-2 else set())
 
 
 @pytest.mark.parametrize("apart", [1e-6, 1e-9, 1e-11, -1e-9, -1e-11])
@@ -260,10 +261,10 @@ def test_energy_is_kept_through_change_points(made):
 def test_integrators_pass_change_points_as_energy_does(made, method, accuracy):
     mech = made().compile()
     times = np.linspace(0, 3, 7)
-    wanted = mech.simulate(times=times, start=SPIN)["crank.q"]
+    reference = mech.simulate(times=times, start=SPIN)["crank.q"]
     r = mech.simulate(times=times, start=SPIN, method=method, accuracy=accuracy)
     assert (r.motion.status, r.motion.end) == ("reached", "time")
-    assert off(r["crank.q"], wanted) <= max(accuracy, r.motion.error)
+    assert off(r["crank.q"], reference) <= max(accuracy, r.motion.error)
 
 
 @pytest.mark.parametrize("method", ["energy", "dop853"])

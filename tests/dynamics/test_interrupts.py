@@ -24,12 +24,12 @@ LONG = 50.0  # [s] of the six-bar
 class Stopping:
     """Progress that stops the run when it is told for the n-th time, and every time after."""
 
-    def __init__(self, n, what=""):
-        self.n, self.what, self.told = n, what, []
+    def __init__(self, n, activity=""):
+        self.n, self.activity, self.reports = n, activity, []
 
-    def __call__(self, what, done, whole):
-        self.told.append((what, done, whole))
-        if sum(self.what in w for w, _, _ in self.told) >= self.n:
+    def __call__(self, activity, position, total):
+        self.reports.append((activity, position, total))
+        if sum(self.activity in x for x, _, _ in self.reports) >= self.n:
             raise KeyboardInterrupt
 
 
@@ -53,8 +53,8 @@ def test_one_driver_keeps_the_motion_as_far_as_it_came(name, method, n, more, to
     assert r.time[-1] == r.motion.t_end
     assert np.isfinite(r["crank.q"]).all()
     early = r.time < 0.5
-    wanted = mechanism(name).simulate(times=r.time[early])["crank.q"]
-    assert np.abs(r["crank.q"][early] - wanted).max() < tolerance
+    reference = mechanism(name).simulate(times=r.time[early])["crank.q"]
+    assert np.abs(r["crank.q"][early] - reference).max() < tolerance
 
 
 def test_euler_q_keeps_its_steps():
@@ -64,8 +64,8 @@ def test_euler_q_keeps_its_steps():
     )
     assert r.motion.end == "interrupted"
     early = r.time < 0.5
-    wanted = mechanism("watt_sixbar").simulate(times=r.time[early])["crank.q"]
-    assert np.abs(r["crank.q"][early] - wanted).max() < COARSE
+    reference = mechanism("watt_sixbar").simulate(times=r.time[early])["crank.q"]
+    assert np.abs(r["crank.q"][early] - reference).max() < COARSE
     assert r.motion.t_end > 0.5
 
 
@@ -75,17 +75,17 @@ def test_several_drivers_keep_the_motion_as_far_as_it_came(method):
     r = falling.simulate("time=0.6", method=method, accuracy=1e-11, progress=Stopping(1, method))
     assert (r.motion.status, r.motion.end) == ("ended", "interrupted")
     assert 0 < r.motion.t_end <= 0.6
-    wanted = falling.simulate(times=r.time)
+    reference = falling.simulate(times=r.time)
     for name in ("left.q", "right.q"):
-        assert np.abs(r[name] - wanted[name]).max() < COARSE
+        assert np.abs(r[name] - reference[name]).max() < COARSE
 
 
 def test_a_whole_run_is_kept_where_only_a_finer_one_was_at_work():
     stop = Stopping(1, "run 2")
     r = mechanism("fivebar_falling").simulate("time=0.6", accuracy=1e-11, progress=stop)
     assert (r.motion.end, r.motion.t_end) == ("interrupted", 0.6)
-    wanted = mechanism("fivebar_falling").simulate(times=r.time, accuracy=1e-10)
-    assert np.abs(r["left.q"] - wanted["left.q"]).max() <= r.motion.error + 1e-10
+    reference = mechanism("fivebar_falling").simulate(times=r.time, accuracy=1e-10)
+    assert np.abs(r["left.q"] - reference["left.q"]).max() <= r.motion.error + 1e-10
     assert any("interrupted" in note for note in r.motion.notes)
 
 
@@ -115,10 +115,10 @@ def test_too_many_evaluations_lose_nothing_that_was_computed(monkeypatch):
     ],
 )
 def test_progress_tells_how_far_the_goal_is(name, until, method, whole):
-    told = []
-    mechanism(name).simulate(until, method=method, progress=lambda *said: told.append(said))
-    shares = [done / of for _, done, of in told if of is not None]
-    (of,) = {of for _, _, of in told} - {None}
+    reports = []
+    mechanism(name).simulate(until, method=method, progress=lambda *report: reports.append(report))
+    shares = [position / of for _, position, of in reports if of is not None]
+    (of,) = {of for _, _, of in reports} - {None}
     assert of == pytest.approx(whole)
     assert 0 <= min(shares) < 0.3
     assert 0.7 < max(shares) < 1.2
@@ -139,14 +139,15 @@ def test_a_motion_that_repeats_is_answered_however_long_it_is():
 
 def test_turns_that_gain_energy_end_by_name_and_tell_how_far_they_are(monkeypatch):
     monkeypatch.setattr(repetition, "MOST_TURNS", 5 * repetition.AT_ONCE)
-    told = []
-    motion = mechanism("engine").simulate("time=1e9", progress=lambda *said: told.append(said))
+    reports = []
+    collect = lambda *report: reports.append(report)  # noqa: E731
+    motion = mechanism("engine").simulate("time=1e9", progress=collect)
     motion = motion.motion
     assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
     assert any("turns reach no further" in note for note in motion.notes)
-    done = [t for what, t, whole in told if (what, whole) == ("moving", 1e9)]
-    assert done == sorted(done)
-    assert sum(t > 1 for t in done) >= 5
+    times = [t for activity, t, total in reports if (activity, total) == ("moving", 1e9)]
+    assert times == sorted(times)
+    assert sum(t > 1 for t in times) >= 5
     assert abs(motion.qd_end) > 10 * abs(motion.at(1.0).qd)
 
 
@@ -159,45 +160,45 @@ def test_swings_that_take_work_each_are_given_up_early_where_their_goal_is_too_f
     assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
     assert motion.cost.evaluations < 100_000  # of 500,000 that each run of each method is allowed
     assert any("steady" in note for note in motion.notes)
-    wanted = (np.cos(100.0) + 1e-6 * np.sin(100.0)) * np.exp(-1e-4)
-    assert motion.at(1e-4).q == pytest.approx(wanted, abs=1e-9)
+    exact = (np.cos(100.0) + 1e-6 * np.sin(100.0)) * np.exp(-1e-4)
+    assert motion.at(1e-4).q == pytest.approx(exact, abs=1e-9)
 
 
 def test_progress_costs_nothing_and_changes_nothing():
     mechanism("watt_sixbar").simulate("time=5", method="dop853")  # what is kept of a mechanism
     plain = mechanism("watt_sixbar").simulate("time=5", method="dop853").motion
-    told = mechanism("watt_sixbar").simulate("time=5", method="dop853", progress=lambda *_: None)
-    assert told.motion.q_end == plain.q_end
-    assert told.motion.cost == plain.cost
+    watched = mechanism("watt_sixbar").simulate("time=5", method="dop853", progress=lambda *_: None)
+    assert watched.motion.q_end == plain.q_end
+    assert watched.motion.cost == plain.cost
 
 
 class Console:
     """A terminal for errors, as far as a bar asks."""
 
-    def __init__(self, seen):
-        self.seen = seen
+    def __init__(self, is_terminal):
+        self.is_terminal = is_terminal
 
     def isatty(self):
-        return self.seen
+        return self.is_terminal
 
 
 def test_the_command_line_shows_no_bar_in_a_pipe(monkeypatch):
     monkeypatch.setattr(sys, "stderr", Console(False))
-    with terminal.progress_bar("simulating") as told:
-        assert told is None
+    with terminal.progress_bar("simulating") as callback:
+        assert callback is None
     monkeypatch.setattr(sys, "stderr", None)  # closed
-    with terminal.progress_bar("simulating") as told:
-        assert told is None
+    with terminal.progress_bar("simulating") as callback:
+        assert callback is None
     monkeypatch.setattr(sys, "stderr", Console(True))
-    with terminal.progress_bar("simulating") as told:
-        assert told is not None
-        told("dop853", 1.0, 2.0)  # before the bar is there
+    with terminal.progress_bar("simulating") as callback:
+        assert callback is not None
+        callback("dop853", 1.0, 2.0)  # before the bar is there
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to a console, not to a process")
 def test_ctrl_c_on_the_command_line_prints_what_was_done():
-    words = ["simulate", str(GRAPHS / "watt_sixbar.json"), "--until", "time=20"]
-    words += ["--method", "rk4", "--step", "5e-5", "--engine", "scalar"]  # half a minute at least
+    arguments = ["simulate", str(GRAPHS / "watt_sixbar.json"), "--until", "time=20"]
+    arguments += ["--method", "rk4", "--step", "5e-5", "--engine", "scalar"]  # half a minute
     code = f"""
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
@@ -205,7 +206,7 @@ signal.signal(signal.SIGVTALRM, lambda *_: signal.raise_signal(signal.SIGINT))
 import blockmech.cli.simulate, blockmech.cli, blockmech.dynamics.simulation
 from blockmech.cli import main
 signal.setitimer(signal.ITIMER_VIRTUAL, 1.5)  # of processor time: the same on a busy machine
-sys.exit(main({words!r}))
+sys.exit(main({arguments!r}))
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert run.returncode == 130
@@ -215,10 +216,10 @@ sys.exit(main({words!r}))
 
 
 def test_a_path_whose_second_run_is_stopped_is_not_judged():
-    watt, asked = mechanism("watt_sixbar"), {"until": "angle=-3", "method": "energy"}
-    whole = Stopping(10**9)
-    watt.simulate(**asked, progress=whole)
-    last = Stopping(sum(what == "moving" for what, _, _ in whole.told), "moving")
-    motion = watt.simulate(**asked, progress=last).motion
+    watt, request = mechanism("watt_sixbar"), {"until": "angle=-3", "method": "energy"}
+    complete = Stopping(10**9)
+    watt.simulate(**request, progress=complete)
+    last = Stopping(sum(activity == "moving" for activity, _, _ in complete.reports), "moving")
+    motion = watt.simulate(**request, progress=last).motion
     assert motion.end == "interrupted"
     assert motion.error == motion.time_error == np.inf

@@ -108,7 +108,7 @@ def test_a_motion_is_read_where_there_is_no_code(llvm, monkeypatch):
     motion = mech.simulate("time=0.03", want=[], method="energy", engine="llvm").motion
     t = np.linspace(0.0, 0.03, 101)
     by_code = motion.at(t)
-    monkeypatch.setattr(compiled_path.PathCode, "made", staticmethod(lambda: None))
+    monkeypatch.setattr(compiled_path.PathCode, "compiled", staticmethod(lambda: None))
     elsewhere = pickle.loads(pickle.dumps(motion))
     np.testing.assert_allclose(elsewhere.at(t).q, by_code.q, rtol=0, atol=1e-13)
     np.testing.assert_allclose(elsewhere.at(t).qd, by_code.qd, rtol=1e-10, atol=1e-10)
@@ -147,18 +147,18 @@ def test_machine_code_says_what_its_python_says(llvm, K):
     """Both runs over a swing or a turn, and all that is read from their panels."""
     mesh = PathMesh(System(mechanism("watt_sixbar")), 1.0, FINE, RESOLVED)
     sign, goal = (-1, -math.inf) if not K else (1, 1.0 + math.tau)
-    course, shift = mesh.ahead(1.0, sign)
+    course, shift = mesh.course(1.0, sign)
     times, answers = np.linspace(0.0, 2.0, 7), []
-    for code in (PathCode.interpreted(), PathCode.made()):
+    for code in (PathCode.interpreted(), PathCode.compiled()):
         records, counts = np.zeros((99, PANEL, 2, FINE + 2)), np.zeros(2, np.int64)
         runs = np.array([[1.0, K, 0.0, 0.0, 0.0], [1.0 + 4e-16, K, 0.0, 0.0, 1e-14]])
         at, found = np.array([0.0, 0.0, 0.0, 9.0, 0.0, 1e-15, 3e-15]), np.zeros(8)
         numbers = shift, goal, len(course.which), float(sign), RESOLVED
-        pieces = course.blocks, course.which, course.places
+        pieces = course.blocks, course.which, course.bounds
         ended = code.over_pieces(*pieces, *numbers, runs, records, counts)
         assert ended == (1 if K else 2)
         n = int(counts[0])
-        code.beside(records, records, n, 1, at, found)
+        code.compare(records, records, n, 1, at, found)
         more = records.copy()
         code.again(more, n, 0, 1.0)
         code.again(more, n, 1, 1.25)

@@ -59,7 +59,7 @@ def test_it_differs_as_much_as_a_run_of_its_own(name, start, until):
     request = SimulationRequest(start, until, method="energy")
     fine, own = ended(system, request), ended(system, request, COARSE, perturbed=True)
     motion = fine.motion()
-    by = apart(LOOPS, fine.whole, second_run(fine.whole), 0.0, motion.t_end, 0.0)
+    by = apart(LOOPS, fine.all_legs, second_run(fine.all_legs), 0.0, motion.t_end, 0.0)
     usual = difference(own.motion(), motion, system.rotary)
     assert usual.agree
     assert usual.q / 10 <= by.q <= 10 * usual.q
@@ -89,7 +89,7 @@ def test_a_motion_that_hardly_gets_over_the_top_has_nothing_beside_it_that_does(
 def test_late_by_dt_is_ahead_by_the_way_in_dt(begin, end, kind):
     """The same panels later are no other motion, and panels elsewhere are by as much."""
     one = panel(begin, end, kind)
-    same = apart(LOOPS, [one], [one.other.taken_from(3e-9)], 0.5, 0.5 + one.t1, 1e-10)
+    same = apart(LOOPS, [one], [one.second.started_at(3e-9)], 0.5, 0.5 + one.t1, 1e-10)
     t = np.linspace(0.0, one.t1, 2001)
     rates = one.state(t)[1]
     assert same.q == pytest.approx(3e-9 * np.abs(rates).max(), rel=1e-6)
@@ -97,7 +97,7 @@ def test_late_by_dt_is_ahead_by_the_way_in_dt(begin, end, kind):
     assert (same.low, same.high) == pytest.approx((0.7, 2.0))
     unknown = 1e-10 * (0.5 + t) * np.abs(rates)
     assert same.rounding == pytest.approx(float(unknown.max()), rel=1e-3)
-    there = panel(begin + 4e-12, end + 4e-12, kind).other
+    there = panel(begin + 4e-12, end + 4e-12, kind).second
     assert apart(LOOPS, [one], [there], 0.0, one.t1, 0.0).q == pytest.approx(4e-12, rel=1e-3)
 
 
@@ -131,7 +131,7 @@ def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
     system = System(bm.Graph.load(GRAPHS / "watt_sixbar.json").compile())
     fine = ended(system, request)
     motion = fine.motion()
-    by = apart(LOOPS, fine.whole, second_run(fine.whole), 0.0, motion.t_end, 0.0)
+    by = apart(LOOPS, fine.all_legs, second_run(fine.all_legs), 0.0, motion.t_end, 0.0)
     assert abs(motion.q_end - exact.q_end) <= by.q
     assert 1e-12 <= by.q <= 1e-8
 
@@ -140,7 +140,7 @@ def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
 def test_both_samplings_say_the_same_of_a_panel(name, start, until):
     system = System(mechanism(name))
     run = ended(system, SimulationRequest(start, until, method="energy"))
-    for panels in (leg if isinstance(leg, Panels) else leg.panels for leg in run.whole):
+    for panels in (leg if isinstance(leg, Panels) else leg.panels for leg in run.all_legs):
         first, second = panels.records[:, 0], panels.records[:, 1]
         np.testing.assert_allclose(second[:, J], first[:, J], rtol=1e-12)
         size = np.abs(first[:, TAU]).max()

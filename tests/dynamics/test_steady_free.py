@@ -143,7 +143,7 @@ def test_a_damped_pendulum_comes_to_rest_where_it_hangs(c, start):
 def test_a_linkage_without_drive_comes_to_rest():
     motion = move(motored(stall=0.0), Start(0.5, 3.0), "steady")
     assert motion.method == "equilibrium"
-    assert abs(motored(stall=0.0).one(motion.q_end).tau) <= 1e-12
+    assert abs(motored(stall=0.0).scalar_terms(motion.q_end).tau) <= 1e-12
     long = move(motored(stall=0.0), Start(0.5, 3.0), "time=20", accuracy=1e-10)
     away = math.remainder(long.q_end - motion.q_end, TURN)
     # what is left of the swings after so long

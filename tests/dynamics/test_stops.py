@@ -118,7 +118,7 @@ def with_dead_centres(rng):
     while True:
         system, q = reduced(FourBar(*rng.uniform(0.5, 1.5, 4).tolist())), float(rng.uniform(-3, 3))
         around = system.sample(np.linspace(-math.pi, math.pi, 361))
-        if system.one(q, 0.0, 0.0)[3] > 0.05 and not (around.margin > 0).all():
+        if system.scalar_terms(q, 0.0, 0.0)[3] > 0.05 and not (around.margin > 0).all():
             return system, q, float(rng.choice([-1, 1]) * rng.uniform(12, 20))
 
 
@@ -135,7 +135,7 @@ def with_a_wall(rng):
     free = guided(float(rng.uniform(0.5, 3.0)), lambda q: push - q)
 
     def one(q, qd, t):
-        return free.one(q) if q <= place else (math.nan,) * 4
+        return free.scalar_terms(q) if q <= place else (math.nan,) * 4
 
     return free.but(one=one), 0.1, float(rng.uniform(3, 6))
 

@@ -83,12 +83,12 @@ def test_a_slider_held_on_an_incline_is_held_by_its_friction(law, method):
 @pytest.mark.parametrize("law", LAWS)
 def test_a_slider_thrown_up_is_held_where_it_stands(law):
     mechanism = incline(LAWS[law](), q=0.0, rate=2.0)
-    stands = mechanism.simulate("time=1").motion.events[-1]
-    times = [0.0, stands.t / 2, stands.t + 1e-9, 1.0]
+    rest = mechanism.simulate("time=1").motion.events[-1]
+    times = [0.0, rest.t / 2, rest.t + 1e-9, 1.0]
     result = mechanism.simulate("time=1", times=times, want=["s.S.friction", "s.drive"])
-    held, across = 3 * G * math.sin(0.2), 3 * G * math.cos(0.2)
-    assert stands.kind == "rest"
-    assert result["s.S.friction"][2:] == pytest.approx(held, rel=1e-13)
+    weight, across = 3 * G * math.sin(0.2), 3 * G * math.cos(0.2)
+    assert rest.kind == "rest"
+    assert result["s.S.friction"][2:] == pytest.approx(weight, rel=1e-13)
     assert (result["s.S.friction"][:2] <= -0.4 * across * (1 - 1e-12)).all()  # against its way
     assert np.abs(result["s.drive"]).max() < 1e-13
 
@@ -126,12 +126,12 @@ def test_a_pendulum_that_swings_out_has_no_drive_at_any_standstill_nor_at_rest()
     assert events[-1].kind == "rest"
     assert len(times) > 8
     assert np.abs(result["arm.drive"]).max() < 1e-13
-    most = 0.02 * np.abs(np.asarray(result["arm.A.reaction"]))
+    limits = 0.02 * np.abs(np.asarray(result["arm.A.reaction"]))
     rubs = np.abs(result["arm.A.friction"])
-    assert rubs[:-2] == pytest.approx(most[:-2], rel=1e-12)
-    assert (rubs[-2:] < most[-2:]).all()
-    held = G * np.cos(result["arm.q"][-1])
-    assert result["arm.A.friction"][-1] == pytest.approx(held, rel=1e-12)
+    assert rubs[:-2] == pytest.approx(limits[:-2], rel=1e-12)
+    assert (rubs[-2:] < limits[-2:]).all()
+    weight = G * np.cos(result["arm.q"][-1])
+    assert result["arm.A.friction"][-1] == pytest.approx(weight, rel=1e-12)
 
 
 def test_four_bar_held_by_its_pins_shares_what_balance_leaves_open():
@@ -139,11 +139,11 @@ def test_four_bar_held_by_its_pins_shares_what_balance_leaves_open():
     result = mechanism.simulate("time=1", want="*")
     pins = ("crank.A", "d.B", "d.C", "d.D")
     rubs = np.array([result[f"{pin}.friction"][-1] for pin in pins])
-    most = np.array([0.15 * abs(result[f"{pin}.reaction"][-1]) for pin in pins])
+    limits = np.array([0.15 * abs(result[f"{pin}.reaction"][-1]) for pin in pins])
     assert result.motion.end in ("time", "rest")
     assert abs(result["crank.drive"][-1]) < 1e-13
-    assert (np.abs(rubs) <= most).all()
-    shares = np.abs(rubs) / most  # the least that the largest share can be: all need the same
+    assert (np.abs(rubs) <= limits).all()
+    shares = np.abs(rubs) / limits  # the least that the largest share can be: all need the same
     assert shares == pytest.approx(shares[0], rel=1e-8)
     assert 0.01 < shares[0] < 1
     assert mechanism.verify(result).ok
@@ -165,27 +165,27 @@ MACHINES = {
 def test_what_acts_is_the_same_beside_an_independent_driver(machine):
     make, driver, rubs = MACHINES[machine]
     want = [f"{driver}.drive", f"{driver}.acceleration", *rubs]
-    alone, beside = (
+    alone, together = (
         make(b).simulate("time=0.2", times=[0.0], want=want, method="dop853") for b in (False, True)
     )
     for name in want:
         size = max(1.0, float(np.abs(alone[name]).max()))
-        assert beside[name] == pytest.approx(alone[name], abs=1e-13 * size), name
+        assert together[name] == pytest.approx(alone[name], abs=1e-13 * size), name
 
 
 def test_what_sticks_is_part_of_the_motion_of_one_driver():
     slips = incline(LAWS["coulomb"](), q=0.0, rate=2.0).simulate("time=1").motion.slips
-    stands = 2 / (G * (math.sin(0.2) + 0.4 * math.cos(0.2)))
+    stop_time = 2 / (G * (math.sin(0.2) + 0.4 * math.cos(0.2)))
     assert [s.sides for s in slips] == [(1,), (0,)]
-    assert [s.begin for s in slips] == pytest.approx([0.0, stands], rel=1e-12)
+    assert [s.begin for s in slips] == pytest.approx([0.0, stop_time], rel=1e-12)
 
 
 def test_a_pendulum_that_lies_against_a_stop_leaves_its_weight_to_it():
     mechanism = pendulum(q=0.5, low=-0.5)
     want = ["arm.drive", "arm.A.friction", "arm.acceleration"]
     result = mechanism.simulate("time=2", times=[0.0, 0.1, 1.0, 2.0], want=want)
-    held = G * math.cos(0.5)  # by what pushes; the pin need not hold, and takes no part
-    assert result["arm.drive"] == pytest.approx([0, 0, held, held], abs=1e-14, rel=1e-12)
+    weight = G * math.cos(0.5)  # by what pushes; the pin need not hold, and takes no part
+    assert result["arm.drive"] == pytest.approx([0, 0, weight, weight], abs=1e-14, rel=1e-12)
     assert result["arm.A.friction"][2:] == pytest.approx([0, 0], abs=1e-14)
     assert (result["arm.acceleration"][2:] == 0).all()
 
@@ -226,8 +226,8 @@ def test_a_stepper_shows_what_acts_in_the_motion(machine, start, roles):
     step = 0.01
     env = mechanism.stepper(want, copies=2, start=start, **roles)
     moved = mechanism.simulate(f"time={step}", times=[0.0, step], start=start, want=want, **roles)
-    for at, shown in enumerate((env.observe(), env.step(step))):
-        for name, values in shown.items():
+    for at, outputs in enumerate((env.observe(), env.step(step))):
+        for name, values in outputs.items():
             assert np.abs(values - moved[name].T[at]).max() <= 1e-8, name
             if name.endswith("drive") and not roles:
                 assert np.abs(values).max() <= 1e-12, name
@@ -236,6 +236,6 @@ def test_a_stepper_shows_what_acts_in_the_motion(machine, start, roles):
 @pytest.mark.parametrize("rate", [0.0, 1.0])
 def test_of_a_copy_without_a_pose_a_stepper_knows_nothing(rate):
     env = fourbar(coupler=1.5).stepper(["crank.acceleration", "crank.drive"], copies=2)
-    seen = env.reset(copies=1, start={"crank": (math.pi, rate)})
-    assert [bool(np.isnan(x[1])) for x in seen.values()] == [True, True]
-    assert [bool(np.isfinite(x[0])) for x in seen.values()] == [True, True]
+    outputs = env.reset(copies=1, start={"crank": (math.pi, rate)})
+    assert [bool(np.isnan(x[1])) for x in outputs.values()] == [True, True]
+    assert [bool(np.isfinite(x[0])) for x in outputs.values()] == [True, True]

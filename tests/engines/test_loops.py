@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853
 
-from blockmech.dynamics.equation import kept_rates
+from blockmech.dynamics.equation import cached_rates
 from blockmech.dynamics.system import System
 from blockmech.engines import dense, loops, radau, stages
 from blockmech.engines.assembly import Text, piece
@@ -240,7 +240,7 @@ def test_a_finer_run_takes_half_the_steps_of_a_coarser_one():
 @pytest.mark.parametrize(("lanes", "weight"), [(1, stages.THIRD), (2, stages.THIRD), (2, 0.0)])
 def test_steps_are_those_of_python(name, lanes, weight):
     """The loop of the integrator, with the rates by machine code in both."""
-    rates = kept_rates(System(mechanism(name), engine="llvm"))
+    rates = cached_rates(System(mechanism(name), engine="llvm"))
     n, by, width, most = rates.dimension, stages.scheme(), len(rates.rows), 12
     sizes = stages.Sizes(n, width, width - rates.watched, by.C.size, by.E.shape[1], lanes)
     fill, over = rates._code(lanes, stages.steps)
@@ -291,7 +291,7 @@ def in_python(steps, of, fill, rates):
 @pytest.mark.parametrize("name", ["watt_sixbar", "control/speed_controlled_fourbar"])
 def test_stiff_steps_are_those_of_python(name):
     """The same of Radau's method: with matrices, iterations and steps that are tried again."""
-    rates = kept_rates(System(mechanism(name), engine="llvm"), radau.radau)
+    rates = cached_rates(System(mechanism(name), engine="llvm"), radau.radau)
     n, by, most = rates.dimension, rates.method, 12
     of, state = rates.sizes(1), np.zeros((rates.inputs, 1))
     x = addresses_of(state[:, 0])

@@ -51,7 +51,7 @@ class _Leading:
             T = chart.tangent(q)
             if (
                 not chart.better(T)
-                or (on := chart.left(q, (), partial(_at_rest, chart, q))) is None
+                or (on := chart.successor(q, (), partial(_at_rest, chart, q))) is None
             ):
                 continue
             made, starts = on

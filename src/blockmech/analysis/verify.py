@@ -207,7 +207,8 @@ def _of_result(
     if result.mechanism is not mechanism:
         raise refused("at", f"it is a result of another mechanism, {result.mechanism.name}")
     if isinstance(result, ChartedResult):
-        return _together([_of_result(leg.own, leg.result, engine, chunk) for leg in result.parts])
+        legs = (_of_result(x.mechanism, x.result, engine, chunk) for x in result.parts)
+        return _together([*legs])
     motion = result.motion
     blocks = mechanism._of_blocks
     how = {"friction": result.settings["friction"]}

@@ -73,16 +73,16 @@ class Cycle:
     """Going round through charts: whether more of the kind follow for ever, by one place on it.
 
     target : [rad or m] of the error
-    places : [rad or m] of the user's driver that are the goal
+    goals : [rad or m] of the user's driver
     conserves : whether loads are of places alone
     """
 
     target: float
-    places: Sequence[float]
+    goals: Sequence[float]
     conserves: bool
     first: Leg | None = None  # that goes through the place
     passes: int = 0  # since one was looked at
-    way: float = 0.0  # [rad or m] of the joints that lead
+    travel: float = 0.0  # [rad or m] of the joints that lead
     stood: bool = False
     unsure: float = 0.0  # of the energy, since a passage was looked at
 
@@ -90,14 +90,14 @@ class Cycle:
         """The motion of a leg up to the place, if it is sure that more of the kind follow."""
         motion, times = leg.motion, leg.motion.times(LOOKS)
         q = motion.at(times).q
-        self.way += abs(float(q[-1] - q[0]))
+        self.travel += abs(float(q[-1] - q[0]))
         self.unsure += motion.facts.get("energy_balance", 0.0)
         self.stood |= any(event.kind == ends.STANDSTILL for event in motion.events)
         if self.first is None and later and not leg.chart.is_general:
             t = float(times[LOOKS // 2])
             self.first, (self.q, rate) = leg, motion.at(t)
             self.sense, self.user = np.sign(rate), leg.state(np.array([t])).q[0]
-            self.turns = TurnsInTime(self.way, t, float(rate) ** 2)
+            self.turns = TurnsInTime(self.travel, t, float(rate) ** 2)
         elif self.first is not None and leg.chart is self.first.chart:
             return self._passed(leg)
         return None
@@ -113,8 +113,8 @@ class Cycle:
         off = beyond(times)
         passed = np.flatnonzero((off[:-1] <= 0) & (off[1:] > 0) & (np.diff(off) < 1.0))
         self.passes += passed.size > 0
-        stands = self.stood and not self.places  # a count of standstills is reached
-        if stands or not passed.size or self.passes < self.turns.many:
+        ends_by_count = self.stood and not self.goals  # a count of standstills is reached
+        if ends_by_count or not passed.size or self.passes < self.turns.many:
             return None
         from scipy.optimize import brentq
 
@@ -123,11 +123,11 @@ class Cycle:
         rate, turns, before = float(motion.at(t).qd), self.turns, self.turns.t
         steady = abs(rate**2 - turns.square) <= 2 * self.unsure * rate**2
         alike = self.conserves and (self.stood or (turns.many == 1 and steady))
-        over, self.unsure = turns.turned(t, self.way, rate, self.target), 0.0
+        over, self.unsure = turns.turned(t, self.travel, rate, self.target), 0.0
         if alike:  # it goes to and fro, or what changes is less than what errors of a way round do
             over = RunEnd("never reached: rotation", facts={"period": t - before})
         moved, self.user = user - self.user, user
-        if over is None or any(abs(moved) > 1.0 and moved * (x - user) > 0 for x in self.places):
+        if over is None or any(abs(moved) > 1.0 and moved * (x - user) > 0 for x in self.goals):
             return None
         end = over.end.replace("rotation", "libration") if self.stood else over.end
         facts = {x: value for x, value in motion.facts.items() if not x.endswith("_time")}
@@ -170,18 +170,19 @@ class Atlas:
         It ``halves`` the steps of the walk before.
         """
         before, self.runs, self.rounded = self.runs if halves else [], [], 0 if halves else ROUNDED
-        known = max(tolerance, self.target), self.request.places, self.conserves
-        legs, cycle = list[Leg](), Cycle(*known) if self.repeats else None
+        cycle_options = max(tolerance, self.target), self.request.goals, self.conserves
+        legs, cycle = list[Leg](), Cycle(*cycle_options) if self.repeats else None
         chart, request, users = self.home, self.request, np.atleast_1d(self.request.start.q)
         while True:
             events = [e for leg in legs for e in leg.motion.events]
-            request = replace(request, until=self.request.left(request.start.t, events))
+            request = replace(request, until=self.request.remaining_goal(request.start.t, events))
             if planned := len(legs) < len(self.entries):
                 wait = self.entries[len(legs)].t - request.start.t
                 request = replace(request, until=Until("time", wait))
             counted = chart.counted(request.start.q, users)
-            asked = self._asked(chart, request, counted)
-            run = self._run(chart, asked, tolerance, before[len(legs) : len(legs) + 1], planned)
+            chart_request = self._chart_request(chart, request, counted)
+            same = before[len(legs) : len(legs) + 1]
+            run = self._run(chart, chart_request, tolerance, same, planned)
             leg = Leg(chart, run.motion(), counted)
             self.runs.append(run)
             if cycle is not None and (over := cycle.closed(leg, bool(legs))) is not None:
@@ -207,19 +208,21 @@ class Atlas:
         """[rad or m] of the error."""
         return self.request.accuracy or TARGET
 
-    def _asked(
+    def _chart_request(
         self, chart: Chart, request: SimulationRequest, counted: Counted | None
     ) -> SimulationRequest:
         """A request in the words of a chart: its roles, events and places of the goal."""
         if request.roles is not None:
             request = replace(request, roles=request.roles.among(chart.drivers))
         until, watch = request.until, request.watch
-        if chart is not self.home and (places := request.places):
-            places = self.request.places
+        if chart is not self.home and (goals := request.goals):
+            goals = self.request.goals
             until = Until("event")
-            watch += tuple(Watch(request.until.goal, partial(_beyond, x)) for x in places)
+            watch += tuple(Watch(request.until.goal, partial(_beyond, x)) for x in goals)
         if counted is not None:
-            watch = tuple(replace(w, surface=partial(_seen, counted, w.surface)) for w in watch)
+            watch = tuple(
+                replace(w, surface=partial(_user_surface, counted, w.surface)) for w in watch
+            )
         return replace(request, until=until, watch=watch)
 
     def _run(
@@ -244,9 +247,9 @@ class Atlas:
             starts = dict(zip(chart.mechanism.drivers, pairs, strict=True))
             system, request = self.prepare(chart, request, starts)
             self.systems.append(system)
-        how = self.method, tolerance, self.method, self.target, before[0] if before else None
-        run = TimeIntegration(system, request, *how, leaves=leaves)
-        run.equation.most -= sum(other.equation.spent for other in self.runs)
+        settings = self.method, tolerance, self.method, self.target, before[0] if before else None
+        run = TimeIntegration(system, request, *settings, leaves=leaves)
+        run.equation.limit -= sum(earlier.equation.spent for earlier in self.runs)
         return run
 
     def successor(self, leg: Leg, later: bool) -> Entry | None:
@@ -264,26 +267,30 @@ class Atlas:
         if not worse or (later and worse[-1][0] == motion.t_start):
             return None
         t, x, _ = worse[-1]
-        on = chart.left(x, self.fixed, partial(self._states, replace(leg, motion=until(motion, t))))
+        on = chart.successor(
+            x, self.fixed, partial(self._states, replace(leg, motion=until(motion, t)))
+        )
         return None if on is None else Entry(t, *on)
 
-    def _states(self, leg: Leg, joints: Sequence[str], near: Pairs = NO_PAIRS) -> Pairs:
-        """Joint -> coordinate and rate where a leg ends; ``near`` tells the turns of angles."""
+    def _states(self, leg: Leg, joints: Sequence[str], references: Pairs = NO_PAIRS) -> Pairs:
+        """Joint -> coordinate and rate where a leg ends; turns of angles as of ``references``."""
         chart, end = leg.chart, leg.motion
         q, qd = np.atleast_1d(end.q_end), np.atleast_1d(end.qd_end)
         users = np.atleast_1d(leg.state(np.array([end.t_end])).q[0])
-        turns = {joint: x for joint, (x, _) in near.items()}
+        turns = {joint: x for joint, (x, _) in references.items()}
         turns |= dict(zip(chart.users, users.tolist(), strict=True))
         weakest = chart.singular_values(chart.poses(q), chart.joints)[-1]
-        off = self.rounded * EPS / weakest
+        offset = self.rounded * EPS / weakest
         leads = dict(zip(chart.joints, zip(q.tolist(), qd.tolist(), strict=True), strict=True))
         at, states = chart.states(q, qd), dict[str, tuple[float, float]]()
         for joint in joints:
             x, rate = at[joint]
             if joint in turns and chart.layout.pairs[joint].kind == "R":
                 x += math.tau * round((turns[joint] - x) / math.tau)
-            place, _ = on = leads.get(joint, (math.inf, 0.0))
-            states[joint] = on if abs(place - x) < SAME else (x + off, rate * (1.0 + off))
+            coordinate, _ = on = leads.get(joint, (math.inf, 0.0))
+            states[joint] = (
+                on if abs(coordinate - x) < SAME else (x + offset, rate * (1.0 + offset))
+            )
         return states
 
     def _joined(self, legs: Sequence[Leg]) -> Motion:
@@ -322,17 +329,19 @@ class Atlas:
             notes=tuple(dict.fromkeys(note for m in motions for note in m.notes)),
             facts=facts,
             legs=tuple(moving),
-            charts=tuple((leg.motion.t_start, self.home.said(leg.chart.joints)) for leg in moving),
+            charts=tuple(
+                (leg.motion.t_start, self.home.output_names(leg.chart.joints)) for leg in moving
+            ),
             cost=Cost(*map(sum, zip(*(system.cost for system in self.systems), strict=True))),
         )
 
 
-def _beyond(place: float, t: float, q: Any, qd: Any) -> Any:
+def _beyond(goal: float, t: float, q: Any, qd: Any) -> Any:
     """How far the only driver of the user is beyond a place [rad or m]."""
-    return q - place
+    return q - goal
 
 
-def _seen(counted: Counted, surface: Surface, t: float, q: Any, qd: Any) -> float:
+def _user_surface(counted: Counted, surface: Surface, t: float, q: Any, qd: Any) -> float:
     """The surface of an event, which is told in the user's coordinates."""
     return surface(t, *counted.state(q, qd))
 
@@ -367,8 +376,8 @@ def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) 
 def _stops_of_pairs(home: Chart, stops: Pairs) -> dict[str, Stops]:
     """Stops that a call gives, all by the names of pairs in the document."""
     names = {driver: f"joint.{joint}.{COORDINATE}" for joint, driver in home.users.items()}
-    own = home.names.of_joints.items() if home.mechanism.names is None else ()
-    names |= {f"{ref}.{COORDINATE}": f"{joint}.{COORDINATE}" for ref, joint in own}
+    block_pairs = home.names.of_joints.items() if home.mechanism.names is None else ()
+    names |= {f"{ref}.{COORDINATE}": f"{joint}.{COORDINATE}" for ref, joint in block_pairs}
     sides = {x: zip(("from", "to"), between, strict=True) for x, between in stops.items()}
     finite = {x: {side: q for side, q in both if math.isfinite(q)} for x, both in sides.items()}
     return {names.get(x, x): Stops.model_validate(ends) for x, ends in finite.items() if ends}
@@ -378,16 +387,16 @@ def _followed(
     home: Chart, motion: Motion, request: SimulationRequest, prepare: Prepare, move: Move
 ) -> Motion:
     """A motion that ended at a change point, where no joints lead: its dyads then follow it."""
-    if len(home.joints) > 1 or (made := home.following(motion, request.start)) is None:
+    if len(home.joints) > 1 or (following := home.following(motion, request.start)) is None:
         return motion
     through = move(
-        *prepare(made.mechanism, request, {made.mechanism.drivers[0]: request.start[:2]})
+        *prepare(following.mechanism, request, {following.mechanism.drivers[0]: request.start[:2]})
     )
     if not through.t_end > motion.t_end:
         return motion
-    leads = (request.start.t, home.said(home.joints))
+    leads = (request.start.t, home.output_names(home.joints))
     return through.but(
-        legs=(Leg(made, through, None),), charts=(leads,), notes=(*through.notes, FOLLOW)
+        legs=(Leg(following, through, None),), charts=(leads,), notes=(*through.notes, FOLLOW)
     )
 
 
@@ -422,13 +431,13 @@ def beyond_dead_centres(
     named |= {d for watch in request.watch for d in watch.then}
     loads = {getattr(load, "driver", None) for load in linkage.loads.values()}
     fixed = tuple(j for j, d in home.users.items() if d in named or linkage.driven[j] in loads)
-    asked = replace(request, why=WHY)
+    chart_request = replace(request, why=WHY)
 
-    def prepared(chart: Chart, *more: Any) -> tuple[System, SimulationRequest]:
-        return prepare(chart.mechanism, *more, stops if chart.mechanism is mechanism else None)
+    def prepared(chart: Chart, *arguments: Any) -> tuple[System, SimulationRequest]:
+        return prepare(chart.mechanism, *arguments, stops if chart.mechanism is mechanism else None)
 
     of = repeats(system, request), system.depends_on <= {"q"} and system.friction is None
-    atlas = Atlas(home, asked, prepared, fixed, method, *of)
+    atlas = Atlas(home, chart_request, prepared, fixed, method, *of)
     if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
         return _followed(home, motion, request, partial(prepare, stops=stops), move)
     atlas.entries.append(entry)

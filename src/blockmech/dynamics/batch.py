@@ -20,7 +20,7 @@ import numpy as np
 
 from blockmech.dynamics.batch_motions import GOAL, REST, TIME, Bools, Motions, Track
 from blockmech.dynamics.contacts import SETTLED
-from blockmech.dynamics.equation import kept_rates
+from blockmech.dynamics.equation import cached_rates
 from blockmech.dynamics.estimate import (
     CORNERED,
     FINER,
@@ -54,7 +54,7 @@ MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`
 SEVERAL, NOTHING, STANDS, ARRIVES = range(-1, 3)
 
 
-def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
+def choose_rates(system: System, request: SimulationRequest) -> CompiledRhs | None:
     """The right-hand side that all designs share; None where motions go one by one."""
     structure, goal = system.compiled.structure, request.until.goal
     if request.method not in ("auto", "dop853", "energy") or system.engine == "scalar":
@@ -71,7 +71,7 @@ def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
     laws = [law for b in structure.blocks.values() for law in b.friction.values()]
     if friction and any(law.acts and law.kernel_at_rest() is not None for law in laws):
         return None
-    return kept_rates(system)
+    return cached_rates(system)
 
 
 def moved(
@@ -91,9 +91,9 @@ def moved(
         run = _Run(system, request, rates, slots, following, coarse.track, ~open_)
         fine = _judged(system, request, coarse, run.motions(), open_, run.spent)
         best = fine if best is None else best.merged(fine, open_)
-        done = (best.error <= target) | best.alone | (following <= FLOOR)
+        finished = (best.error <= target) | best.alone | (following <= FLOOR)
         coarse, tolerance = fine, following
-        open_ = open_ & ~done
+        open_ = open_ & ~finished
     if best is None:
         return coarse
     if request.accuracy is not None:
@@ -114,12 +114,17 @@ def _judged(
     spent : (m,) states that the finer ones asked for
     """
     remainder = SMOOTH if system.smooth else CORNERED
-    same = (coarse.end == fine.end) & (coarse.stands == fine.stands) & ~coarse.alone & ~fine.alone
+    same = (
+        (coarse.end == fine.end)
+        & (coarse.standstills == fine.standstills)
+        & ~coarse.alone
+        & ~fine.alone
+    )
     same &= np.isnan(coarse.rest) == np.isnan(fine.rest)
     last, t0 = np.minimum(coarse.t, fine.t), request.start.t
     share = (spread(0.0, 1.0)[None, :]) * (last - t0)[:, None] + t0
-    wanted = np.array([t for t in request.times if t0 <= t], dtype=float)
-    times = np.sort(np.hstack([share, np.minimum(wanted[None, :], last[:, None])]), axis=1)
+    requested = np.array([t for t in request.times if t0 <= t], dtype=float)
+    times = np.sort(np.hstack([share, np.minimum(requested[None, :], last[:, None])]), axis=1)
     times = np.where(same[:, None], times, t0)
     with np.errstate(invalid="ignore"):
         states = fine.track.state(times)
@@ -129,7 +134,7 @@ def _judged(
         unknown = _rounding(system, request, times, states, spent)
         clock = np.where(fine.end == TIME, 0.0, remainder * apart.t + unknown[1])
     alone = fine.alone | (judged & ~apart.agree)
-    error = apart.left(remainder) + unknown[0]
+    error = apart.error_of_finer(remainder) + unknown[0]
     return fine._replace(alone=alone, error=error, time_error=clock)
 
 
@@ -163,7 +168,7 @@ class _Run:
         slots: Floats,
         tolerance: Floats,
         coarser: Track | None = None,
-        left_out: Bools | None = None,
+        excluded: Bools | None = None,
     ) -> None:
         m, n = len(slots), rates.dimension
         self.system, self.request, self.rates, self.slots = system, request, rates, slots
@@ -171,9 +176,9 @@ class _Run:
         self.t, self.y = np.full(m, float(t)), np.zeros((m, n))
         self.y[:, 0], self.y[:, 1] = q, rate
         self.plan, self.m, self.n = Track.of((), m) if coarser is None else coarser, m, n
-        self.alone = np.zeros(m, bool) if left_out is None else left_out.copy()
+        self.alone = np.zeros(m, bool) if excluded is None else excluded.copy()
         self.over, self.end = np.zeros(m, bool), np.full(m, TIME)
-        self.rest, self.stands = np.full(m, np.nan), np.zeros(m, np.int64)
+        self.rest, self.standstills = np.full(m, np.nan), np.zeros(m, np.int64)
         self.spent, self.pieces = np.zeros(m), list[tuple[Any, ...]]()
         pairs = rates.inputs - n - 4
         self.rubs = pairs > 0
@@ -224,17 +229,17 @@ class _Run:
         rows: Floats = self._fleet(which, y, np.zeros((len(which), 6)), every, 0).K[:, 0]
         return rows
 
-    def _fleet(self, which: Any, y: Floats, control: Floats, tolerances: Floats, most: int) -> Any:
+    def _fleet(self, which: Any, y: Floats, control: Floats, tolerances: Floats, count: int) -> Any:
         """What machine code makes of states (s, n) of some designs: so many steps at most."""
-        given, states = self.given[which], (self.t[which], y)
-        slots, plan = self.slots[which], self.plan.plan(which, self.t[which], most + 1)
-        return self.rates.fleet(slots, given, states, control, tolerances, most, *plan)
+        numbers, states = self.given[which], (self.t[which], y)
+        slots, plan = self.slots[which], self.plan.plan(which, self.t[which], count + 1)
+        return self.rates.fleet(slots, numbers, states, control, tolerances, count, *plan)
 
-    def _slip(self, which: Any, way: Floats) -> Floats:
+    def _slip(self, which: Any, sense: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
         row = self._rows(which, self.y[which, 0], 0.0)
         slips = row[:, -self.rates.watched + SLIPS : -1]
-        self.given[which, 3:] = way[:, None] * np.sign(slips)
+        self.given[which, 3:] = sense[:, None] * np.sign(slips)
         self.alone[which] |= ~(np.abs(slips) > math.sqrt(EPS)).all(axis=1)
         return self._rows(which, self.y[which, 0], 0.0)
 
@@ -248,14 +253,14 @@ class _Run:
             self.alone[which] |= ~(np.abs(row[:, 1]) * row[:, self.n + 1] > push)
             return
         back = self._slip(which, np.full(len(which), -1.0))[:, 1]
-        ahead = self._slip(which, np.full(len(which), 1.0))[:, 1]
-        least = SETTLED * (np.abs(back) + np.abs(ahead))
-        unsure = ~((np.abs(back) > least) & (np.abs(ahead) > least))
-        self.alone[which] |= unsure | ((ahead > 0) & (back < 0))
+        forward = self._slip(which, np.full(len(which), 1.0))[:, 1]
+        threshold = SETTLED * (np.abs(back) + np.abs(forward))
+        unsure = ~((np.abs(back) > threshold) & (np.abs(forward) > threshold))
+        self.alone[which] |= unsure | ((forward > 0) & (back < 0))
         starts_back = which[back < 0]
         if len(starts_back):
             self._slip(starts_back, np.full(len(starts_back), -1.0))
-        self._stay(which[(ahead <= 0) & (back >= 0) & ~self.alone[which]])
+        self._stay(which[(forward <= 0) & (back >= 0) & ~self.alone[which]])
 
     def _stay(self, which: Any) -> None:
         """Designs that friction holds from now on."""
@@ -276,67 +281,75 @@ class _Run:
         while len(which := np.flatnonzero(~self.over & ~self.alone)):
             self._round(which)
         track = Track.of(self.pieces, self.m)
-        taken = self.y[:, 3] if self.rubs else np.zeros(self.m)
+        friction_work = self.y[:, 3] if self.rubs else np.zeros(self.m)
         nothing = np.zeros(self.m)
-        state = self.end, self.t, self.y[:, 0], self.y[:, 1], self.rest, self.stands, taken
+        state = (
+            self.end,
+            self.t,
+            self.y[:, 0],
+            self.y[:, 1],
+            self.rest,
+            self.standstills,
+            friction_work,
+        )
         return Motions(self.alone, *state, nothing, nothing, track)
 
-    def _steps(self, which: Any, bound: Floats, h: Floats, most: int) -> Any:
+    def _steps(self, which: Any, bound: Floats, h: Floats, count: int) -> Any:
         """Steps of designs from where they are."""
         q, control = self.y[which, 0], np.zeros((len(which), 6))
         control[:, TRY], control[:, BOUND] = h, bound
         control[:, LOW], control[:, HIGH] = -math.inf, math.inf
         control[:, WEIGHT] = THIRD if self.system.smooth else 0.0
-        for x in self.request.places:
+        for x in self.request.goals:
             control[:, LOW] = np.where(x < q, np.maximum(control[:, LOW], x), control[:, LOW])
             control[:, HIGH] = np.where(x > q, np.minimum(control[:, HIGH], x), control[:, HIGH])
-        return self._fleet(which, self.y[which], control, self.tolerances[which], most)
+        return self._fleet(which, self.y[which], control, self.tolerances[which], count)
 
     def _round(self, which: Any) -> None:
         """Some steps of designs, and what happens in the last of them."""
         bound = np.full(len(which), min(self.request.start.t + self.request.span, 1 / EPS))
-        taken_steps = self._steps(which, bound, self.h[which], TOGETHER)
-        self.spent[which] += taken_steps.tried * len(scheme().C)
-        last = np.maximum(taken_steps.made - 1, 0)
+        steps = self._steps(which, bound, self.h[which], TOGETHER)
+        self.spent[which] += steps.tried * len(scheme().C)
+        last = np.maximum(steps.made - 1, 0)
         row = np.arange(len(which))
-        alone = (taken_steps.made == 0) | (self.spent[which] > EVALUATIONS)
-        series = _series(taken_steps)
-        K, y0, y1 = taken_steps.K, taken_steps.y[row, last], taken_steps.y[row, last + 1]
+        alone = (steps.made == 0) | (self.spent[which] > EVALUATIONS)
+        series = _series(steps)
+        K, y0, y1 = steps.K, steps.y[row, last], steps.y[row, last + 1]
         watched = K[:, :, -self.rates.watched :]
-        in_doubt = taken_steps.doubtful & ~alone
+        in_doubt = steps.doubtful & ~alone
         close = _may_dip(watched[..., MARGIN] + LEAST_MARGIN) | _may_dip(K[:, :, self.n + 1])
         slips = watched[..., SLIPS:-1]
         turns = (slips * slips[:, -1:] <= 0).any(axis=(1, 2)) if slips.shape[2] else False
         alone |= in_doubt & (close | turns)
         share, kind = np.ones(len(which)), np.zeros(len(which), np.int64)
         for d in np.flatnonzero(in_doubt & ~alone).tolist():
-            step = np.ascontiguousarray(taken_steps.series[d, last[d], :, :2])
+            step = np.ascontiguousarray(steps.series[d, last[d], :, :2])
             share[d], kind[d] = self._event(step, y0[d], y1[d])
         alone |= kind == SEVERAL
-        alone |= ~np.isfinite(taken_steps.y[row, taken_steps.made]).all(axis=1)
+        alone |= ~np.isfinite(steps.y[row, steps.made]).all(axis=1)
         self.alone[which] |= alone
-        stands = (kind == STANDS) & ~alone
-        self.stands[which] += stands
+        at_rest = (kind == STANDS) & ~alone
+        self.standstills[which] += at_rest
         ends_step = self.rubs or self.request.standstills < math.inf
-        hit = (stands & ends_step) | ((kind >= ARRIVES) & ~alone)
-        keep = np.where(hit, last, taken_steps.made)
+        hit = (at_rest & ends_step) | ((kind >= ARRIVES) & ~alone)
+        keep = np.where(hit, last, steps.made)
         keep[alone] = 0
-        self._keep(which, taken_steps, series, keep)
-        self.h[which] = taken_steps.h
-        h = taken_steps.t[row, last + 1] - taken_steps.t[row, last]
+        self._keep(which, steps, series, keep)
+        self.h[which] = steps.h
+        h = steps.t[row, last + 1] - steps.t[row, last]
         self._met(which[hit], share[hit], h[hit], kind[hit])
         span = self.request.start.t + self.request.span
-        ended = ~self.over[which] & (self.t[which] >= span * (1 - 2 * EPS))
-        self.over[which[ended]], self.end[which[ended]] = True, TIME
+        finished = ~self.over[which] & (self.t[which] >= span * (1 - 2 * EPS))
+        self.over[which[finished]], self.end[which[finished]] = True, TIME
 
     def _event(self, series: Floats, y0: Floats, y1: Floats) -> tuple[float, int]:
         """The share of a step (8, 2) from y0 to y1 at which something happens, and what."""
         step = Dense(np.zeros(1), np.ones(1), series[None])
         rate = y0[1] or float(step(1 / PARTS)[1])  # from a standstill on
         hits = [(x, STANDS) for x in step.crossings(1, 0.0, (rate, y1[1]), 0, PARTS)]
-        for i, place in enumerate(self.request.places):
-            off = y0[0] - place, y1[0] - place
-            hits += [(x, ARRIVES + i) for x in step.crossings(0, place, off, 0, PARTS)]
+        for i, goal in enumerate(self.request.goals):
+            off = y0[0] - goal, y1[0] - goal
+            hits += [(x, ARRIVES + i) for x in step.crossings(0, goal, off, 0, PARTS)]
         return hits[0] if len(hits) == 1 else (1.0, SEVERAL if hits else NOTHING)
 
     def _keep(self, which: Any, steps: Any, series: Floats, count: Any) -> None:
@@ -352,30 +365,30 @@ class _Run:
         """Go on to what happens in a step: with steps that end there, and by Newton's rule."""
         if not len(which):
             return
-        to, stands = share * h, kind == STANDS
+        to, at_rest = share * h, kind == STANDS
         bound = self.t[which] + to
         steps = self._steps(which, bound, to, TOGETHER // 4)
-        row, made = np.arange(len(which)), steps.made
-        reached = (made > 0) & (steps.t[row, made] >= bound)
+        row, counts = np.arange(len(which)), steps.made
+        reached = (counts > 0) & (steps.t[row, counts] >= bound)
         self.alone[which] |= ~reached
         series = _series(steps)
-        self._keep(which, steps, series, np.where(reached, made, 0))
+        self._keep(which, steps, series, np.where(reached, counts, 0))
         slope = self._rows(which, self.y[which, 0], self.y[which, 1])[:, : self.n]
-        goal = np.append(self.request.places, 0.0)[kind - ARRIVES]
-        value = np.where(stands, self.y[which, 1], self.y[which, 0] - goal)
-        rise = np.where(stands, slope[:, 1], slope[:, 0])
+        goal = np.append(self.request.goals, 0.0)[kind - ARRIVES]
+        value = np.where(at_rest, self.y[which, 1], self.y[which, 0] - goal)
+        rise = np.where(at_rest, slope[:, 1], slope[:, 0])
         with np.errstate(all="ignore"):
             late = -value / rise
-        known = np.abs(late) <= to / 8
-        self.alone[which] |= ~known
-        late = np.where(known, late, 0.0)
+        is_regular = np.abs(late) <= to / 8
+        self.alone[which] |= ~is_regular
+        late = np.where(is_regular, late, 0.0)
         self.t[which] += late
         self.y[which] += late[:, None] * slope
-        stood = which[stands & ~self.alone[which]]
+        stood = which[at_rest & ~self.alone[which]]
         self.y[stood, 1] = 0.0
-        met = ~stands | (self.stands[which] >= self.request.standstills)
-        ended = which[met & ~self.alone[which]]
-        self.over[ended], self.end[ended] = True, GOAL
+        met = ~at_rest | (self.standstills[which] >= self.request.standstills)
+        finished = which[met & ~self.alone[which]]
+        self.over[finished], self.end[finished] = True, GOAL
         self._leave(stood[~self.over[stood]])
 
 
@@ -390,7 +403,7 @@ def _may_dip(x: Floats) -> Bools:
     They cannot where they change by less than the least of them from there to its neighbours.
     """
     x = x[:, np.argsort(scheme().C, kind="stable")]
-    least, row = x.argmin(axis=1), np.arange(len(x))
-    beside = np.maximum(x[row, np.maximum(least - 1, 0)], x[row, (least + 1) % x.shape[1]])
-    beside = np.where(least == x.shape[1] - 1, x[row, least - 1], beside)
-    return np.asarray(~((x[row, least] > 0) & (beside < 2 * x[row, least])))
+    lowest, row = x.argmin(axis=1), np.arange(len(x))
+    neighbours = np.maximum(x[row, np.maximum(lowest - 1, 0)], x[row, (lowest + 1) % x.shape[1]])
+    neighbours = np.where(lowest == x.shape[1] - 1, x[row, lowest - 1], neighbours)
+    return np.asarray(~((x[row, lowest] > 0) & (neighbours < 2 * x[row, lowest])))

@@ -22,8 +22,8 @@ class Motions(NamedTuple):
     alone : whether a design is to be moved by itself; the other columns then say nothing
     end : `TIME`, `GOAL` or `REST`
     rest : [s] when friction stopped it for good, NaN where it did not
-    stands : number of standstills
-    taken : [J] work of joint friction
+    standstills : number of standstills
+    friction_work : [J] work of joint friction
     error, time_error : [rad or m], [s], as those of a `Motion`
     track : states at any times
     """
@@ -34,16 +34,16 @@ class Motions(NamedTuple):
     q: Floats
     rate: Floats
     rest: Floats
-    stands: NDArray[np.int64]
-    taken: Floats
+    standstills: NDArray[np.int64]
+    friction_work: Floats
     error: Floats
     time_error: Floats
     track: Track
 
-    def merged(self, other: Motions, where: Bools) -> Motions:
+    def merged(self, second: Motions, where: Bools) -> Motions:
         """These, and another's where it says so."""
-        rows = zip(self[:-1], other[:-1], strict=True)
-        pieces = self.track.some(~where), other.track.some(where)
+        rows = zip(self[:-1], second[:-1], strict=True)
+        pieces = self.track.some(~where), second.track.some(where)
         track = Track.of(pieces, self.track.m)
         return Motions._make([*(np.where(where, b, a) for a, b in rows), track])
 
@@ -74,8 +74,8 @@ class Track:
 
     def some(self, which: Bools) -> tuple[Any, ...]:
         """The piece of some designs."""
-        kept = which[self.design]
-        return self.design[kept], self.t0[kept], self.t1[kept], self.series[:, kept]
+        mask = which[self.design]
+        return self.design[mask], self.t0[mask], self.t1[mask], self.series[:, mask]
 
     def state(self, t: Floats, of: NDArray[np.intp] | None = None) -> Floats:
         """Coordinates and rates (m, p, 2) of designs, by default all, at times (m, p) [s]."""
@@ -84,33 +84,33 @@ class Track:
             return states
         some = np.bincount(self.design, minlength=self.m) > 0
         of = np.arange(self.m) if of is None else of
-        known = np.flatnonzero(some[of])
-        rows, wanted = of[known], t[known]
-        i = self._steps_at(rows[:, None], wanted)
-        x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
+        indices = np.flatnonzero(some[of])
+        rows, requested = of[indices], t[indices]
+        i = self._steps_at(rows[:, None], requested)
+        x = (requested - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
         values = np.asarray(value(self.series[:, i.ravel()], 1, x.ravel()[:, None]))
-        states[known] = values.reshape(*wanted.shape, 2)
+        states[indices] = values.reshape(*requested.shape, 2)
         return states
 
     def _steps_at(self, design: Any, t: Floats) -> Any:
         """In which steps designs are at times [s]; the first one before the start."""
         begin, span = self.t0.min(), np.ptp(np.append(self.t1, self.t0)) or 1.0
 
-        def place(design: Any, at: Any) -> Any:
+        def rank(design: Any, at: Any) -> Any:
             """A number in the order of designs, and of a design's times."""
             return design + np.clip((at - begin) / span, 0.0, 1.0) / 2
 
-        i = place(self.design, self.t0).searchsorted(place(design, t), side="right") - 1
+        i = rank(self.design, self.t0).searchsorted(rank(design, t), side="right") - 1
         return np.maximum(i, np.searchsorted(self.design, design))
 
-    def plan(self, design: Any, t: Floats, most: int) -> tuple[Floats, NDArray[np.int64]]:
+    def plan(self, design: Any, t: Floats, count_limit: int) -> tuple[Floats, NDArray[np.int64]]:
         """Steps (m, most + 1) [s] of designs (m,) from times on, and how many these are."""
         if not self.t0.size:
-            return np.zeros((len(design), most + 1)), np.zeros(len(design), np.int64)
+            return np.zeros((len(design), count_limit + 1)), np.zeros(len(design), np.int64)
         first = np.searchsorted(self.design, design)
         i, after = self._steps_at(design, t), np.searchsorted(self.design, design, "right")
-        count = np.where(after > first, np.clip(after - i, 0, most), 0)
-        ahead = np.minimum(i[:, None] + np.arange(most + 1), len(self.t0) - 1)
+        count = np.where(after > first, np.clip(after - i, 0, count_limit), 0)
+        indices = np.minimum(i[:, None] + np.arange(count_limit + 1), len(self.t0) - 1)
         last = self.t1[np.clip(i + count - 1, 0, len(self.t0) - 1)]
-        within = np.arange(most + 1) < count[:, None]
-        return np.where(within, self.t0[ahead], last[:, None]), count
+        within = np.arange(count_limit + 1) < count[:, None]
+        return np.where(within, self.t0[indices], last[:, None]), count

@@ -27,7 +27,7 @@ from blockmech.dynamics.contacts import (
     DEPENDENT,
     SETTLED,
     STILL,
-    Held,
+    Constraints,
     constrained,
     free_of,
     pushing,
@@ -75,7 +75,7 @@ class Blow(NamedTuple):
 
 
 def impact_of(
-    done: Blow,
+    solution: Blow,
     before: Before,
     names: Sequence[str],
     driven: Sequence[int],
@@ -86,11 +86,11 @@ def impact_of(
     names : of stops, the first one what was struck, then of the drivers at places ``driven`` that
         are not free: these go on at their rates, and what is missing is lost (Carnot's theorem)
     """
-    (t, q, rate, M, _), after = before, done.after
-    pushes = dict(zip(names, done.pushes.tolist(), strict=True))
+    (t, q, rate, M, _), after = before, solution.after
+    pushes = dict(zip(names, solution.pushes.tolist(), strict=True))
     pairs = () if friction is None else friction.names
-    rubbed = dict(zip(pairs, done.friction.tolist(), strict=True))
-    work = float(done.pushes[len(names) - len(driven) :] @ after[list(driven)])
+    rubbed = dict(zip(pairs, solution.friction.tolist(), strict=True))
+    work = float(solution.pushes[len(names) - len(driven) :] @ after[list(driven)])
     loss = work - 0.5 * float((rate + after) @ M @ (after - rate))
     first = pushes[names[0]]
     return Impact(t, names[0], q, rate, after, first, loss, pushes, rubbed), work
@@ -98,11 +98,11 @@ def impact_of(
 
 def blow(
     state: Before,
-    stops: Held,
+    stops: Constraints,
     ways: Floats,
     restitution: Floats,
     friction: JointFriction | None = None,
-    bound: Held | None = None,
+    bound: Constraints | None = None,
 ) -> Blow:
     """The blow on stops (a,) that are struck or lain against.
 
@@ -113,7 +113,7 @@ def blow(
     if friction is not None and (before.any() or (bound is not None and bound.drift.any())):
         at = friction.instant(q, before, t, x, None)
     rate = stops.rows @ before
-    stops = stops if bound is None else stops.beside(bound)
+    stops = stops if bound is None else stops.extended(bound)
     count, change = len(rate), (1 + restitution) * rate
     Z, alone = free_of(bound, len(before)), constrained(M, np.zeros(len(before)), bound)[0]
     change = change if bound is None else np.append(change, bound.drift)
@@ -123,20 +123,22 @@ def blow(
     if friction is not None and at is not None:
         for some in sets:
             rubbed = _rubbed(friction, at, stops, some, change, count)
-            if rubbed is not None and _fits(rubbed, before, stops, ways, restitution):
+            if rubbed is not None and _is_valid(rubbed, before, stops, ways, restitution):
                 return rubbed
     chosen, pushes = sets[0], np.zeros(len(change))
-    held = _of(stops, chosen, change[chosen])
-    jump, pushes[chosen] = constrained(M, np.zeros(len(before)), held)
+    constraint = _of(stops, chosen, change[chosen])
+    jump, pushes[chosen] = constrained(M, np.zeros(len(before)), constraint)
     none = np.zeros(0 if friction is None else len(friction.names))
     return Blow(before + jump, pushes, none, solved=friction is None or at is None)
 
 
-def _of(stops: Held, some: list[int], drift: Floats) -> Held:
-    return Held(stops.rows[some], drift, tuple(stops.pairs[i] for i in some))
+def _of(stops: Constraints, some: list[int], drift: Floats) -> Constraints:
+    return Constraints(stops.rows[some], drift, tuple(stops.pairs[i] for i in some))
 
 
-def _fits(blown: Blow, before: Floats, stops: Held, ways: Floats, restitution: Floats) -> bool:
+def _is_valid(
+    blown: Blow, before: Floats, stops: Constraints, ways: Floats, restitution: Floats
+) -> bool:
     """Whether all stops push, and those that do not are left."""
     rows = stops.rows[: len(ways)]
     after, back = rows @ blown.after, restitution * (rows @ before)
@@ -151,7 +153,7 @@ def _fits(blown: Blow, before: Floats, stops: Held, ways: Floats, restitution: F
 def _rubbed(
     friction: JointFriction,
     at: Instant,
-    stops: Held,
+    stops: Constraints,
     some: list[int],
     change: Floats,
     count: int,
@@ -165,14 +167,14 @@ def _rubbed(
     friction.static = np.append(friction.static[:m], np.zeros(m))  # what lasts has no impulse
     law = np.append(at.law[:m], np.zeros(m))
     still = at._replace(push=0 * at.push, b=0 * at.b, f=0 * at.f, law=law)
-    rate, zero = at.rate, friction.without_slip(at, ())
-    pushes, T, done, gained, reverses = np.zeros(len(stops.rows)), np.zeros(m), 0.0, 0.0, False
-    held = _of(stops, some, SUDDEN * change[some])
-    loads = friction.pressed(at.q, held)
+    rate, zero = at.rate, friction.sticking_pairs(at, ())
+    pushes, T, elapsed, gained, reverses = np.zeros(len(stops.rows)), np.zeros(m), 0.0, 0.0, False
+    constraint = _of(stops, some, SUDDEN * change[some])
+    loads = friction.pressed(at.q, constraint)
     for _ in range(STAGES):
         w = at.S @ rate
         now = still._replace(rate=rate, w=w)
-        stage = now.against(held, loads, lasting=False)
+        stage = now.against(constraint, loads, lasting=False)
         settled = friction.settled(stage, zero)
         response = friction.respond(stage, settled.sides)
         if settled.end or not response.solved:
@@ -180,14 +182,14 @@ def _rubbed(
         jump = response.qdd / SUDDEN
         slips = np.setdiff1d(np.flatnonzero(~friction.signed), zero).astype(int)
         ends = _until(w, at.S @ jump, slips)
-        step = min(1.0 - done, float(ends.min(initial=np.inf)))
+        step = min(1.0 - elapsed, float(ends.min(initial=np.inf)))
         P = step / SUDDEN * response.pushes
         pushes[some] += P
         T += step / SUDDEN * response.t
-        own = np.array(some) < count
-        gained += float(P[own] @ (held.rows[own] @ (rate + step / 2 * jump)))
-        rate, done = rate + step * jump, done + step
-        if 1.0 - done <= STILL:
+        is_stop = np.array(some) < count
+        gained += float(P[is_stop] @ (constraint.rows[is_stop] @ (rate + step / 2 * jump)))
+        rate, elapsed = rate + step * jump, elapsed + step
+        if 1.0 - elapsed <= STILL:
             return Blow(rate, pushes, T, reverses, max(gained, 0.0))
         reverses = True
         zero = [*(j for j in zero if settled.sides[j] == 0), *slips[ends <= step * (1 + DEPENDENT)]]

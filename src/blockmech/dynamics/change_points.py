@@ -20,8 +20,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from blockmech.dynamics.panel_nodes import MARGIN, TAU, J, basis, rule
-from blockmech.dynamics.place_data import PlaceData, place
-from blockmech.dynamics.system import One, Sample, Source, System
+from blockmech.dynamics.place_data import PlaceData, coordinate_at
+from blockmech.dynamics.system import Sample, ScalarTerms, Source, System
 from blockmech.result.motion import Floats
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series: 8, as two tell its end; even: none at its middle
@@ -51,8 +51,8 @@ def pieces_through(compiled: Source) -> tuple[PlaceData, ...]:
 
 def period_through(compiled: Source, period: float | None) -> float | None:
     """With an odd number of change points a turn, all is the same again only after two."""
-    odd = any(len(f.points) % 2 for f in compiled.structure.followed.values())
-    if period is None or not odd:
+    needs_two_turns = any(len(f.points) % 2 for f in compiled.structure.followed.values())
+    if period is None or not needs_two_turns:
         return period
     return math.tau * math.lcm(2, round(period / math.tau))
 
@@ -62,8 +62,8 @@ def _longest(plain: System, point: float, points: Sequence[float]) -> PlaceData 
     rotary = plain.rotary[0]
     scale = 1.0 if rotary else plain.span / math.tau
     reach = REACH * scale
-    for other in [*points, *plain.knots]:
-        d = other - point
+    for neighbour in [*points, *plain.knots]:
+        d = neighbour - point
         d = math.remainder(d, plain.period or math.tau) if rotary else d
         reach = min(reach, APART * abs(d)) if d else reach
     while reach >= SHORTEST * scale:
@@ -82,7 +82,7 @@ def _piece(plain: System, point: float, reach: float, n: int) -> PlaceData | Non
     fewer digits than that of poses.
     """
     low, high, used = point - reach, point + reach, USED * reach
-    q = place(low, high, 0, rule(n).v)
+    q = coordinate_at(low, high, 0, rule(n).v)
     sample = plain.sample(np.append(q, [point - used, point + used]))
     if not sample.possible.all():
         return None
@@ -117,21 +117,21 @@ class FollowingSystem(System):
         """Distance from a change point, or from the nearest of its images, per reach."""
         half = piece.length / 2
         d = q - (piece.low + half)
-        whole = self.period or math.tau
-        return (d - whole * np.round(d / whole) if self.rotary[0] else d) / half
+        turn = self.period or math.tau
+        return (d - turn * np.round(d / turn) if self.rotary[0] else d) / half
 
     def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
         """J, tau and margin at states of any shape."""
         flat = q.ravel()
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
-        away, near = flat.copy(), []
+        away, covered = flat.copy(), []
         for piece in self.pieces:
             d = self._offset(flat, piece)
             mask = np.abs(d) < USED
             away[mask] += (USED - d[mask]) * piece.length / 2
-            near.append((piece, mask, d[mask]))
+            covered.append((piece, mask, d[mask]))
         sampled = np.array(super().sample(away, rates, t)[: MARGIN + 1])
-        for piece, mask, d in near:
+        for piece, mask, d in covered:
             if d.size:
                 sampled[:, mask] = self._rows(piece, d, rates[mask], t)[: MARGIN + 1]
         return Sample(*(x.reshape(q.shape) for x in sampled))
@@ -142,22 +142,22 @@ class FollowingSystem(System):
         values = basis((d + 1) / 2, n)
         rows: Floats = piece.series @ values.T
         if not self.depends_on <= {"q"}:
-            nodes = np.tile(place(piece.low, piece.high, 0, rule(n).v), d.size)
+            nodes = np.tile(coordinate_at(piece.low, piece.high, 0, rule(n).v), d.size)
             tau = super().sample(nodes, np.repeat(qd, n), t).tau.reshape(d.size, n)
             rows[TAU] = (tau * (values @ rule(n).to_series)).sum(axis=1)
         return rows
 
-    def one(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
+    def scalar_terms(self, q: float, qd: float = 0.0, t: float = 0.0) -> ScalarTerms:
         """One state."""
         for piece in self.pieces:
             d = float(self._offset(q, piece))
             if abs(d) < USED:
                 J, tau, margin, dJ = self._rows(piece, np.array([d]), np.array([qd]), t)[:, 0]
-                return One(float(J), float(tau), float(dJ), float(margin))
-        return super().one(q, qd, t)
+                return ScalarTerms(float(J), float(tau), float(dJ), float(margin))
+        return super().scalar_terms(q, qd, t)
 
 
-def system_of(compiled: Source, **given: Any) -> System:
+def system_of(compiled: Source, **options: Any) -> System:
     """The system of a mechanism, across its change points where dyads follow the motion.
 
     With signal blocks or friction laws that have states, a motion ends in a change point: states
@@ -165,4 +165,4 @@ def system_of(compiled: Source, **given: Any) -> System:
     """
     structure = compiled.structure
     kind = FollowingSystem if structure.followed and not structure.states else System
-    return kind(compiled, **given)
+    return kind(compiled, **options)

@@ -49,17 +49,17 @@ class Source(NamedTuple):
 def sources_of(blocks: Compiled, names: Names) -> dict[str, Source]:
     """Outputs of blocks in the document that says them, whose parts in the blocks names tell."""
     s, sources = blocks.structure, dict[str, Source]()
-    for _, make, more in readings(s, names, blocks.outputs.by_owner):
-        for reading in make(*more, ""):
+    for _, make, arguments in readings(s, names, blocks.outputs.by_owner):
+        for reading in make(*arguments, ""):
             if len(reading.parts) == 1 and not reading.wrapped:
                 ((name, sign),) = reading.parts
-                made = Source(reading.name, sign, reading.turn, bool(reading.turn))
-                sources.setdefault(name, made)
+                source = Source(reading.name, sign, reading.turn, bool(reading.turn))
+                sources.setdefault(name, source)
     for name, pair in names.joints.items():
         if s.joint(pair.joint).rotary:
             where = f"{pair.joint}.coordinate"
-            made = Source(f"joint.{name}.coordinate", -1 if pair.flipped else 1, 0.0, True)
-            sources[where] = made
+            source = Source(f"joint.{name}.coordinate", -1 if pair.flipped else 1, 0.0, True)
+            sources[where] = source
     return sources
 
 
@@ -79,10 +79,10 @@ class LegOutputs:
     result: SimulationResult[Any]
 
     @property
-    def own(self) -> Compiled:
+    def mechanism(self) -> Compiled:
         """The mechanism of the chart."""
-        own: Compiled = self.result.mechanism
-        return own
+        mechanism: Compiled = self.result.mechanism
+        return mechanism
 
     def read(self, name: str) -> Any:
         """Values (n,) of one of the user's outputs."""
@@ -97,18 +97,18 @@ class LegOutputs:
 
     def _of_driver(self, name: str) -> Any:
         """What is of a driver that does not lead; NaN of all else that the chart does not say."""
-        head, _, what = name.rpartition(".")
+        head, _, quantity = name.rpartition(".")
         heads = [self.of._of_driver(d, "q")[:-2] for d in self.of.drivers]
         t, n = np.asarray(self.result.samples.time), len(self.at)
-        if head not in heads or what not in (*IDLE, "q", "rate", "acceleration"):
+        if head not in heads or quantity not in (*IDLE, "q", "rate", "acceleration"):
             vector = self.of.outputs[name].kind == "vector"
             return complex(np.nan, np.nan) if vector else np.nan
-        if what in IDLE:
+        if quantity in IDLE:
             return 0.0
-        if what != "acceleration":
-            x = self.leg.state(t)[what == "rate"]
+        if quantity != "acceleration":
+            x = self.leg.state(t)[quantity == "rate"]
         else:
-            names = [self.own._of_driver(d, what) for d in self.own.drivers]
+            names = [self.mechanism._of_driver(d, quantity) for d in self.mechanism.drivers]
             x = self.leg.accelerations(t, np.array([self.result[y] for y in names]).T)
         return x.reshape(n, -1)[:, heads.index(head)]
 
@@ -134,9 +134,11 @@ class ChartedResult(SimulationResult[M]):
 
     def _part(self, leg: Leg, at: Any, t: Floats) -> LegOutputs:
         """A leg with samples at times [s]."""
-        of, own = self._compiled, leg.chart.mechanism
-        own = of if own.structure is of.structure else own  # the user's drivers lead
-        if own is of or (of.names is None) == (own.names is None):
+        of, mechanism = self._compiled, leg.chart.mechanism
+        mechanism = (
+            of if mechanism.structure is of.structure else mechanism
+        )  # the user's drivers lead
+        if mechanism is of or (of.names is None) == (mechanism.names is None):
             names = {x: Source(x) for x in self.plan.want}
         else:
             sources, names = sources_of(of, leg.chart.names), {}
@@ -146,33 +148,35 @@ class ChartedResult(SimulationResult[M]):
                     names[x] = sources[x]
                 elif part in PARTS and head in sources:
                     names[x] = sources[head]._replace(name=f"{sources[head].name}.{part}")
-        names = {x: source for x, source in names.items() if source.name in own.outputs}
+        names = {x: source for x, source in names.items() if source.name in mechanism.outputs}
         want = [source.name for source in names.values()]
-        want += [own._of_driver(d, "acceleration") for d in own.drivers]
-        how = {key: x for key, x in self.settings.items() if key != "static"}
-        asked = own, leg.motion, t, dict.fromkeys(want)
-        return LegOutputs(of, leg, at, names, result_in_chart(*asked, engine=self.engine, **how))
+        want += [mechanism._of_driver(d, "acceleration") for d in mechanism.drivers]
+        settings = {key: x for key, x in self.settings.items() if key != "static"}
+        arguments = mechanism, leg.motion, t, dict.fromkeys(want)
+        return LegOutputs(
+            of, leg, at, names, result_in_chart(*arguments, engine=self.engine, **settings)
+        )
 
     def _make(self, name: str) -> Any:
         kind = self.output(name).kind
         if kind == "number":
             return FREE  # efficiencies, which all are by drives
-        each = [np.asarray(part.read(name)) for part in self.parts]
-        rest = max((x.shape[1:] for x in each), key=len, default=())
-        whole = np.full((self.n, *rest), complex(np.nan, np.nan) if kind == "vector" else np.nan)
-        for part, x in zip(self.parts, each, strict=True):
-            whole[part.at] = x
-        return whole
+        values = [np.asarray(part.read(name)) for part in self.parts]
+        rest = max((x.shape[1:] for x in values), key=len, default=())
+        merged = np.full((self.n, *rest), complex(np.nan, np.nan) if kind == "vector" else np.nan)
+        for part, x in zip(self.parts, values, strict=True):
+            merged[part.at] = x
+        return merged
 
     @cached_property
     def quality(self) -> Quality:
         """Status of each sample and flags, each by the chart that leads there."""
         status, blame = [""] * self.n, dict[int, str]()
         for part in self.parts:
-            own, at = part.result.quality, part.at.tolist()
-            for i, word in zip(at, own.status, strict=True):
+            quality, at = part.result.quality, part.at.tolist()
+            for i, word in zip(at, quality.status, strict=True):
                 status[i] = word
-            blame |= {at[i]: block for i, block in own.blame.items()}
+            blame |= {at[i]: block for i, block in quality.blame.items()}
         flags = self._flags(lambda result: result.quality.flags)
         return Quality(tuple(status), blame, {}, {}, {}, {}, flags)
 
@@ -182,8 +186,8 @@ class ChartedResult(SimulationResult[M]):
         return self._flags(lambda result: result.digits_lost)
 
     def _flags(self, of: Callable[[Any], Iterable[Flag]]) -> tuple[Flag, ...]:
-        each = ((part.at, flag) for part in self.parts for flag in of(part.result))
-        return tuple(replace(flag, sample=int(at[flag.sample])) for at, flag in each)
+        flags = ((part.at, flag) for part in self.parts for flag in of(part.result))
+        return tuple(replace(flag, sample=int(at[flag.sample])) for at, flag in flags)
 
     def _surely_whole(self) -> bool:
         """A cheap sufficient test that every sample has an answer."""
@@ -205,8 +209,8 @@ def result_along(
 ) -> SimulationResult[Any]:
     """The wanted outputs at times (n,) [s] of a motion, see `motion_outputs.result_in_chart`."""
     if not motion.legs:
-        how = friction, engine, chunk
-        return result_in_chart(mechanism, motion, t, want, *how)
+        options = friction, engine, chunk
+        return result_in_chart(mechanism, motion, t, want, *options)
     settings = settings_along(motion, friction) | STATIC
     return _charted(mechanism, motion, t, want, engine, settings)
 
@@ -214,8 +218,8 @@ def result_along(
 def _charted(
     mechanism: Compiled, motion: Motion, t: Floats, want: Any, engine: str, settings: Any
 ) -> ChartedResult[Any]:
-    how = friction_asked(settings["friction"])
-    plan = mechanism._plan_for(want, how)
+    method = friction_asked(settings["friction"])
+    plan = mechanism._plan_for(want, method)
     q, qd = (x.reshape(len(t), -1).T for x in motion.at(t))
-    given = {f"q_{i}": x for i, x in enumerate(q)} | {f"qd_{i}": x for i, x in enumerate(qd)}
-    return ChartedResult(mechanism, plan, Samples(len(t), given, t), (), engine, settings, motion)
+    states = {f"q_{i}": x for i, x in enumerate(q)} | {f"qd_{i}": x for i, x in enumerate(qd)}
+    return ChartedResult(mechanism, plan, Samples(len(t), states, t), (), engine, settings, motion)

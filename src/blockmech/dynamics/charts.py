@@ -66,7 +66,7 @@ class Chart:
     home : the document of the user, whose drivers may be others
     users : joint -> the user's driver
     names : where links and joints of the document are in the blocks of the user
-    kept : charts of the document that there are already, by their blocks
+    cache : charts of the document that there are already, by their blocks
     """
 
     mechanism: Compiled
@@ -74,7 +74,7 @@ class Chart:
     home: Linkage
     users: Mapping[str, str]
     names: Names
-    kept: dict[str, Chart]
+    cache: dict[str, Chart]
 
     @cached_property
     def layout(self) -> Layout:
@@ -102,7 +102,7 @@ class Chart:
             return f"link.{link}" if link else f"joint.{joint}"
         return str(self.names.links[link].link if link else self.names.joints[joint].joint)
 
-    def said(self, joints: Sequence[str]) -> tuple[str, ...]:
+    def output_names(self, joints: Sequence[str]) -> tuple[str, ...]:
         """Joints in the words of outputs."""
         return tuple(self.in_outputs(joint=j).removeprefix("joint.") for j in joints)
 
@@ -110,16 +110,16 @@ class Chart:
         """Poses of all links at coordinates (k,)."""
         links, at = self.layout.links, dict(zip(self.mechanism.drivers, q.tolist(), strict=True))
         heads = [self.in_outputs(link) for link in links]
-        want = [f"{head}.{what}" for head in heads for what in ("p", "angle")]
+        want = [f"{head}.{quantity}" for head in heads for quantity in ("p", "angle")]
         still = dict.fromkeys(at, 0.0)
-        found = self.mechanism.run(at, rates=still, want=want, friction="none", on_gap="mark")
-        rows = ((complex(found[f"{x}.p"][0]), float(found[f"{x}.angle"][0])) for x in heads)
+        result = self.mechanism.run(at, rates=still, want=want, friction="none", on_gap="mark")
+        rows = ((complex(result[f"{x}.p"][0]), float(result[f"{x}.angle"][0])) for x in heads)
         return {FRAME: Pose(), **{x: Pose(*row) for x, row in zip(links, rows, strict=True)}}
 
-    def singular_values(self, poses: Poses, held: Collection[str]) -> Floats:
+    def singular_values(self, poses: Poses, locked: Collection[str]) -> Floats:
         """Those of the conditions of all pairs, and of coordinates that are held, falling."""
         of, pairs = self.layout, tuple(self.layout.pairs.values())
-        rows = Closing(of.links, pairs, of.size, dict.fromkeys(held, 0.0)).conditions(poses)[1]
+        rows = Closing(of.links, pairs, of.size, dict.fromkeys(locked, 0.0)).conditions(poses)[1]
         return np.asarray(np.linalg.svd(rows, compute_uv=False))
 
     @cached_property
@@ -138,13 +138,13 @@ class Chart:
 
     def largest(self, T: Floats, fixed: Sequence[str], without: Collection[str]) -> Sequence[str]:
         """The joints that span most, those that are fixed among them; ``without`` some."""
-        names, joints, left = list(self.weights), list[str](), T.copy()
-        left[[name in without for name in names]] = 0.0
+        names, joints, remainder = list(self.weights), list[str](), T.copy()
+        remainder[[name in without for name in names]] = 0.0
         for n in range(T.shape[1]):
-            sizes = np.linalg.norm(left, axis=1)
+            sizes = np.linalg.norm(remainder, axis=1)
             i = names.index(fixed[n]) if n < len(fixed) else int(sizes.argmax())
             joints.append(names[i])
-            left -= np.outer(left @ left[i], left[i]) / (sizes[i] ** 2 or 1.0)
+            remainder -= np.outer(remainder @ remainder[i], remainder[i]) / (sizes[i] ** 2 or 1.0)
         return joints
 
     def better(self, T: Floats, fixed: Sequence[str] = ()) -> bool:
@@ -152,13 +152,13 @@ class Chart:
         best = self.largest(T, fixed, ()) if np.isfinite(T).all() else self.joints
         return self.volume(T, best) > BETTER * self.volume(T, self.joints)
 
-    def left(
+    def successor(
         self, q: Floats, fixed: Sequence[str], states: Callable[[Sequence[str]], Pairs]
     ) -> tuple[Chart, Pairs] | None:
         """The chart that leads better at coordinates (k,), of which ``states`` tells its start."""
         T, without = self.tangent(q), set[str]()
-        least = BETTER * self.volume(T, self.joints)
-        while self.volume(T, joints := self.largest(T, fixed, without)) > least:
+        threshold = BETTER * self.volume(T, self.joints)
+        while self.volume(T, joints := self.largest(T, fixed, without)) > threshold:
             starts = states(joints)
             try:
                 return self.led_by(starts, self.poses(q)), starts
@@ -168,8 +168,8 @@ class Chart:
 
     def states(self, q: Floats, qd: Floats) -> dict[str, tuple[float, float]]:
         """Joint -> coordinate [rad or m] and rate, of all that may lead."""
-        places, rows, _ = self.may_lead.state(q, 0 * q)
-        states = zip(places.tolist(), (rows @ qd).tolist(), strict=True)
+        coordinates, rows, _ = self.may_lead.state(q, 0 * q)
+        states = zip(coordinates.tolist(), (rows @ qd).tolist(), strict=True)
         return dict(zip(self.weights, states, strict=True))
 
     @property
@@ -202,8 +202,8 @@ class Chart:
         """
         poses = self.poses(np.atleast_1d(motion.q_end))
         if all(math.isfinite(pose.theta) for pose in poses.values()):
-            held = self.singular_values(poses, ())
-            if held[-1] > CHANGE * held[0]:
+            singular_values = self.singular_values(poses, ())
+            if singular_values[-1] > CHANGE * singular_values[0]:
                 return None
         document = self.mechanism.document
         if isinstance(document, Graph):
@@ -216,8 +216,8 @@ class Chart:
             if isinstance(block, TwoModes) and branch in (-1, 1):
                 home = {"drivers": {driver: float(start.q)}, "branch": branch}
                 data["blocks"][name] |= {"branch": "follow", "home": home}
-        made = type(self.mechanism)._from_graph(Graph.from_data(data), names, document)
-        return replace(self, mechanism=made) if made.structure.followed else None
+        mechanism = type(self.mechanism)._from_graph(Graph.from_data(data), names, document)
+        return replace(self, mechanism=mechanism) if mechanism.structure.followed else None
 
     def led_by(self, starts: Pairs, poses: Poses) -> Chart:
         """The chart that some joints lead: joint -> (coordinate, rate), in these poses.
@@ -226,35 +226,35 @@ class Chart:
         assembly mode.
         """
         linkage = self.home
-        taken = {*linkage.drivers, *linkage.links, *linkage.loads, *linkage.signals}
-        names = {joint: free_name(joint, taken) for joint in starts} | linkage.driven
+        used_names = {*linkage.drivers, *linkage.links, *linkage.loads, *linkage.signals}
+        names = {joint: free_name(joint, used_names) for joint in starts} | linkage.driven
         stopped = {d: x.joint for d, x in linkage.drivers.items()}
-        other = linkage.snapshot()
-        other.links = {
+        copy = linkage.snapshot()
+        copy.links = {
             name: link if name == FRAME else link.model_copy(update={"pose": _pose(poses[name])})
             for name, link in linkage.links.items()
         }
-        other.drivers = {
+        copy.drivers = {
             names[joint]: linkage.drivers.get(names[joint]) or DriverGiven(joint=joint)
             for joint in starts
         }
-        other.initial = {names[j]: Initial(q=q, rate=rate) for j, (q, rate) in starts.items()}
-        other.stops = {}
+        copy.initial = {names[j]: Initial(q=q, rate=rate) for j, (q, rate) in starts.items()}
+        copy.stops = {}
         for name, stop in linkage.stops.items():
             joint = stopped.get(name) or coordinate_of(name) or name
             leads = names[joint] if joint in starts else f"joint.{joint}.{COORDINATE}"
-            other.stops[leads] = stop
-        other.motion = {d: role for d, role in linkage.motion.items() if d in other.drivers}
-        data, named, _, document = decompose(other)
+            copy.stops[leads] = stop
+        copy.motion = {d: role for d, role in linkage.motion.items() if d in copy.drivers}
+        data, named, _, document = decompose(copy)
         key = repr(data["blocks"])  # with the home of general groups, so those are new
-        if key not in self.kept:
+        if key not in self.cache:
             mechanism = type(self.mechanism)._from_graph(Graph.from_data(data), named, document)
-            joints = tuple(other.drivers[d].joint for d in mechanism.drivers)
-            made = replace(self, mechanism=mechanism, joints=joints)
-            if made.is_general:
-                return made
-            self.kept[key] = made
-        return self.kept[key]
+            joints = tuple(copy.drivers[d].joint for d in mechanism.drivers)
+            chart = replace(self, mechanism=mechanism, joints=joints)
+            if chart.is_general:
+                return chart
+            self.cache[key] = chart
+        return self.cache[key]
 
 
 def _pose(pose: Pose) -> tuple[float, float, float]:
@@ -264,7 +264,7 @@ def _pose(pose: Pose) -> tuple[float, float, float]:
 # -- the user's ----------------------------------------------------------------------------
 
 
-def kept_charts(mechanism: Compiled) -> dict[str, Chart]:
+def chart_cache(mechanism: Compiled) -> dict[str, Chart]:
     """Charts of a mechanism that were made, by their blocks."""
     return {}
 
@@ -279,33 +279,34 @@ def home_chart(mechanism: Compiled, q: Floats) -> Chart:
         joints = [linkage.drivers[d].joint for d in mechanism.drivers]
     else:
         links = [link for link in s.links if link != s.frame_link]
-        want = [f"{link}.{what}" for link in links for what in ("p", "angle")]
+        want = [f"{link}.{quantity}" for link in links for quantity in ("p", "angle")]
         at = dict(zip(mechanism.drivers, q.tolist(), strict=True))
-        found = mechanism.run(at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
+        result = mechanism.run(at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
         poses = {
-            x: (complex(found[f"{x}.p"][0]), cmath.rect(1.0, found[f"{x}.angle"][0])) for x in links
+            x: (complex(result[f"{x}.p"][0]), cmath.rect(1.0, result[f"{x}.angle"][0]))
+            for x in links
         } | {s.frame_link: (0j, 1 + 0j)}
-        said = SaidByLinks(cast("Graph", linkage).flat().to_data(), s, poses)
-        linkage, names = Linkage.from_data(said.document()), said.names()
-        joints = [said.joints[s.driven[d]] for d in mechanism.drivers]
+        as_links = SaidByLinks(cast("Graph", linkage).flat().to_data(), s, poses)
+        linkage, names = Linkage.from_data(as_links.document()), as_links.names()
+        joints = [as_links.joints[s.driven[d]] for d in mechanism.drivers]
     users = dict(zip(joints, mechanism.drivers, strict=True))
     home, names = _marked(linkage, cast("Names", names), s)
-    return Chart(mechanism, tuple(joints), home, users, names, mechanism._once(kept_charts))
+    return Chart(mechanism, tuple(joints), home, users, names, mechanism._once(chart_cache))
 
 
 def _marked(linkage: Linkage, names: Names, s: Structure) -> tuple[Linkage, Names]:
     """A document with all markers of the blocks, and where these are."""
-    other, fixed = linkage.snapshot(), MarkerRef(s.frame, s.frame_link.link, "")
+    copy, fixed = linkage.snapshot(), MarkerRef(s.frame, s.frame_link.link, "")
     links = {FRAME: LinkName(s.frame_link, fixed, 0.0), **names.links}
     of_links = {where.link: name for name, where in links.items()}
     for marker in (m for block in (s.frame, *s.blocks) for m in s.markers(block)):
         name = of_links[marker.on]
-        where, link = links[name], other.links.get(name) or LinkGiven()
+        where, link = links[name], copy.links.get(name) or LinkGiven()
         called = free_name(f"{marker.block}_{marker.name}", link.markers)
         at = marker_place(s, marker)
         if name != FRAME:
             at = (at - marker_place(s, where.marker)) * cmath.rect(1.0, -where.turn)
-        more = {**link.markers, called: Marker(at=(at.real, at.imag))}
-        other.links[name] = link.model_copy(update={"markers": more})
+        markers = {**link.markers, called: Marker(at=(at.real, at.imag))}
+        copy.links[name] = link.model_copy(update={"markers": markers})
         links[name] = replace(where, markers={**where.markers, called: marker})
-    return other, replace(names, links=links)
+    return copy, replace(names, links=links)

@@ -20,14 +20,14 @@ from blockmech.ground.errors import MissingEngineError
 
 SAVED = 1e-3  # [s] that a motion takes longer interpreted
 LINES = 5_100  # of text that take as long to compile as the loops
-LOOPS = path_loops.over_pieces, path_loops.beside, path_loops.again, path_loops.placed
+LOOPS = path_loops.over_pieces, path_loops.compare, path_loops.again, path_loops.placed
 
 
 class PathCode(NamedTuple):
     """The loops, called with arrays and numbers, but for nodes and the room T."""
 
     over_pieces: Callable[..., Any]
-    beside: Callable[..., Any]
+    compare: Callable[..., Any]
     again: Callable[..., Any]
     placed: Callable[..., Any] | None  # by arrays `Panels` is quicker
     engine: str
@@ -42,7 +42,7 @@ class PathCode(NamedTuple):
 
     @staticmethod
     @cache
-    def made() -> PathCode | None:
+    def compiled() -> PathCode | None:
         """The loops by machine code; None without the package that makes it."""
         of = Sizes(FINE, COARSE)
         functions = {f.__name__: partial(f, of=of) for f in LOOPS}
@@ -51,8 +51,8 @@ class PathCode(NamedTuple):
             code = machine_code(partial(loops.text, **functions), *kinds, key=PathCode.key())
         except MissingEngineError:
             return None
-        places = loops.places_of(nodes(of.n, of.k))
-        return PathCode._make([*(partial(_by_place, f, places) for f in code), "llvm"])
+        addresses = loops.places_of(nodes(of.n, of.k))
+        return PathCode._make([*(partial(_by_place, f, addresses) for f in code), "llvm"])
 
     @staticmethod
     @cache
@@ -72,14 +72,14 @@ class PathCode(NamedTuple):
 
 
 @np.errstate(all="ignore")  # what is not finite is no panel, and another motion
-def _by_numpy(function: Any, of: Sizes, matrices: Nodes, *given: Any) -> Any:
+def _by_numpy(function: Any, of: Sizes, matrices: Nodes, *arguments: Any) -> Any:
     """A function of the loops, run by Python."""
-    return function(of, matrices, np.empty((of.n + 2, of.n + 2)), *given)
+    return function(of, matrices, np.empty((of.n + 2, of.n + 2)), *arguments)
 
 
-def _by_place(function: Any, matrices: Any, *given: Any) -> Any:
+def _by_place(function: Any, matrices: Any, *arguments: Any) -> Any:
     """The same by machine code."""
     begin: Any = ctypes.c_char.from_buffer  # quicker than an array's own word for where it is
-    arrays = np.empty((FINE + 2, FINE + 2)), *given
-    places = (ctypes.addressof(begin(x)) if isinstance(x, np.ndarray) else x for x in arrays)
-    return function(matrices, *places)
+    arrays = np.empty((FINE + 2, FINE + 2)), *arguments
+    addresses = (ctypes.addressof(begin(x)) if isinstance(x, np.ndarray) else x for x in arrays)
+    return function(matrices, *addresses)

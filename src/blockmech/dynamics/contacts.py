@@ -26,7 +26,7 @@ DEPENDENT = SETTLED / 10  # of the largest singular value of rows: below it they
 STILL = SETTLED / 1000  # of a rate's parts, or of a blow: what is left of them is rounding
 
 
-class Held(NamedTuple):
+class Constraints(NamedTuple):
     """Stops that something lies against, at a state or at n of them: n q'' + b = 0.
 
     Drivers that follow a law or are locked stand behind them.
@@ -40,21 +40,21 @@ class Held(NamedTuple):
     pairs: tuple[tuple[int, int], ...]
     speeds: Floats | None = None  # (..., a)
 
-    def beside(self, others: Held) -> Held:
+    def extended(self, drives: Constraints) -> Constraints:
         """These, and behind them drivers that are not free."""
         joined = (
-            np.concatenate([self.rows, others.rows], axis=-2),
-            np.concatenate([self.drift, others.drift], axis=-1),
-            self.pairs + others.pairs,
+            np.concatenate([self.rows, drives.rows], axis=-2),
+            np.concatenate([self.drift, drives.drift], axis=-1),
+            self.pairs + drives.pairs,
         )
-        if others.speeds is None:
-            return Held(*joined)
-        return Held(*joined, np.concatenate([0 * self.drift, others.speeds], axis=-1))
+        if drives.speeds is None:
+            return Constraints(*joined)
+        return Constraints(*joined, np.concatenate([0 * self.drift, drives.speeds], axis=-1))
 
-    def first(self) -> Held:
+    def first(self) -> Constraints:
         """That at the first of n states."""
         speeds = None if self.speeds is None else self.speeds[0]
-        return Held(self.rows[0], self.drift[0], self.pairs, speeds)
+        return Constraints(self.rows[0], self.drift[0], self.pairs, speeds)
 
     def free(self) -> tuple[Floats, Floats, Floats]:
         """Z (..., k, z), q_p (..., k), and W (..., a, k) with P = W (sum n^T P)."""
@@ -72,15 +72,15 @@ class Held(NamedTuple):
 
 def rate_along(row: Floats, rate: Any) -> float:
     """How fast a coordinate with a row over the drivers changes at their rates; 0 for rounding."""
-    whole = float(row @ np.atleast_1d(rate))
-    return whole if abs(whole) > STILL * float(np.abs(row) @ np.abs(np.atleast_1d(rate))) else 0.0
+    total = float(row @ np.atleast_1d(rate))
+    return total if abs(total) > STILL * float(np.abs(row) @ np.abs(np.atleast_1d(rate))) else 0.0
 
 
-def constrained(M: Floats, push: Floats, held: Held | None) -> tuple[Floats, Floats]:
+def constrained(M: Floats, push: Floats, constraint: Constraints | None) -> tuple[Floats, Floats]:
     """Accelerations (k,), and pushes (a,) of the stops; NaN where a driver has no inertia."""
-    if held is None:
+    if constraint is None:
         return _solved(M, push), np.empty(0)
-    Z, shift, back = held.free()
+    Z, shift, back = constraint.free()
     qdd = shift + Z @ _solved(Z.T @ M @ Z, Z.T @ (push - M @ shift))
     return qdd, back @ (M @ qdd - push)
 
@@ -92,9 +92,9 @@ def _solved(M: Floats, push: Floats) -> Floats:
         return np.full(len(push), math.nan)
 
 
-def free_of(held: Held | None, k: int) -> Floats:
+def free_of(constraint: Constraints | None, k: int) -> Floats:
     """A basis (k, z) of what stops and drives leave free."""
-    return np.eye(k) if held is None else held.free()[0]
+    return np.eye(k) if constraint is None else constraint.free()[0]
 
 
 def pushing(M: Floats, rows: Floats, apart: Floats) -> list[tuple[int, ...]]:
@@ -112,9 +112,9 @@ def pushing(M: Floats, rows: Floats, apart: Floats) -> list[tuple[int, ...]]:
         if some and np.linalg.matrix_rank(part, tol=DEPENDENT * G.max()) < len(some):
             continue
         P[at] = np.linalg.solve(part, -apart[at])
-        left = apart + G @ P
+        separation = apart + G @ P
         sets.append(some)
         wrong.append(
-            bool((P < 0).any() or (left < -SETTLED * np.abs(apart).max(initial=0.0)).any())
+            bool((P < 0).any() or (separation < -SETTLED * np.abs(apart).max(initial=0.0)).any())
         )
     return [sets[i] for i in np.argsort(wrong, kind="stable")]

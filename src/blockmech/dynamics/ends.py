@@ -67,5 +67,5 @@ class Budget:
     @property
     def advice(self) -> str:
         """What to do where it is spent."""
-        more = "give more by budget= (--budget), or ask for a shorter time or a coarser accuracy"
-        return f"{self.seconds:g} s of processor time are spent: {more}"
+        remedy = "give more by budget= (--budget), or ask for a shorter time or a coarser accuracy"
+        return f"{self.seconds:g} s of processor time are spent: {remedy}"

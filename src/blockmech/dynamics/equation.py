@@ -40,18 +40,18 @@ class Equation:
 
     system: System
     q0: Any
-    most: float = math.inf  # states
+    limit: float = math.inf  # states
     spent: int = 0
     sides: tuple[int, ...] = ()
     error: Exception | None = None  # what the mechanism's own kernels raised
-    held: bool = False  # whether friction and stops leave no freedom: signals alone go on
+    is_fixed: bool = False  # whether friction and stops leave no freedom: signals alone go on
     method: Callable[[], Method] = dop853  # whose steps are made of its machine code
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: dict[bytes, Any] = field(default_factory=dict)  # of states looked at last
 
     def again(self) -> Equation:
         """The same for another run: nothing is spent, no pair slips yet."""
-        self.spent, self.sides, self.held = 0, (), False
+        self.spent, self.sides, self.is_fixed = 0, (), False
         return self
 
     @cached_property
@@ -87,7 +87,7 @@ class Equation:
             self._last = float(y[0]), row[size], row[size + 1]
             return row[:size]
         self.spend(1)
-        if self.held:
+        if self.is_fixed:
             return *[0.0] * (self.layout.size - n), *self.signals(t, y)[:n]
         return self._alone(t, y) if self.drivers == 1 and not self.sides else self._general(t, y)
 
@@ -95,21 +95,23 @@ class Equation:
         """That of one driver without friction, in numbers."""
         q, qd = self.layout.motion(y)
         if self.system.signals.values:
-            (J, tau, dJ, margin), more = self.system.one_of(q, qd, t, y[self.layout.signals])
+            (J, tau, dJ, margin), signal_values = self.system.scalar_terms_of(
+                q, qd, t, y[self.layout.signals]
+            )
         else:
-            (J, tau, dJ, margin), more = self.system.one(q, qd, t), ()
+            (J, tau, dJ, margin), signal_values = self.system.scalar_terms(q, qd, t), ()
         self._last = q, margin, J
         if not margin > 0:
             return (math.nan,) * self.layout.size
         qdd = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
-        return qd, qdd, tau * qd, *more[: len(self.layout.initial)]
+        return qd, qdd, tau * qd, *signal_values[: len(self.layout.initial)]
 
     def spend(self, states: int) -> None:
         """Count states; `TooMany` where they are more than allowed."""
         self.spent += states
         self.system.states += states
-        if self.spent > self.most:
-            self.most = math.inf  # once: what is kept of the run is still looked at
+        if self.spent > self.limit:
+            self.limit = math.inf  # once: what is kept of the run is still looked at
             raise TooMany
 
     # -- machine code ------------------------------------------------------------
@@ -120,28 +122,28 @@ class Equation:
 
         None where there can be none, and where they are to be interpreted.
         """
-        if self.held or self.drivers > 1:
+        if self.is_fixed or self.drivers > 1:
             return None
-        made, key = self.system.steppers, (self.q0, self.sides, self.method)
-        if key in made:
-            return made[key]
+        steppers, key = self.system.steppers, (self.q0, self.sides, self.method)
+        if key in steppers:
+            return steppers[key]
         unsettled = self.system.friction is not None and not self.sides
         if not self.system.compiled_states or unsettled:
             return None
-        if (rates := kept_rates(self.system, self.method)) is None:
+        if (rates := cached_rates(self.system, self.method)) is None:
             return None
         try:
             stepper = self.system.idle_steppers(self.method).pop()
         except IndexError:
             stepper = CompiledStepper(rates, REPORTED)
-        made[key] = stepper.given((0.0, 1.0, LEAST_INERTIA * self.typical, *self.sides))
-        return made[key]
+        steppers[key] = stepper.given((0.0, 1.0, LEAST_INERTIA * self.typical, *self.sides))
+        return steppers[key]
 
     def took(self, states: int) -> None:
         """Count states that machine code was asked for."""
-        each = 3 + len(self.sides) if self.sides else 1  # with those of the force pass
+        per_state = 3 + len(self.sides) if self.sides else 1  # with those of the force pass
         self.spend(states)
-        self.system._count(states * each, False)
+        self.system._count(states * per_state, False)
 
     def row(self, t: float, y: Any) -> list[float] | None:
         """What machine code says of a state, see `rates`; None where it says nothing."""
@@ -152,11 +154,11 @@ class Equation:
 
     def _general(self, t: float, y: Floats) -> Floats:
         q, qd = map(np.atleast_1d, self.motion(t, y))
-        more: Any = ()
-        known = self.resisted(t, y) if self.sides else None
+        signal_values: Any = ()
+        response = self.resisted(t, y) if self.sides else None
         if self.system.signals.values:
-            x, qdd = y[self.layout.signals], None if known is None else known.qdd
-            terms, more = self.system.terms_of(q, qd, t, x, qdd)
+            x, qdd = y[self.layout.signals], None if response is None else response.qdd
+            terms, signal_values = self.system.terms_of(q, qd, t, x, qdd)
         else:
             terms = self.system.terms(q, qd, t)
         M, c, Q, margin = terms
@@ -165,33 +167,33 @@ class Equation:
             return np.full(self.layout.size, math.nan)
         works = [Q @ qd]
         if (friction := self.system.friction) is not None:
-            works.append(0.0 if known is None else friction.power(known, self.sides))
-        if known is None:
+            works.append(0.0 if response is None else friction.power(response, self.sides))
+        if response is None:
             acc, pushes = self.system.accelerations(M, Q - c, q, qd, t)
         else:
-            acc, pushes = known.qdd, known.pushes
+            acc, pushes = response.qdd, response.pushes
         if (roles := self.system.roles) is not None:
-            works.append(pushes[len(self.system.held) :] @ qd[roles.bound])
-        return np.concatenate([qd, acc, works, more[: len(self.layout.initial)]])
+            works.append(pushes[len(self.system.contacts) :] @ qd[roles.bound])
+        return np.concatenate([qd, acc, works, signal_values[: len(self.layout.initial)]])
 
     def switched(self, t: float, y: Floats, due: Collection[str]) -> Floats:
         """A state after the discrete signal blocks named ``due`` have switched."""
         layout, signals = self.layout, self.system.signals
         assert signals.update is not None
         slope = np.asarray(self(t, y), dtype=np.float64)
-        given = dict(zip(signals.names, y[layout.signals], strict=True)) | {"t": t}
-        for what, values in (
+        inputs = dict(zip(signals.names, y[layout.signals], strict=True)) | {"t": t}
+        for prefix, values in (
             ("q", y[layout.q]),
             ("qd", y[layout.rate]),
             ("qdd", slope[layout.rate]),
         ):
-            given |= {f"{what}_{i}": float(x) for i, x in enumerate(values)}
+            inputs |= {f"{prefix}_{i}": float(x) for i, x in enumerate(values)}
         engine = signals.update.engine(self.system.compiled_states)
-        new = engine.one([given[name] for name in signals.update.program.inputs])
+        new = engine.one([inputs[name] for name in signals.update.program.inputs])
         after = y.copy()
-        for (block, place), value in zip(signals.updated, new, strict=True):
+        for (block, index), value in zip(signals.updated, new, strict=True):
             if block in due:
-                after[layout.signals.start + place] = value
+                after[layout.signals.start + index] = value
         return after
 
     def kinks(self, t: float, y: Any) -> Any:
@@ -207,7 +209,7 @@ class Equation:
         """
         q, qd = self.motion(t, y)
         x = y[self.layout.signals]
-        if self.held:
+        if self.is_fixed:
             qdd = np.zeros(self.drivers)
         elif qdd is None and self.sides and self.system.follows_acceleration:
             qdd = self.resisted(t, y).qdd
@@ -223,7 +225,7 @@ class Equation:
 
     def stop_force(self, i: int, t: float, y: Floats) -> float:
         """What a stop that it lies against pushes with [N m or N], along its coordinate."""
-        which = sorted(self.system.held).index(i)
+        which = sorted(self.system.contacts).index(i)
         if self.sides:
             return float(self.resisted(t, y).pushes[which])
         q, qd = self.motion(t, y)
@@ -263,17 +265,17 @@ class Equation:
     def closeness(self, y: Floats) -> tuple[Any, Any]:
         """Margin, and inertia relative to a typical one, of one driver, at a state."""
         k, (q, _) = self.drivers, self.layout.motion(y)
-        here = q if k == 1 else tuple(q)
-        if self._last[0] != here:
+        coordinates = q if k == 1 else tuple(q)
+        if self._last[0] != coordinates:
             row = self.row(0.0, self.layout.start(q, 0.0 * q))
             if row is not None:
                 n = self.layout.size
-                self._last = here, row[n], row[n + 1]
+                self._last = coordinates, row[n], row[n + 1]
             elif k == 1:
-                J, _, _, margin = self.system.one(q)
-                self._last = here, margin, J
+                J, _, _, margin = self.system.scalar_terms(q)
+                self._last = coordinates, margin, J
             else:
-                self._last = here, self.system.terms(q, 0 * q).margin, math.nan
+                self._last = coordinates, self.system.terms(q, 0 * q).margin, math.nan
         _, margin, J = self._last
         return margin, J / self.typical if k == 1 else 1.0
 
@@ -293,12 +295,12 @@ class Equation:
         return 0.5 * self._last[2] * float(qd[0]) ** 2
 
 
-def kept_rates(system: System, method: Callable[[], Method] = dop853) -> CompiledRhs | None:
+def cached_rates(system: System, method: Callable[[], Method] = dop853) -> CompiledRhs | None:
     """The rates as machine code, made once a mechanism; None where there can be none.
 
     There is none of several drivers, and of what is no program: series near change points.
     """
-    if len(system.drivers) > 1 or type(system).one is not System.one:
+    if len(system.drivers) > 1 or type(system).scalar_terms is not System.scalar_terms:
         return None
     about = system.equation_program, system.friction, system.signals
     return system.keep((rates_of, system.method, method), lambda: rates_of(*about, method()))
@@ -318,5 +320,5 @@ def typical_motion(equation: Equation, t: float, y: Floats) -> tuple[float, floa
     push = max((abs(x) for x in equation(t, y)[rate] if not math.isnan(x)), default=0.0)
     fallen = math.sqrt(2 * push * min(equation.system.span, 1.0))
     speed = max(map(abs, y[rate].tolist())) + fallen or 1.0
-    work = sum(equation.kinetic(y, one) for one in np.diag([speed] * equation.drivers))
+    work = sum(equation.kinetic(y, rates) for rates in np.diag([speed] * equation.drivers))
     return speed, work if 0 < work < math.inf else 1.0

@@ -46,8 +46,8 @@ class Difference(NamedTuple):
     t : [s] difference of the ends, at least what the states are apart at the fastest: two ends may
         be met at one time by chance
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
-        nowhere further apart than ``near``
-    near : (..., k) [rad or m] within which each driver's runs are one motion
+        nowhere further apart than ``limits``
+    limits : (..., k) [rad or m] within which each driver's runs are one motion
     off, bends : (..., m, k) [rad or m] differences at common times; by what part of the fastest
         rate rates differ
     times, states : (m,) the common times, and what the finer one says there
@@ -56,19 +56,19 @@ class Difference(NamedTuple):
     q: Any
     t: Any
     agree: Any
-    near: Floats
+    limits: Floats
     off: Floats
     bends: Floats
     times: Floats = np.empty(0)
     states: State = State(np.empty(0), np.empty(0))
 
-    def left(self, remainder: float) -> Any:
+    def error_of_finer(self, remainder: float) -> Any:
         """[rad or m] What the finer run is off, if what it is late is a share of theirs."""
-        left = left_of(self.off, self.bends, remainder).max(axis=(-2, -1))
-        return np.maximum(remainder * self.q, left)
+        late = remaining_difference(self.off, self.bends, remainder).max(axis=(-2, -1))
+        return np.maximum(remainder * self.q, late)
 
 
-def left_of(off: Floats, bends: Floats, remainder: float) -> Floats:
+def remaining_difference(off: Floats, bends: Floats, remainder: float) -> Floats:
     r"""[rad or m] What is left of differences of two runs, if their times leave a share.
 
     off : differences, bends : by what part of the fastest rate rates differ there
@@ -88,9 +88,9 @@ def left_of(off: Floats, bends: Floats, remainder: float) -> Floats:
 
 
 @lru_cache(maxsize=8)
-def common_times(start: float, last: float, wanted: tuple[float, ...]) -> Floats:
+def common_times(start: float, last: float, requested: tuple[float, ...]) -> Floats:
     """Times [s] at which two runs are compared."""
-    return np.union1d(spread(start, last), [t for t in wanted if start <= t <= last])
+    return np.union1d(spread(start, last), [t for t in requested if start <= t <= last])
 
 
 def spread(start: float, end: float) -> Floats:
@@ -101,15 +101,18 @@ def spread(start: float, end: float) -> Floats:
 
 
 def difference(
-    coarse: Motion, fine: Motion, rotary: tuple[bool, ...], wanted: tuple[float, ...] = ()
+    coarse: Motion, fine: Motion, rotary: tuple[bool, ...], requested: tuple[float, ...] = ()
 ) -> Difference:
     """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
-    times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
-    states, others = fine.track.state(times), coarse.track.state(times)  # they lie in both runs
+    times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), requested)
+    states, coarse_states = (
+        fine.track.state(times),
+        coarse.track.state(times),
+    )  # they lie in both runs
     same = coarse.end == fine.end and coarse.status == fine.status
     beyond = np.abs(np.subtract(coarse.q_end, fine.q_end)) if same else 0.0
     fine_run, coarse_run = (
-        State(*(x.reshape(len(times), -1) for x in run)) for run in (states, others)
+        State(*(x.reshape(len(times), -1) for x in run)) for run in (states, coarse_states)
     )
     over = fine.t_start, fine.t_end, coarse.t_end
     apart = compared(fine_run, coarse_run, over, beyond, same, rotary)
@@ -130,22 +133,24 @@ def compared(
     fastest, highest = (np.abs(run.qd).max(axis=(-2, -1)) for run in (fine, coarse))
     size = np.abs(fine.q).max(axis=(-2, -1)) + np.abs(t_fine) * fastest
     reach = np.ptp(fine.q, axis=-2)
-    near = one_motion(reach, np.where(rotary, 1.0, math.inf), size[..., None])
-    close = (apart <= near).all(axis=-1) & (late <= PARTED * span)
-    far = apart.max(axis=-1)
-    late = np.maximum(late, np.where(fastest > 0, far / np.where(fastest > 0, fastest, 1.0), 0.0))
+    limits = same_motion_limit(reach, np.where(rotary, 1.0, math.inf), size[..., None])
+    close = (apart <= limits).all(axis=-1) & (late <= PARTED * span)
+    farthest = apart.max(axis=-1)
+    late = np.maximum(
+        late, np.where(fastest > 0, farthest / np.where(fastest > 0, fastest, 1.0), 0.0)
+    )
     highest = np.maximum(fastest, highest)[..., None, None]
     bends = np.minimum(np.abs(coarse.qd - fine.qd) / np.where(highest > 0, highest, 1.0), 1.0)
-    return Difference(far, late, same & (close | (span == 0)), near, off, bends)
+    return Difference(farthest, late, same & (close | (span == 0)), limits, off, bends)
 
 
-def one_motion(way: Any, longest: float | Floats, size: Any) -> Any:
+def same_motion_limit(travel: Any, longest: float | Floats, size: Any) -> Any:
     """[rad or m] within which two runs that go so far are one motion.
 
-    way : numbers or arrays; of more than is ``longest``, a radian of angles, no more counts
+    travel : numbers or arrays; of more than is ``longest``, a radian of angles, no more counts
     size : of the places, and of what the largest rate makes of the whole time
     """
-    return PARTED * np.minimum(way, longest) + ROUNDING * size
+    return PARTED * np.minimum(travel, longest) + ROUNDING * size
 
 
 def rounding_share(system: System, q: float, moves: bool, t: float, weaker: float = 1.0) -> float:
@@ -169,12 +174,12 @@ def rounded(
     """
     late = share * np.maximum(np.abs(t), t - t_start)
     off = (late * np.abs(qd).T).T
-    far = off[1:] > np.abs(q[1:] - q[:-1])
-    if np.count_nonzero(far):  # also than the way to what follows
-        far[:-1] &= off[1:-1] > np.abs(q[2:] - q[1:-1])
-    way, usual = np.abs(qd[1:]).T * np.diff(t), np.abs(np.diff(q, axis=0)).T
-    sudden = np.any(way > usual / EPS**0.25)  # a rate without bound
-    return late, off, bool(far.any() or sudden)
+    beyond = off[1:] > np.abs(q[1:] - q[:-1])
+    if np.count_nonzero(beyond):  # also than the way to what follows
+        beyond[:-1] &= off[1:-1] > np.abs(q[2:] - q[1:-1])
+    travel, usual = np.abs(qd[1:]).T * np.diff(t), np.abs(np.diff(q, axis=0)).T
+    sudden = np.any(travel > usual / EPS**0.25)  # a rate without bound
+    return late, off, bool(beyond.any() or sudden)
 
 
 def with_rounding(
@@ -195,23 +200,23 @@ def with_rounding(
     if motion.error < math.inf and motion.t_end > motion.t_start:
         if by is None or not by.agree or by.times[-1] < motion.t_end:
             times = spread(motion.t_start, motion.t_end)
-            along = motion.at(times)
+            sampled = motion.at(times)
         else:
-            times, along = by.times, by.states
+            times, sampled = by.times, by.states
         steps = max(0.0, math.sqrt(states / 12) * EPS - ROUNDING)
         share = ROUNDING + system.noise
         if len(system.drivers) == 1:
-            q, qd = (float(x[0]) for x in along)
-            usual = np.median(np.abs(along.qd)) or np.abs(along.qd).max()
+            q, qd = (float(x[0]) for x in sampled)
+            usual = np.median(np.abs(sampled.qd)) or np.abs(sampled.qd).max()
             moves = abs(qd) > EPS * float(usual)  # a series' 0 is rounded too
             share = rounding_share(system, q, moves, motion.t_start)
-        late, off, unsure = rounded(share + steps, motion.t_start, times, *along)
+        late, off, unsure = rounded(share + steps, motion.t_start, times, *sampled)
         if unsure:
             inside = times <= motion.t_end  # of speeds without bound
             before = np.clip(times - late, motion.t_start, motion.t_end)
-            off = np.abs(along.q - motion.at(before).q)[inside]
-            along = State(along.q[inside], along.qd[inside])
-        off += (ROUNDING + steps) * np.abs(along.q)
+            off = np.abs(sampled.q - motion.at(before).q)[inside]
+            sampled = State(sampled.q[inside], sampled.qd[inside])
+        off += (ROUNDING + steps) * np.abs(sampled.q)
         clock = motion.time_error + (0.0 if motion.end == "time" else float(late[-1]))
         motion = motion.but(error=motion.error + float(off.max()), time_error=clock)
     return motion if target is None else missed(motion, target)
@@ -229,7 +234,7 @@ def refined(
     run: Callable[[float, bool], Motion],
     system: System,
     target: float,
-    wanted: tuple[float, ...],
+    requested: tuple[float, ...],
     remainder: float,
 ) -> Motion:
     """A motion whose error is estimated, and meets the target if a pair of runs does.
@@ -238,7 +243,7 @@ def refined(
         nothing moves
     remainder : of the difference of two runs the finer one is off by no more
 
-    Targets below `LEAST` go down one ladder of tolerances: none states more than a looser one.
+    Targets below `LEAST` go down one ladder of tolerances, none states more than a looser one.
     """
     tolerance, best = max(target, LEAST), None
     while True:
@@ -250,8 +255,8 @@ def refined(
         fine = run(max(tolerance / FINER, FLOOR), True)
         if fine.end in UNFINISHED and fine.t_end < coarse.t_end:
             return missed(stopped(fine, best or coarse), target)
-        apart = difference(coarse, fine, system.rotary, wanted)
-        steps = judged(coarse, fine, apart, wanted, remainder)
+        apart = difference(coarse, fine, system.rotary, requested)
+        steps = judged(coarse, fine, apart, requested, remainder)
         states = fine.cost.states - coarse.cost.states
         motion = with_rounding(system, steps, None, apart, states)
         smaller = best is not None and apart.agree and motion.error < best.error
@@ -271,31 +276,33 @@ def judged(
     coarse: Motion,
     fine: Motion,
     apart: Difference,
-    wanted: tuple[float, ...],
+    requested: tuple[float, ...],
     remainder: float = 1.0,
 ) -> Motion:
     """The finer of two runs with its error, a share of their difference, or what both know."""
     if apart.agree:
         late = 0.0 if fine.end == "time" else remainder * apart.t
-        return fine.but(error=apart.left(remainder), time_error=fine.time_error + late)
-    times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
+        return fine.but(error=apart.error_of_finer(remainder), time_error=fine.time_error + late)
+    times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), requested)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
-    one = off.ndim == 1
-    parted = np.flatnonzero(~(off <= apart.near if one else (off <= apart.near).all(axis=1)))
+    is_single = off.ndim == 1
+    parted = np.flatnonzero(
+        ~(off <= apart.limits if is_single else (off <= apart.limits).all(axis=1))
+    )
     last = int(parted[0]) - 1 if parted.size else times.size - 1
     t = float(times[max(last, 0)])
     state = fine.at(t)
-    words = f"they differ by {apart.q:.1e}, in the time of their ends by {apart.t:.1e} s"
+    description = f"they differ by {apart.q:.1e}, in the time of their ends by {apart.t:.1e} s"
     if coarse.end != fine.end:
-        words = f"one ends in {coarse.end}, the other in {fine.end}"
-    note = f"two runs that differ in accuracy alone part after t = {t:.9g} s: {words}"
+        description = f"one ends in {coarse.end}, the other in {fine.end}"
+    note = f"two runs that differ in accuracy alone part after t = {t:.9g} s: {description}"
     return replace(
         fine,
         status="failed",
         end=ends.UNDECIDED,
         t_end=t,
-        q_end=float(state.q) if one else state.q,
-        qd_end=float(state.qd) if one else state.qd,
+        q_end=float(state.q) if is_single else state.q,
+        qd_end=float(state.qd) if is_single else state.qd,
         events=tuple(e for e in fine.events if e.t <= t),
         error=float(off[: max(last, 0) + 1].max()),
         time_error=math.inf,
@@ -312,6 +319,6 @@ def stopped(motion: Motion, best: Motion | None) -> Motion:
     best = best if judged else replace(best, error=math.inf, time_error=math.inf)
     if motion.end == ends.TOO_MANY:
         return best
-    words = "by coarser runs" if judged else "not judged by another run"
-    notes = (*best.notes, f"{motion.end}: the error is {words}")
+    description = "by coarser runs" if judged else "not judged by another run"
+    notes = (*best.notes, f"{motion.end}: the error is {description}")
     return replace(best, status=motion.status, end=motion.end, notes=notes)

@@ -44,9 +44,9 @@ class EventFunction:
     parts : of a step that are looked at; 1: only its end, of values that cost kernels
     dips : whether it also happens where the value only dips below zero
     index : of the pair with friction that it is about
-    component : of the state, of which ``value`` is what is above ``place``, or above zero
-    place : [rad or m] of the only driver that it is about
-    own : whether it is a user's
+    component : of the state, of which ``value`` is what is above ``level``, or above zero
+    level : [rad or m] of the only driver that it is about
+    by_user : whether it is a user's
     arrays : whether ``value`` takes times (m,) and states (n, m) at once
     """
 
@@ -58,8 +58,8 @@ class EventFunction:
     dips: bool = False
     index: int = -1
     component: int = -1
-    place: float = math.nan
-    own: bool = False
+    level: float = math.nan
+    by_user: bool = False
     arrays: bool = False
 
 
@@ -75,15 +75,15 @@ class EventHit(NamedTuple):
 
 def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventFunction:
     """A driver's coordinate reaches q [rad or m]."""
-    above: Data = {"component": driver, "place": q, "arrays": True}
+    above: Data = {"component": driver, "level": q, "arrays": True}
     return EventFunction(kind, lambda t, y: y[driver] - q, direction, **above)
 
 
-def pair_at(system: System, kind: str, place: float, direction: int, i: int) -> EventFunction:
+def pair_at(system: System, kind: str, level: float, direction: int, i: int) -> EventFunction:
     """A pair with end stops reaches a coordinate [rad or m]; i is its place among all of them."""
 
     def value(t: Any, y: Any) -> Any:
-        return system.places(y[: len(system.drivers)])[i] - place
+        return system.coordinates(y[: len(system.drivers)])[i] - level
 
     return EventFunction(kind, value, direction, parts=PARTS // 2, index=i)
 
@@ -101,30 +101,30 @@ def general_rules(
     k = len(system.drivers)
     rules = [user_rule(w, StateLayout(k)) for w in request.watch]
     limits = ((ends.DEAD_CENTRE, LEAST_MARGIN), (ends.NO_INERTIA, LEAST_INERTIA))
-    for i, (kind, least) in enumerate(limits[:1] if k > 1 else limits):
+    for i, (kind, threshold) in enumerate(limits[:1] if k > 1 else limits):
 
-        def above(t: Any, y: Any, i: int = i, least: float = least) -> Any:
-            return closeness(y)[i] - least
+        def above(t: Any, y: Any, i: int = i, threshold: float = threshold) -> Any:
+            return closeness(y)[i] - threshold
 
         rules.append(EventFunction(kind, above, -1, parts=1, dips=True))
     for i, between in enumerate(system.stops):
         kind = system.end_at(i)
-        if i in system.held:
+        if i in system.contacts:
 
-            def push(t: Any, y: Any, i: int = i, way: int = system.held[i]) -> Any:
-                return -way * stop_force(i, t, y)
+            def push(t: Any, y: Any, i: int = i, side: int = system.contacts[i]) -> Any:
+                return -side * stop_force(i, t, y)
 
             rules.append(EventFunction(ends.LEAVES_STOP, push, -1, index=i, parts=1))
             continue
         rule = driver_at if i < k else partial(pair_at, system)
         pairs = zip(between, (-1, 1), strict=True)
-        rules += [rule(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
+        rules += [rule(kind, q, side, i) for q, side in pairs if math.isfinite(q)]
     if k > 1:
         return rules
-    rules += [driver_at(ends.GOAL, q) for q in request.places]
+    rules += [driver_at(ends.GOAL, q) for q in request.goals]
     ends_run = request.standstills < math.inf or system.friction is not None
-    stands: Data = {"component": 1, "terminal": ends_run, "arrays": True}
-    return [*rules, EventFunction(ends.STANDSTILL, lambda t, y: y[1], **stands)]
+    options: Data = {"component": 1, "terminal": ends_run, "arrays": True}
+    return [*rules, EventFunction(ends.STANDSTILL, lambda t, y: y[1], **options)]
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventFunction]:
@@ -132,11 +132,11 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
     if period is not None:
         turn = math.floor(q / period)
         knots = [knot + period * (turn + n) for knot in knots for n in (-1, 0, 1)]
-    near = SAME * max(1.0, abs(q))
-    above = [knot for knot in knots if knot > q + near]
-    below = [knot for knot in knots if knot < q - near]
-    here = [knot for knot in knots if abs(knot - q) <= near]
-    chosen = [*sorted(above)[:1], *sorted(below)[-1:], *here[:1]]
+    tolerance = SAME * max(1.0, abs(q))
+    above = [knot for knot in knots if knot > q + tolerance]
+    below = [knot for knot in knots if knot < q - tolerance]
+    coincident = [knot for knot in knots if abs(knot - q) <= tolerance]
+    chosen = [*sorted(above)[:1], *sorted(below)[-1:], *coincident[:1]]
     return [driver_at(ends.KINK, knot) for knot in chosen]
 
 
@@ -164,8 +164,8 @@ def friction_rules(
     for j in np.flatnonzero(sides).tolist():
         remembers = pairs.remembers[j]
         kind = ends.DEFLECTION_KINK if remembers else ends.REVERSAL
-        way = 0 if remembers or alone else -sides[j]
-        rules.append(EventFunction(kind, slip(j), way, parts=PARTS // 2, index=j))
+        direction = 0 if remembers or alone else -sides[j]
+        rules.append(EventFunction(kind, slip(j), direction, parts=PARTS // 2, index=j))
         if pairs.guides[j]:
             kind = ends.GUIDE_SIDE
             rules += [EventFunction(kind, side(j, part), parts=1, index=j) for part in range(2)]
@@ -189,8 +189,8 @@ def user_rule(watch: Watch, layout: StateLayout) -> EventFunction:
     def value(t: Any, y: Any) -> Any:
         return watch.surface(t, *(y[:2] if watch.arrays else layout.motion(y)))
 
-    how = watch.direction, watch.terminal or bool(watch.then)
-    return EventFunction(watch.name, value, *how, own=True, arrays=watch.arrays)
+    options = watch.direction, watch.terminal or bool(watch.then)
+    return EventFunction(watch.name, value, *options, by_user=True, arrays=watch.arrays)
 
 
 # -- finding them --------------------------------------------------------------------------
@@ -219,10 +219,10 @@ class EventDetector:
         if t == self.t and self.values is not None:
             return self.values
         values = [rule.value(t, y) for rule in self.rules]
-        near = SAME * max(1.0, float(np.abs(y[0])))
+        tolerance = SAME * max(1.0, float(np.abs(y[0])))
         for i, r in enumerate(self.rules if t == self.t else ()):
             if (r.kind, r.index) in self.happened:
-                values[i] = 0.0 if r.kind != ends.KINK or abs(values[i]) <= near else values[i]
+                values[i] = 0.0 if r.kind != ends.KINK or abs(values[i]) <= tolerance else values[i]
         return values
 
     @property
@@ -238,7 +238,7 @@ class EventDetector:
     @property
     def simple(self) -> bool:
         """Whether all rules of more than ends are those of the only driver."""
-        of_driver = (r.parts == 1 or not (r.own or r.index >= 0) for r in self.rules)
+        of_driver = (r.parts == 1 or not (r.by_user or r.index >= 0) for r in self.rules)
         return len(self.spans) == 1 and all(of_driver)
 
     def free_range(self, q: float) -> tuple[float, float]:
@@ -246,8 +246,8 @@ class EventDetector:
 
         Who begins at one of them, as after a blow, has no room: it may come back in its first step.
         """
-        places = [rule.place for rule in self.rules]
-        below, above = (p for p in places if p <= q), (p for p in places if p >= q)
+        levels = [rule.level for rule in self.rules]
+        below, above = (p for p in levels if p <= q), (p for p in levels if p >= q)
         return max(below, default=-math.inf), min(above, default=math.inf)
 
     def within(self, steps: Floats, states: Floats, dense: Any) -> list[EventHit]:
@@ -261,18 +261,20 @@ class EventDetector:
         values = self._before(t0, y0)
         self.t, self.values = t1, (ends_at := [rule.value(t1, y1) for rule in self.rules])
         ways = [abs(a - b) / s for a, b, s in zip(y1, y0, self.spans, strict=False)]
-        near = min(NEAR, PARTS * math.tau * max(ways))  # no margin falls by more on so short a way
+        threshold = min(
+            NEAR, PARTS * math.tau * max(ways)
+        )  # no margin falls by more on so short a way
         quiet = (
-            not turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
+            not turned(a, b, rule.direction) and not (rule.dips and min(a, b) < threshold)
             for rule, a, b in zip(self.rules, values, ends_at, strict=True)
         )
         alike = self.parts == 1 or (self.simple and self._steady(t1 - t0, y0, y1))
         if alike and all(quiet):
             return []
         hits, open_ = list[EventHit](), [*zip(self.rules, values, ends_at, strict=True)]
-        for rule, *known in (x for x in open_ if x[0].component >= 0):
-            level = 0.0 if math.isnan(rule.place) else rule.place
-            times = dense.crossings(rule.component, level, known, rule.direction, self.parts)
+        for rule, *end_values in (x for x in open_ if x[0].component >= 0):
+            level = 0.0 if math.isnan(rule.level) else rule.level
+            times = dense.crossings(rule.component, level, end_values, rule.direction, self.parts)
             hits += [EventHit(rule, min(s, t1)) for s in times]
         open_ = [x for x in open_ if x[0].component < 0]
         if not open_:
@@ -281,13 +283,13 @@ class EventDetector:
         t = np.array([*(begins + (steps[1:, None] - begins) * shares).flat, t1])
         inner = t[1:-1], np.asarray(dense(t[1:-1]))
         for rule, low, high in open_:
-            dips = rule.dips and min(low, high) < near
+            dips = rule.dips and min(low, high) < threshold
             parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
-            each = self.parts // parts
+            stride = self.parts // parts
             if rule.arrays:
-                between = rule.value(*(x[..., each - 1 :: each] for x in inner))
+                between = rule.value(*(x[..., stride - 1 :: stride] for x in inner))
             else:
-                some = (x[..., each - 1 :: each].T for x in inner)
+                some = (x[..., stride - 1 :: stride].T for x in inner)
                 between = [rule.value(float(s), y) for s, y in zip(*some, strict=True)]
             row = np.array([low, *between, high], dtype=np.float64)
             if (row.min() > 0 or row.max() < 0) and not dips:
@@ -296,9 +298,9 @@ class EventDetector:
             def value(s: float, rule: EventFunction = rule) -> float:
                 return float(rule.value(s, dense(s)))
 
-            times = crossings(rule.direction, t[::each], row, value)
+            times = crossings(rule.direction, t[::stride], row, value)
             if dips and not times:
-                times = _dip(t[::each], row, value)
+                times = _dip(t[::stride], row, value)
             hits += [EventHit(rule, s) for s in times]
         return hits
 
@@ -318,10 +320,10 @@ def until_terminal(hits: list[EventHit]) -> list[EventHit]:
 
 
 def crossings(
-    direction: int, t: Floats, known: Any, value: Callable[[float], float]
+    direction: int, t: Floats, samples: Any, value: Callable[[float], float]
 ) -> list[float]:
     """Times at which a value changes its sign, between times at which it is known."""
-    values = np.asarray(known, dtype=np.float64)
+    values = np.asarray(samples, dtype=np.float64)
     return [
         float(t[i + 1]) if values[i + 1] == 0 else _root(value, float(t[i]), float(t[i + 1]))
         for i in np.flatnonzero(turned(values[:-1], values[1:], direction))
@@ -377,8 +379,8 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     t = motion.times(PER_SWING // PARTS * max(4, math.ceil(span / swing)) + 1)
 
     def dense(s: Any) -> Floats:
-        there: Floats = np.array(motion.track.state(np.ravel(s)))
-        return there if np.ndim(s) else there[:, 0]
+        values: Floats = np.array(motion.track.state(np.ravel(s)))
+        return values if np.ndim(s) else values[:, 0]
 
     states = dense(t).T
     rules = [user_rule(w, StateLayout(1)) for w in watches]
@@ -388,10 +390,10 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     if not (hits and hits[-1].rule.terminal):
         return replace(motion, events=tuple(sorted((*motion.events, *events), key=_time)))
     end = events[-1]
-    kept = [e for e in motion.events if e.t <= end.t]
+    earlier = [e for e in motion.events if e.t <= end.t]
     return replace(
         motion,
-        events=tuple(sorted([*kept, *events], key=_time)),
+        events=tuple(sorted([*earlier, *events], key=_time)),
         t_end=end.t,
         q_end=end.q,
         qd_end=end.qd,

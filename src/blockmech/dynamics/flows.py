@@ -18,8 +18,8 @@ from blockmech.dynamics.forcing import ELSEWHERE, GIVE, no_steady
 from blockmech.dynamics.periodic import FLOWS, FixedPoint, fixed_point
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.run import INTEGRATORS
-from blockmech.dynamics.singular import what_is_ahead
-from blockmech.dynamics.time import TimeIntegration, in_time
+from blockmech.dynamics.singular import classify_obstacle
+from blockmech.dynamics.time import TimeIntegration, integrate
 from blockmech.ground.errors import RequestError
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Floats, Motion
@@ -93,13 +93,13 @@ class Flow:
         for i, (period, between) in enumerate(zip(self.periods, system.stops, strict=False)):
             self.turns[i] = 0.0 if np.isfinite(between).any() else period or 0.0
         if not np.isfinite(self.acceleration(self.x)).all():
-            why = what_is_ahead(self.equation, start.t, self.x).end
+            why = classify_obstacle(self.equation, start.t, self.x).end
             raise no_steady(f"{why} at the start", "start elsewhere")
 
     def measure(self, x: Floats) -> None:
         """Take the sizes of states of signal blocks from a state."""
-        own = self.layout.signals
-        self.size[own] = np.maximum(np.abs(x[own]), self.system.signals.sizes)
+        signals = self.layout.signals
+        self.size[signals] = np.maximum(np.abs(x[signals]), self.system.signals.sizes)
 
     def slope(self, x: Floats, later: float = 0.0) -> Floats:
         """The rates (n,) of a state, some time [s] after the start."""
@@ -115,9 +115,9 @@ class Flow:
 
     def repeats(self, period: float) -> bool:
         """Whether signals do the same a period on, whatever they read."""
-        there = self.x + period * (np.arange(self.x.size) < 1)
-        change = np.abs(self.slope(there) - (here := self.slope(self.x)))
-        return bool(change.max() <= SETTLED * np.abs(here).max())
+        shifted = self.x + period * (np.arange(self.x.size) < 1)
+        change = np.abs(self.slope(shifted) - (slope := self.slope(self.x)))
+        return bool(change.max() <= SETTLED * np.abs(slope).max())
 
     def wrapped(self, step: Floats) -> Floats:
         """A change of the state (n,), whole turns left out."""
@@ -134,14 +134,14 @@ class Flow:
         start = Start(*self.layout.motion(x), self.request.start.t)
         return replace(self.request, start=start, until=until, watch=tuple(watch), times=())
 
-    def _run(self, x: Floats, tolerance: float, *how: Any) -> Motion:
+    def _run(self, x: Floats, tolerance: float, *goal: Any) -> Motion:
         """One integration from a state."""
-        request = self._request(x, *how)
-        own = request.method in INTEGRATORS and tolerance > FLOWS
-        method, rest = request.method if own else "dop853", SMALL * self.system.span
+        request = self._request(x, *goal)
+        as_requested = request.method in INTEGRATORS and tolerance > FLOWS
+        method, rest = request.method if as_requested else "dop853", SMALL * self.system.span
         run = TimeIntegration(self.system, request, method, tolerance, self.name, rest)
         run.y = x.copy()
-        return _whole(run.motion())
+        return _uninterrupted(run.motion())
 
     def end_of(self, motion: Motion) -> Floats:
         """The state at the end of a motion."""
@@ -160,10 +160,10 @@ class Flow:
 
     def passage(self, x: Floats, tolerance: float = LOOSE) -> SectionReturn:
         """The way of one driver to the next standstill or whole turn."""
-        begin, far = float(x[0]), float(self.turns[0]) or FAR * self.system.span
+        begin, limit = float(x[0]), float(self.turns[0]) or FAR * self.system.span
 
         def gone(t: Any, q: Any, qd: Any) -> Any:
-            return np.abs(q - begin) - far
+            return np.abs(q - begin) - limit
 
         motion = self._run(x, tolerance, Until("standstill"), [Gone(ends.TURN, gone)])
         time = motion.t_end - motion.t_start
@@ -179,10 +179,10 @@ class Flow:
         def changed(x: Floats, tolerance: float = FLOWS) -> Floats:
             at = x
             for _ in range(ways):
-                way = self.passage(at, tolerance)
-                if way.kind != kind:
+                passage = self.passage(at, tolerance)
+                if passage.kind != kind:
                     return np.full(x.size, math.nan)
-                at = way.x
+                at = passage.x
             return at - x
 
         return changed
@@ -190,15 +190,17 @@ class Flow:
     def once(self, x: Floats, until: Until, accuracy: float | None = None) -> Motion:
         """The motion from a state with its error, by default as a period that is to repeat."""
         request = self._request(x, until)
-        own = request.method if request.method in INTEGRATORS and not accuracy else "dop853"
+        as_requested = (
+            request.method if request.method in INTEGRATORS and not accuracy else "dop853"
+        )
         finer = accuracy or (request.accuracy or TARGET) / 10  # the gain of the map enlarges it
         system = self.system
         if self.layout.initial:
             system = replace(system, begin=tuple(x[self.layout.signals].tolist()))
-        return _whole(in_time(system, replace(request, accuracy=finer), own))
+        return _uninterrupted(integrate(system, replace(request, accuracy=finer), as_requested))
 
 
-def _whole(motion: Motion) -> Motion:
+def _uninterrupted(motion: Motion) -> Motion:
     """A motion; what stopped it stops the search that asked for it."""
     if motion.end == ends.INTERRUPTED:
         raise KeyboardInterrupt
@@ -227,7 +229,7 @@ class Orbit(NamedTuple):
 
     point: FixedPoint
     periods: int  # of the loads in one of it
-    seen: bool  # to come from the start
+    reached: bool  # to come from the start
 
 
 class Stroboscope:
@@ -246,9 +248,9 @@ class Stroboscope:
         """Look whether the loads really are the same a period later."""
         flow, T = self.flow, self.T
         for t in np.linspace(0.0, 0.9 * T, SETTLING).tolist():
-            here, later = flow.acceleration(flow.x, t), flow.acceleration(flow.x, t + T)
-            largest = float(np.abs([here, later]).max()) + flow.speed**2
-            if not np.abs(later - here).max() <= SETTLED * largest:
+            now, later = flow.acceleration(flow.x, t), flow.acceleration(flow.x, t + T)
+            largest = float(np.abs([now, later]).max()) + flow.speed**2
+            if not np.abs(later - now).max() <= SETTLED * largest:
                 raise no_steady(f"the loads are not the same again after {T:.9g} s", GIVE)
 
     def _is_cyclic(self, i: int) -> bool:
@@ -256,26 +258,29 @@ class Stroboscope:
         x = flow.x.copy()
         x[rate] += flow.size[rate]
         radian = flow.system.span / math.tau * np.eye(1, x.size, i)[0]  # or as much of a slide
-        here = flow.acceleration(x)
-        there = [flow.acceleration(x + j * radian) for j in (1, 2, 3)]
-        return bool(np.abs(np.array(there) - here).max() <= SETTLED * (np.abs(here).max() + EPS))
+        acceleration = flow.acceleration(x)
+        shifted = [flow.acceleration(x + j * radian) for j in (1, 2, 3)]
+        return bool(
+            np.abs(np.array(shifted) - acceleration).max()
+            <= SETTLED * (np.abs(acceleration).max() + EPS)
+        )
 
-    def away(self, x: Floats, other: Floats) -> float:
+    def away(self, x: Floats, second: Floats) -> float:
         """How far two states are apart, relative to a motion's size."""
-        return float(np.abs(self.flow.wrapped(other - x) / self.flow.size)[self.free].max())
+        return float(np.abs(self.flow.wrapped(second - x) / self.flow.size)[self.free].max())
 
     def orbits(self) -> Iterator[Orbit]:
         """Orbits near the start and near what it settles to."""
         x = self.flow.x
         if self.away(x, self.flow.after(x, self.T, FLOWS)) <= SETTLED / 100:
-            yield from self._near(x, (1,))
+            yield from self._orbits_near(x, (1,))
         for _ in range(TIMES):
             for _ in range(SETTLING):
                 x = self.flow.after(x, self.T)
             x[self.cyclic] = self.flow.x[self.cyclic]
-            yield from self._near(x, PERIODS)
+            yield from self._orbits_near(x, PERIODS)
 
-    def _near(self, x: Floats, periods: Sequence[int]) -> Iterator[Orbit]:
+    def _orbits_near(self, x: Floats, periods: Sequence[int]) -> Iterator[Orbit]:
         for n in periods:
 
             def change(x: Floats, n: int = n) -> Floats:

@@ -23,12 +23,12 @@ def no_steady(why: str, remedy: str = TIMED) -> RequestError:
     return refused("until", f'"steady": {why}', remedy, code="until")
 
 
-def forcing_period(structure: Structure, given: float) -> float:
+def forcing_period(structure: Structure, declared: float) -> float:
     """The shortest time [s] after which all loads of the time repeat.
 
-    ``given`` [s] is the period that the user names for loads whose law does not tell it.
+    ``declared`` [s] is the period that the user names for loads whose law does not tell it.
     """
-    whole, first = given, "steady"
+    common, first = declared, "steady"
     for name, element in structure.elements.items():
         law: Any = element.law if isinstance(element, Following) else None
         if law is None or "time" not in law.variables():
@@ -36,23 +36,24 @@ def forcing_period(structure: Structure, given: float) -> float:
         if isinstance(law, Polynomial) and not any(law.coefficients[1:]):
             continue
         if period := getattr(law, "whole", 0.0):
-            whole, first = _common(whole, first, float(period), name), name
+            common, first = _common(common, first, float(period), name), name
         elif not isinstance(law, Function):
             raise no_steady(f"the load {name} follows the time and does not repeat")
-        elif not given:
+        elif not declared:
             raise no_steady(f"the load {name} follows the time by a law that tells no period", GIVE)
-    if not whole:
+    if not common:
         raise no_steady("the loads follow the time, and their period is not known", GIVE)
-    return whole
+    return common
 
 
-def _common(one: float, first: str, other: float, second: str) -> float:
-    """The least common multiple of two periods [s]; ``one`` may be 0: not known."""
-    ratio = Fraction(other / one if one else 1.0).limit_denominator(COMMON)
-    fits = 0 < ratio.numerator <= COMMON and abs(float(ratio) * one / other - 1) <= SETTLED
-    if one and not fits:
+def _common(period: float, name: str, second: float, second_name: str) -> float:
+    """The least common multiple of two periods [s]; the first may be 0: not known."""
+    ratio = Fraction(second / period if period else 1.0).limit_denominator(COMMON)
+    is_common = 0 < ratio.numerator <= COMMON
+    is_common &= abs(float(ratio) * period / second - 1) <= SETTLED
+    if period and not is_common:
         raise no_steady(
-            f"the loads {first} and {second} repeat after {one:.9g} s and {other:.9g} s, "
+            f"the loads {name} and {second_name} repeat after {period:.9g} s and {second:.9g} s, "
             "which have no common multiple, so nothing repeats"
         )
-    return one * ratio.numerator or other
+    return period * ratio.numerator or second

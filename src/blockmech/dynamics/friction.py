@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.contacts import DEPENDENT, STILL, Held
+from blockmech.dynamics.contacts import DEPENDENT, STILL, Constraints
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import NumpyEngine, primitives
 from blockmech.engines.scalar import AdaptiveEvaluator
@@ -42,7 +42,7 @@ class PairProgram:
     guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
     program: Program
     laws: Program  # factors and drags (2 m,) at relative rates; that hold at rest
-    whole: Program  # for machine code: the first without accelerations, signals, laws
+    compiled_form: Program  # for machine code: the first without accelerations, signals, laws
     remembers: tuple[bool, ...]  # (m,) whether a pair's law has a state of its own
     separates: tuple[bool, ...]  # (m,) whether it is a mesh that only adds to its contact
     steepest: tuple[float, ...]  # (m,) largest slopes over the load of laws that are not linear
@@ -65,7 +65,7 @@ class State(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """What stops that something lies against leave free: q'' = basis z'' + shift; see `Held`.
+    """What stops in contact leave free: q'' = basis z'' + shift; see `Constraints`.
 
     Their pushes are an affine function of z'' and of the friction of the pairs. Drivers that are
     not free stand among them.
@@ -101,12 +101,12 @@ class Instant(NamedTuple):
     contact: Contact | None = None
     carried: Any = 0.0  # (..., m) relative rates by drivers that are not free
 
-    def against(self, held: Held, loads: Any, lasting: bool = True) -> Instant:
+    def against(self, constraint: Constraints, loads: Any, lasting: bool = True) -> Instant:
         """The same while it lies against stops, of which a unit push adds ``loads`` (..., m, a).
 
         ``lasting`` : pairs that stops alone leave no freedom do not move; in a blow they may
         """
-        Z, shift, back = held.free()
+        Z, shift, back = constraint.free()
         at_shift = self.push - (self.M @ shift[..., None])[..., 0]
         push = -(back @ at_shift[..., None])[..., 0]
         of_z, of_t = back @ self.M @ Z, -back @ np.swapaxes(self.S, -1, -2)
@@ -117,8 +117,8 @@ class Instant(NamedTuple):
         still = tied & lasting
         rates: Any = 0.0
         carried: Any = 0.0
-        if held.speeds is not None:
-            rates = (np.swapaxes(back, -1, -2) @ held.speeds[..., None])[..., 0]
+        if constraint.speeds is not None:
+            rates = (np.swapaxes(back, -1, -2) @ constraint.speeds[..., None])[..., 0]
             carried = (self.S @ rates[..., None])[..., 0]
             size = np.abs(self.b) + (np.abs(self.S) @ np.abs(shift)[..., None])[..., 0]
             still &= np.abs(b) <= DEPENDENT * size  # a law moves those that it alone moves
@@ -187,8 +187,8 @@ class Response(NamedTuple):
         if self.at.contact is None:
             return np.zeros((*self.free.shape[:-1], 0))
         push, of_z, of_t = self.at.contact[2:5]
-        more = of_z @ self.free[..., None] + of_t @ self.t[..., None]
-        return np.asarray(push + more[..., 0])
+        by_motion = of_z @ self.free[..., None] + of_t @ self.t[..., None]
+        return np.asarray(push + by_motion[..., 0])
 
     @property
     def solved(self) -> bool:
@@ -202,7 +202,7 @@ class Response(NamedTuple):
         return not self.solved and self.at.margin > 0
 
 
-def least(margins: Iterable[Any]) -> float:
+def smallest(margins: Iterable[Any]) -> float:
     """The smallest of 1 and some margins; NaN if one is."""
     smallest = 1.0
     for m in margins:
@@ -295,8 +295,8 @@ class PairFriction:
         with np.errstate(all="ignore"):
             batch = dict(zip(self.program.program.inputs, columns, strict=True))
             values = self.program.batch.run(batch, size)
-        whole = np.array([np.broadcast_to(v.real + 1j * v.imag, size) for v in values])
-        return np.moveaxis(whole.reshape(len(whole), len(states), len(q)), -1, 0).swapaxes(1, 2)
+        vectors = np.array([np.broadcast_to(v.real + 1j * v.imag, size) for v in values])
+        return np.moveaxis(vectors.reshape(len(vectors), len(states), len(q)), -1, 0).swapaxes(1, 2)
 
     def _inputs(self, q: Floats, state: State) -> list[Any]:
         """Those of the program in a state, numbers or (n,)."""
@@ -309,30 +309,39 @@ class PairFriction:
 
     # -- an instant ------------------------------------------------------------
 
-    def _states(self, qd: Any, t: Any, x: Any, k: int, held: Held | None) -> list[State]:
+    def _states(
+        self, qd: Any, t: Any, x: Any, k: int, constraint: Constraints | None
+    ) -> list[State]:
         """Columns of inputs: loads and rates, a unit of each acceleration, friction and push."""
-        still, pairs = State(qd=np.zeros(k), qdd=np.zeros(k)), held.pairs if held else ()
+        still, pairs = (
+            State(qd=np.zeros(k), qdd=np.zeros(k)),
+            constraint.pairs if constraint else (),
+        )
         units = [still._replace(qdd=row) for row in np.eye(k)]
         units += [still._replace(pair=j) for j in range(len(self.names))]
         units += [still._replace(push=j) for j, _ in pairs if j >= 0]
         return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units]
 
-    def instant(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
+    def instant(
+        self, q: Floats, qd: Floats, t: Any, x: Any, constraint: Constraints | None
+    ) -> Instant:
         """One state, or n; x (..., states) are those of signals and laws, None the initial ones."""
-        parts = q, qd, t, x, *(() if held is None else (held.rows, held.drift))
+        parts = q, qd, t, x, *(() if constraint is None else (constraint.rows, constraint.drift))
         key = q.ndim, *(None if part is None else np.asarray(part).tobytes() for part in parts)
         if self._last[0] != key:
-            self._last = key, self._instant(q, qd, t, x, held)
+            self._last = key, self._instant(q, qd, t, x, constraint)
         instant: Instant = self._last[1]
         return instant
 
-    def _instant(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
+    def _instant(
+        self, q: Floats, qd: Floats, t: Any, x: Any, constraint: Constraints | None
+    ) -> Instant:
         m, k = len(self.names), qd.shape[-1]
-        values = self.values(q, self._states(qd, t, x, k, held))
+        values = self.values(q, self._states(qd, t, x, k, constraint))
         drives, loads = values[..., :k].real, values[..., k : k + m]
         slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
         w, law = slips[..., 0, :], self.law(slips[..., 0, :], x)
-        margin = least(values[0, k + 3 * m :].real) if q.ndim == 1 else 1.0  # of one state
+        margin = smallest(values[0, k + 3 * m :].real) if q.ndim == 1 else 1.0  # of one state
 
         def of(x: Any, first: int, count: int) -> Any:
             return np.swapaxes(x[..., first : first + count, :], -1, -2)
@@ -341,16 +350,16 @@ class PairFriction:
         S = np.where(np.abs(S) <= STILL * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
         push, b, f = -drives[..., 0, :], rise[..., 0, :], loads[..., 0, :]
         at = Instant(q, qd, M, push, S, b, w, f, G, R, law, margin)
-        if held is None:
+        if constraint is None:
             return at
-        return at.against(held, _pressed(held, of(loads, 1 + k + m, values.shape[-2])))
+        return at.against(constraint, _pressed(constraint, of(loads, 1 + k + m, values.shape[-2])))
 
-    def pressed(self, q: Floats, held: Held) -> Any:
+    def pressed(self, q: Floats, constraint: Constraints) -> Any:
         """What a unit push of each stop adds to the loads (m, a) on the pairs."""
         k, m = len(q), len(self.names)
         still = State(qd=np.zeros(k), qdd=np.zeros(k))
-        units = [still, *(still._replace(push=j) for j, _ in held.pairs if j >= 0)]
-        return _pressed(held, self.values(q, units)[1:, k : k + m].T)
+        units = [still, *(still._replace(push=j) for j, _ in constraint.pairs if j >= 0)]
+        return _pressed(constraint, self.values(q, units)[1:, k : k + m].T)
 
     def rates(self, q: Floats, qd: Floats) -> Floats:
         """Relative rates (..., m) of the pairs."""
@@ -362,9 +371,9 @@ class PairFriction:
         return tuple(int(s) for s in self.senses(self.rates(q, qd)))
 
 
-def _pressed(held: Held, loads: Any) -> Any:
+def _pressed(constraint: Constraints, loads: Any) -> Any:
     """Loads (..., m, a) on the pairs by unit pushes: those (..., m, p) of the stops of pairs."""
-    of_pairs = [j >= 0 for j, _ in held.pairs]
+    of_pairs = [j >= 0 for j, _ in constraint.pairs]
     pressed = np.zeros((*loads.shape[:-1], len(of_pairs)), dtype=np.complex128)
-    pressed[..., of_pairs] = loads * [sense for j, sense in held.pairs if j >= 0]
+    pressed[..., of_pairs] = loads * [sense for j, sense in constraint.pairs if j >= 0]
     return pressed

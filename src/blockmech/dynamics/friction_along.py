@@ -7,12 +7,12 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.contacts import DEPENDENT, Held
+from blockmech.dynamics.contacts import DEPENDENT, Constraints
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.result.motion import Floats
 
 States: TypeAlias = tuple[Floats, Floats, Floats, Any]  # (n, k), (n, k), (n,), (n, states)
-Against: TypeAlias = Callable[[Floats, Floats, Floats, Any], Held]
+Against: TypeAlias = Callable[[Floats, Floats, Floats, Any], Constraints]
 
 
 class Along(NamedTuple):
@@ -53,16 +53,16 @@ def friction_along(
         side, those = tuple(row[: sides.shape[1]].tolist()), row[sides.shape[1] :] > 0
         for _ in range(2):  # the second time with rates that are those of what sticks
             state = q[some], rates[some], t[some]
-            held = against(*state, np.flatnonzero(those)) if any(those) else None
-            at = friction.instant(*state, x[some], held)
-            rates[some] = friction.kept(at, side)
-        response = friction.each(at, side)
+            constraint = against(*state, np.flatnonzero(those)) if any(those) else None
+            at = friction.instant(*state, x[some], constraint)
+            rates[some] = friction.sticking_rates(at, side)
+        response = friction.responses(at, side)
         qdd[some], rubbed[some] = response.qdd, response.t
         pushes[np.ix_(some, those)] = response.pushes
         size = (np.abs(at.S) @ np.abs(at.freedoms[..., None]))[..., 0]
         fast = np.abs(np.hstack([at.w, at.rate])).max(axis=-1, keepdims=True)
-        stands = (np.abs(at.w) <= DEPENDENT * np.maximum(size, fast)) & ~friction.signed
-        stand[some] = stands | (np.array(side) == 0)
+        still = (np.abs(at.w) <= DEPENDENT * np.maximum(size, fast)) & ~friction.signed
+        stand[some] = still | (np.array(side) == 0)
     return Along(rates, qdd, rubbed, stand, pushes)
 
 
@@ -84,8 +84,8 @@ def _completed(
         if key not in begins:
             some = slice(i, i + 1)
             state, those = (q[some], qd[some], t[some]), np.flatnonzero(lies[i])
-            held = against(*state, those).first() if any(lies[i]) else None
-            begun = friction.from_state(q[i], qd[i], float(t[i]), held, x[i])[0]
-            begins[key] = np.nan if begun.end else begun.sides
+            constraint = against(*state, those).first() if any(lies[i]) else None
+            start = friction.from_state(q[i], qd[i], float(t[i]), constraint, x[i])[0]
+            begins[key] = np.nan if start.end else start.sides
         sides[i] = begins[key]
     return sides

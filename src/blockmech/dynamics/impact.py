@@ -25,7 +25,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.blow import Before, Blow, blow, impact_of
-from blockmech.dynamics.contacts import SETTLED, Held, constrained, free_of, rate_along
+from blockmech.dynamics.contacts import SETTLED, Constraints, constrained, free_of, rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.pair_program import GIVEN
 from blockmech.dynamics.pair_stops import PairStops, stopped_pairs
@@ -90,7 +90,7 @@ class Bounces(Run):
     move: Move
     legs: list[Motion] = field(default_factory=list)
     impacts: list[Impact] = field(default_factory=list)
-    held: dict[int, int] = field(default_factory=dict)
+    contacts: dict[int, int] = field(default_factory=dict)
     since: dict[int, tuple[float, float]] = field(default_factory=dict)  # [s] lying, push [N, N m]
     struck: dict[int, tuple[float, float]] = field(default_factory=dict)  # [s], speed after it
     worked: float = 0.0  # [J] of drives in blows, which go on at their rates
@@ -111,27 +111,27 @@ class Bounces(Run):
         leg = self._leg(self.next)
         self.legs.append(leg)
         where = self._stop_of(leg)
-        known = (leg.end if where else "", ends.LEAVES_STOP)  # these are told below
-        self.events += [e for e in leg.events if e.kind not in known]
+        reported = (leg.end if where else "", ends.LEAVES_STOP)  # these are told below
+        self.events += [e for e in leg.events if e.kind not in reported]
         if leg.end == ends.LEAVES_STOP:
             after = self._released(leg)
         elif where is not None and len(self.legs) < MOST:
             after = self._struck(leg, *where)
         else:
             return RunEnd(leg.end, leg.status)
-        left, q = self._left(leg), self.legs[-1].q_end
-        if left is None:
+        remaining, q = self._remaining_goal(leg), self.legs[-1].q_end
+        if remaining is None:
             self.legs[-1] = self.legs[-1].but(qd_end=after)
             return RunEnd("time", "reached")
         if self.system.counted is not None:
-            self.system.counted = self.system.counted.begun(q)
+            self.system.counted = self.system.counted.restarted(q)
         if self.system.roles is not None:  # as events of the leg have left them
             self.next = replace(self.next, roles=self.system.roles)
         times = tuple(t for t in self.next.times if t > leg.t_end)
         self.next = replace(
             self.next,
             start=Start(q, after, leg.t_end),
-            until=left,
+            until=remaining,
             apex=self.apex,
             times=times,
             switched=leg.switched,
@@ -140,11 +140,11 @@ class Bounces(Run):
 
     def _leg(self, request: SimulationRequest) -> Motion:
         begin = self.legs[-1].x_end if self.legs else ()
-        if begin or dict(self.system.held) != self.held:
-            self.system = replace(self.system, held=dict(self.held), begin=begin)
-        if self.held:
+        if begin or dict(self.system.contacts) != self.contacts:
+            self.system = replace(self.system, contacts=dict(self.contacts), begin=begin)
+        if self.contacts:
             pushes = self.system.pushes(*request.start, np.array(begin) if begin else None)
-            for i, push in zip(sorted(self.held), pushes, strict=False):
+            for i, push in zip(sorted(self.contacts), pushes, strict=False):
                 self._touches(i, float(push))
         return self.move(self.system, request)
 
@@ -155,23 +155,23 @@ class Bounces(Run):
         name = leg.end.partition(" of ")[2] or self.system.drivers[0]
         i = self.system.stopped.index(name)
         low, high = self.system.stops[i]
-        place = float(self.system.places(leg.q_end)[i])
-        way = 1 if abs(place - high) < abs(place - low) else -1
-        bounces = self._stop(i, way).restitution is not None
+        coordinate = float(self.system.coordinates(leg.q_end)[i])
+        limit = 1 if abs(coordinate - high) < abs(coordinate - low) else -1
+        bounces = self._stop(i, limit).restitution is not None
         if self.system.roles is not None and bounces:  # a drive goes on, whatever is in its way
             row = self.system.rows(leg.q_end, leg.qd_end)[0][i]
             bounces = bool((row @ self._free(len(row))).any())
-        return (i, way) if bounces else None
+        return (i, limit) if bounces else None
 
-    def _stop(self, i: int, way: int) -> Stop:
+    def _stop(self, i: int, limit: int) -> Stop:
         """A highest or lowest stop."""
-        stop: Stop = self.request.stops[i][way > 0]
+        stop: Stop = self.request.stops[i][limit > 0]
         return stop
 
-    def _left(self, leg: Motion) -> Until | None:
+    def _remaining_goal(self, leg: Motion) -> Until | None:
         """What still ends the run; None where its time is over."""
-        left = self.request.left(leg.t_end, self.events)
-        return None if left.goal == "time" and not left.value > 0 else left
+        goal = self.request.remaining_goal(leg.t_end, self.events)
+        return None if goal.goal == "time" and not goal.value > 0 else goal
 
     # -- at a stop ------------------------------------------------------------------------
 
@@ -180,15 +180,15 @@ class Bounces(Run):
         M, c, Q, _ = self.system.terms_of(q, rate, t, self.legs[-1].x_end or None)[0]
         return M, Q - c
 
-    def _side(self, i: int, way: int) -> int:
+    def _side(self, i: int, limit: int) -> int:
         """+1 where a stop is the highest of its own coordinate, -1 where it is the lowest."""
-        return way if self._stop(i, way).slope > 0 else -way
+        return limit if self._stop(i, limit).slope > 0 else -limit
 
-    def _rows(self, struck: dict[int, int], q: Floats, rate: Floats) -> Held:
+    def _rows(self, struck: dict[int, int], q: Floats, rate: Floats) -> Constraints:
         """Rows of some stops at a state."""
-        places = [*self.system.drivers, *self.pairs.names]
-        those = [places.index(self._stop(*end).name) for end in struck.items()]
-        return self.pairs.held(q, rate, those)
+        names = [*self.system.drivers, *self.pairs.names]
+        those = [names.index(self._stop(*end).name) for end in struck.items()]
+        return self.pairs.constraints(q, rate, those)
 
     @cached_property
     def pairs(self) -> PairStops:
@@ -204,13 +204,13 @@ class Bounces(Run):
     def _onto(self, q: Floats, rate: Floats, t: float, struck: dict[int, int]) -> Floats:
         """Coordinates of the drivers with which stops are touched, the nearest by M."""
         those = [*struck]
-        wanted = np.array([self.system.stops[i][way > 0] for i, way in struck.items()])
-        off = wanted - self.system.places(q)[those]
+        target = np.array([self.system.stops[i][limit > 0] for i, limit in struck.items()])
+        off = target - self.system.coordinates(q)[those]
         rows = self._rows(struck, q, rate).rows
         Z = self._free(len(q))
         back = Z @ np.linalg.solve(Z.T @ self._matrix(q, rate, t)[0] @ Z, (rows @ Z).T)
         q = q + back @ (np.linalg.pinv(rows @ back) @ off)
-        for i, x in zip(those, wanted, strict=True):
+        for i, x in zip(those, target, strict=True):
             if i < len(q):
                 q[i] = x
         return q
@@ -220,26 +220,26 @@ class Bounces(Run):
         roles = self.system.roles
         return np.eye(k) if roles is None else np.delete(np.eye(k), roles.bound, axis=1)
 
-    def _struck(self, leg: Motion, i: int, way: int) -> Any:
+    def _struck(self, leg: Motion, i: int, limit: int) -> Any:
         """The rates after a blow."""
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
-        struck = {i: way} | {j: self.held[j] for j in sorted(self.held) if j != i}
+        struck = {i: limit} | {j: self.contacts[j] for j in sorted(self.contacts) if j != i}
         q = self._onto(q, before, leg.t_end, struck)
         state = Before(
             leg.t_end, q, before, self._matrix(q, before, leg.t_end)[0], self._states(leg)
         )
-        e, rows = self._stop(i, way).restitution, self._rows(struck, q, before).rows
+        e, rows = self._stop(i, limit).restitution, self._rows(struck, q, before).rows
         speed = rate_along(rows[0], before)
         assert e is not None
-        done = self._blow(state, struck, e)
-        impulse = float(done.pushes[0])
-        low, more = self._is_low(q, done.after, leg.t_end, i, way, speed)
+        solution = self._blow(state, struck, e)
+        impulse = float(solution.pushes[0])
+        low, later_impulses = self._is_low(q, solution.after, leg.t_end, i, limit, speed)
         if low:
             self.unseen += self.height
-            done, impulse = self._blow(state, struck, 0.0), impulse + more
-            self.held[i] = way
+            solution, impulse = self._blow(state, struck, 0.0), impulse + later_impulses
+            self.contacts[i] = limit
             self._lies(leg, i, bool(speed))
-        after = done.after if speed else before
+        after = solution.after if speed else before
         if i < len(q):
             after[i] = 0.0 if low or not e else -e * before[i]
         for (j, side), row in zip([*struck.items()][1:], rows[1:], strict=True):
@@ -250,7 +250,7 @@ class Bounces(Run):
             bound = [] if self.system.roles is None else self.system.roles.bound
             names = [self._stop(*end).name for end in struck.items()]
             names += [self.system.drivers[j] for j in bound]
-            record, work = impact_of(done, state, names, bound, self.friction)
+            record, work = impact_of(solution, state, names, bound, self.friction)
             self.worked += work
             self.impacts.append(record._replace(impulse=impulse))
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
@@ -271,50 +271,50 @@ class Bounces(Run):
         if roles is not None and roles.bound:  # their rates go on
             bound = roles.constraint(state.t)
             bound = bound._replace(drift=0 * bound.drift, speeds=None)
-        done = blow(state, stops, sides, back, self.friction, bound)
-        self.notes += [REVERSES] if done.reverses else [] if done.solved else [LEFT_OUT]
-        self.gained = max(self.gained, done.gained)
-        return done
+        solution = blow(state, stops, sides, back, self.friction, bound)
+        self.notes += [REVERSES] if solution.reverses else [] if solution.solved else [LEFT_OUT]
+        self.gained = max(self.gained, solution.gained)
+        return solution
 
     def _is_low(
-        self, q: Floats, after: Floats, t: float, i: int, way: int, before: float
+        self, q: Floats, after: Floats, t: float, i: int, limit: int, before: float
     ) -> tuple[bool, float]:
         """Whether all bounces to come are too low to be seen, and their impulses' sum.
 
         With joint friction the way up is not as the way down: the last flight says how much is
         left of the speed over one.
         """
-        stops, side = self._rows({i: way}, q, after), self._side(i, way)
-        speed, kept = abs(float(stops.rows[0] @ after)), 1.0
+        stops, side = self._rows({i: limit}, q, after), self._side(i, limit)
+        speed, ratio = abs(float(stops.rows[0] @ after)), 1.0
         M, Q = self._matrix(q, after, t)
-        lain = {j: end for j, end in self.held.items() if j != i}
-        others = self._rows(lain, q, after) if lain else None
+        lain = {j: end for j, end in self.contacts.items() if j != i}
+        constraint = self._rows(lain, q, after) if lain else None
         if self.system.roles is not None:
-            others = self.system.roles.beside(others, t)
-        loads = constrained(M, Q, others)[0]
+            constraint = self.system.roles.extend(constraint, t)
+        loads = constrained(M, Q, constraint)[0]
         push = side * float(stops.rows[0] @ loads + stops.drift[0])
         if self.friction is not None:
-            rubbed = self.friction.from_state(q, after, t, others)[1]
+            rubbed = self.friction.from_state(q, after, t, constraint)[1]
             push = max(push, side * float(stops.rows[0] @ rubbed + stops.drift[0]))
         self.apex = math.inf
         if not push > 0:
             return (speed == 0.0 and push == 0), 0.0
-        e = self._stop(i, way).restitution or 0.0
+        e = self._stop(i, limit).restitution or 0.0
         target = self.request.accuracy or TARGET
         flight, self.height = 2 * speed / push, speed * speed / (2 * push)
         if e == 1.0 and self.friction is None:
             self.apex = t + flight / 2
             return False, 0.0
         if i in self.struck and self.friction is not None and before:
-            last, left = self.struck[i]
-            kept, flight = abs(before) / left, (t - last) * speed / left
-        if e * kept >= 1.0:
+            last, departure_speed = self.struck[i]
+            ratio, flight = abs(before) / departure_speed, (t - last) * speed / departure_speed
+        if e * ratio >= 1.0:
             return False, 0.0
-        self.flights, self.apex = flight / (1 - e * kept), t + flight / 2
-        Z = free_of(others, len(q))
+        self.flights, self.apex = flight / (1 - e * ratio), t + flight / 2
+        Z = free_of(constraint, len(q))
         row = stops.rows[0] @ Z
         mass = 1 / float(row @ np.linalg.solve(Z.T @ M @ Z, row))
-        total = -side * mass * speed * kept * (1 + e) / (1 - e * kept)
+        total = -side * mass * speed * ratio * (1 + e) / (1 - e * ratio)
         return self.height <= LOW * target, total
 
     def _lies(self, leg: Motion, i: int, struck: bool) -> None:
@@ -327,30 +327,30 @@ class Bounces(Run):
     def _leaves(self, i: int, leg: Motion) -> None:
         """It leaves a stop that it lay against."""
         self.lying.append(self._lain(i, leg.t_end))
-        del self.held[i], self.since[i]
+        del self.contacts[i], self.since[i]
         self.events.append(Event(ends.LEAVES_STOP, leg.t_end, leg.q_end, leg.qd_end))
 
     def _released(self, leg: Motion) -> Any:
         """It leaves the stop that would have to pull most."""
         q, rate = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
-        those = sorted(self.held)
+        those = sorted(self.contacts)
         pushes = self.system.pushes(q, rate, leg.t_end, self._states(leg))
-        pulls = [self.held[j] * float(P) for j, P in zip(those, pushes, strict=False)]
-        q = self._onto(q, rate, leg.t_end, {j: self.held[j] for j in those})
+        pulls = [self.contacts[j] * float(P) for j, P in zip(those, pushes, strict=False)]
+        q = self._onto(q, rate, leg.t_end, {j: self.contacts[j] for j in those})
         leg = self.legs[-1] = replace(leg, q_end=self._plain(q))
         self._leaves(those[int(np.argmax(pulls))], leg)
-        self.system = replace(self.system, held=dict(self.held))
+        self.system = replace(self.system, contacts=dict(self.contacts))
         return leg.qd_end
 
     def _lain(self, i: int, t: float) -> Lying:
         """That it lay against a stop until a time [s]."""
-        name = self._stop(i, self.held[i]).name
+        name = self._stop(i, self.contacts[i]).name
         return Lying(name, self.since[i][0], t, self.since[i][1], self.pairs.by_name.get(name))
 
     def _touches(self, i: int, push: float) -> None:
         """Keep what a stop pushes the drivers with when it comes to lie against it."""
-        begin, known = self.since[i]
-        self.since[i] = begin, known or push / self._stop(i, self.held[i]).slope
+        begin, contact_force = self.since[i]
+        self.since[i] = begin, contact_force or push / self._stop(i, self.contacts[i]).slope
         if len(self.system.drivers) == 1:
             self.facts["contact"] = self.since[i][1]
 
@@ -429,25 +429,25 @@ def impulses(mechanism: Compiled, impact: Impact) -> Data:
     if not isinstance(impact, Impact):
         raise refused("impact", f"got {impact!r:.60}", "give one of the impacts of a motion")
     pairs = stopped_pairs(mechanism, tuple(impact.pushes))
-    how = GIVEN if impact.friction else Friction("none")
-    how = replace(how, pushed=pairs.refs)
+    method = GIVEN if impact.friction else Friction("none")
+    method = replace(method, pushed=pairs.refs)
     structure = replace(mechanism.structure, elements={}, holds={})  # what lasts has no impulse
     scene = mechanism.scene.model_copy(update={"gravity": Vector(0j), "stops": {}})
     names = mechanism.names and replace(mechanism.names, loads={})
     alone = type(mechanism)(structure, scene, mechanism.name, names)
     want = [n for n in alone.outputs if n.rpartition(".")[2] in IMPULSES]
-    plan = alone.outputs.plan(scene, want, how, False, quality=False)
-    given = dict.fromkeys(plan.program.inputs, np.zeros(2))  # no rates
+    plan = alone.outputs.plan(scene, want, method, False, quality=False)
+    inputs = dict.fromkeys(plan.program.inputs, np.zeros(2))  # no rates
     blow = np.array([1.0, 0.0])  # beside it what tension of belts does without any
     jump = impact.after - impact.before
     for i, (q, qdd) in enumerate(zip(impact.q, jump, strict=True)):
-        given |= {f"q_{i}": np.full(2, q), f"qdd_{i}": qdd * blow}
-    for j, ref in enumerate(schedule(structure, scene, how).ask(given_joints)):
-        given[f"friction_{j}"] = impact.friction.get(structure.pair_name(ref), 0.0) * blow
+        inputs |= {f"q_{i}": np.full(2, q), f"qdd_{i}": qdd * blow}
+    for j, ref in enumerate(schedule(structure, scene, method).ask(given_joints)):
+        inputs[f"friction_{j}"] = impact.friction.get(structure.pair_name(ref), 0.0) * blow
     for j, (name, (_, sense)) in enumerate(pairs.by_name.items()):
-        given[f"push_{j}"] = sense * impact.pushes[name] * blow
-    samples = Samples(2, given, np.zeros(2))
+        inputs[f"push_{j}"] = sense * impact.pushes[name] * blow
+    samples = Samples(2, inputs, np.zeros(2))
     values, engine = alone._evaluate(plan, samples, "numpy")
-    settings = {"friction": how.method, "static": False}
+    settings = {"friction": method.method, "static": False}
     result = Result(alone, plan, samples, values, engine, settings)
     return {name: result[name][0] - result[name][1] for name in want}

@@ -18,7 +18,7 @@ from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import FLOOR
 from blockmech.dynamics.events import PARTS, EventDetector, EventHit, until_terminal
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run, RunEnd
-from blockmech.dynamics.singular import AHEAD, what_is_ahead
+from blockmech.dynamics.singular import AHEAD, classify_obstacle
 from blockmech.dynamics.solvers import NO_PLAN, STEPPERS, AcceptedSteps, AdaptiveSolver, Solver
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
@@ -60,9 +60,9 @@ class Integration(Run):
             self.plan, self.equation = np.array(before.grid), before.equation.again()
             self.scales, self.energy = before.scales, before.energy
         quick = self.system.remembers and self.system.quick_states
-        self.equation.most = EVALUATIONS * (QUICKER if quick else 1) * (1 if before is None else 2)
+        self.equation.limit = EVALUATIONS * (QUICKER if quick else 1) * (1 if before is None else 2)
         if self.method == "rk4" and self.request.until.goal == "time":
-            self.equation.most = math.inf  # its steps are counted beforehand
+            self.equation.limit = math.inf  # its steps are counted beforehand
         self.layout = self.equation.layout
         self.y = self.layout.start(q, rate)
         self.t_max = self.request.start.t + min(self.request.span, 1 / EPS)  # goals without a time
@@ -90,11 +90,11 @@ class Integration(Run):
         return np.array([relative, tolerance * self.scales])
 
     def integrate(
-        self, bound: float, lookout: EventDetector, own: EventDetector
+        self, bound: float, lookout: EventDetector, user_events: EventDetector
     ) -> EventHit | RunEnd | None:
         """Go on to a terminal event, the bound (None), or where the solver gives up.
 
-        own : looks for a user's events
+        user_events : looks for those of a user
         """
         if not all(map(math.isfinite, self.equation(self.t, self.y))):  # no solver would come back
             return self.give_up()
@@ -103,17 +103,17 @@ class Integration(Run):
             steps = solver.steps(lookout.free_range(float(solver.y[0])), every)
             if steps is None:
                 return self.give_up()
-            if steps.t[-1] > steps.t[0] and (hit := self._over(steps, lookout, own, bound)):
+            if steps.t[-1] > steps.t[0] and (hit := self._over(steps, lookout, user_events, bound)):
                 return hit
             if self.leaves is not None and self.leaves(self.y[self.layout.q]):
                 return RunEnd(ends.LEAVES_CHART)
         return None
 
     def _over(
-        self, steps: AcceptedSteps, lookout: EventDetector, own: EventDetector, bound: float
+        self, steps: AcceptedSteps, lookout: EventDetector, user_events: EventDetector, bound: float
     ) -> EventHit | None:
         """Go over steps, to the first terminal event in them."""
-        hits_in = own.within(*steps[:3])
+        hits_in = user_events.within(*steps[:3])
         standing, m = lookout.of_standstills() if steps.turns else lookout, len(steps.t) - 1
         for i in steps.turns:
             hits_in += standing.within(*steps.part(i, i + 1)[:3])
@@ -145,18 +145,20 @@ class Integration(Run):
             return coarse
         solver = self.solver(t0, step.y[0], t)
         while solver.t < t:
-            more = solver.steps()
-            if more is None:
+            next_steps = solver.steps()
+            if next_steps is None:
                 return coarse
-            steps.append(more)
+            steps.append(next_steps)
         y = np.array(solver.y)
-        slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
-        here = hit.rule.value(t, y)
-        rise = (hit.rule.value(t + ahead, y + ahead * slope) - here) / ahead
-        late = min(-here / rise, bound - t) if rise else math.nan
+        slope, lead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
+        value = hit.rule.value(t, y)
+        rise = (hit.rule.value(t + lead, y + lead * slope) - value) / lead
+        late = min(-value / rise, bound - t) if rise else math.nan
         moved = y + late * slope
-        known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
-        return [*steps[:-1], steps[-1].until(t + late, moved)] if known else steps
+        is_regular = (
+            hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
+        )
+        return [*steps[:-1], steps[-1].until(t + late, moved)] if is_regular else steps
 
     def take(self, steps: AcceptedSteps) -> None:
         """Go on over steps."""
@@ -169,12 +171,12 @@ class Integration(Run):
         self.grid += [t for t in steps.t[1:].tolist() if t > self.grid[-1]]
         self.turned = max(self.turned, float(np.abs(steps.y[1:, self.layout.work]).max()))
         if self.system.progress is not None:
-            self.system.progress(self.name, *self._far())
+            self.system.progress(self.name, *self._progress())
 
     def wait(self, until: float) -> None:
         """Stand still until a time [s]: no step at all."""
         dense = Dense.cubic(self.t, until - self.t or 1.0, (self.y, self.y), (0 * self.y,) * 2)
-        self.take(AcceptedSteps.one((until, until), (self.y, self.y), dense))
+        self.take(AcceptedSteps.single((until, until), (self.y, self.y), dense))
 
     def _refuse_stiff(self) -> None:
         """Give up early where the motion is too stiff for an explicit method.
@@ -186,22 +188,22 @@ class Integration(Run):
             return
         spent, start = self.equation.spent, self.request.start.t
         if self.request.until.goal == "time" and spent > GUESSED_AT:
-            whole = spent * (self.t_max - start) / (self.t - start)
-            if whole > self.equation.most * (1 if self.method == "dop853" else HOPELESS):
+            projected = spent * (self.t_max - start) / (self.t - start)
+            if projected > self.equation.limit * (1 if self.method == "dop853" else HOPELESS):
                 self.notes.append(
-                    f"{spent} evaluations reach {self.t:.3g} s, at most {self.equation.most} are "
+                    f"{spent} evaluations reach {self.t:.3g} s, at most {self.equation.limit} are "
                     'made: ask for a shorter time, or for what it settles to, "steady"'
                 )
                 raise ends.TooMany
 
-    def _far(self) -> tuple[float, float | None]:
+    def _progress(self) -> tuple[float, float | None]:
         """How far the run is on the way to its goal, and the whole way."""
         until = self.request.until
-        way = abs(float(self.y[0]) - float(np.atleast_1d(self.request.start.q)[0]))
+        travel = abs(float(self.y[0]) - float(np.atleast_1d(self.request.start.q)[0]))
         if until.goal == "turns":
-            return way / math.tau, until.value
+            return travel / math.tau, until.value
         if until.goal == "angle":
-            return way, abs(until.value - float(self.request.start.q))
+            return travel, abs(until.value - float(self.request.start.q))
         return self.t - self.request.start.t, until.value if until.goal == "time" else None
 
     def note(self, hits: list[EventHit], dense: Callable[[Any], Any]) -> None:
@@ -220,6 +222,6 @@ class Integration(Run):
         if self.method != "dop853":
             self.method = "dop853"  # which comes as near as one can to where there is no pose
             return None
-        end, status, left, *_ = what_is_ahead(self.equation, self.t, self.y)
+        end, status, remaining_time, *_ = classify_obstacle(self.equation, self.t, self.y)
         locked = end == ends.SELF_LOCKED and not self.pieces
-        return self.short_of(end, left, "failed" if locked else status)
+        return self.short_of(end, remaining_time, "failed" if locked else status)

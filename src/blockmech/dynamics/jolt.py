@@ -31,14 +31,13 @@ def jolt_of(
     """
     system, (q, before) = equation.system, equation.layout.motion(y.copy())
     for i in roles.prescribed:
-        place = roles.law_at(i, t)[0]
-        if not abs(place - q[i]) <= SETTLED * max(1.0, abs(q[i])):
+        coordinate = roles.law_at(i, t)[0]
+        if not abs(coordinate - q[i]) <= SETTLED * max(1.0, abs(q[i])):
             name = roles.drivers[i]
-            found = (
-                f"at t = {t:.9g} s {name}.q is {q[i]:.9g}, and its law of motion says {place:.9g}"
-            )
+            fault = f"at t = {t:.9g} s {name}.q is {q[i]:.9g}, and its law of motion says "
+            fault += f"{coordinate:.9g}"
             remedy = "let the event be where the two meet, or lock the driver"
-            raise refused(f"watch.{watch}.then.{name}", found, remedy, code="roles")
+            raise refused(f"watch.{watch}.then.{name}", fault, remedy, code="roles")
     target = roles.constraint(t)
     assert target.speeds is not None
     jump = target.speeds - before[roles.bound]
@@ -47,8 +46,8 @@ def jolt_of(
         return None, 0.0
     x = y[equation.layout.signals] if equation.layout.initial else None
     state = Before(t, q, before, system.terms_of(q, before, t, x)[0].M, x)
-    those, friction = sorted(system.held), system.friction
-    stops, ways = system.pairs.held(q, before, those), [system.held[i] for i in those]
+    those, friction = sorted(system.contacts), system.friction
+    stops, ways = system.pairs.constraints(q, before, those), [system.contacts[i] for i in those]
     bound = target._replace(drift=-jump, speeds=None)
     blown = blow(state, stops, np.array(ways), np.zeros(len(those)), friction, bound)
     blown.after[roles.bound] = target.speeds

@@ -33,8 +33,8 @@ class Leg:
         times = np.union1d(t, self.motion.times(MILESTONES))
         self.counted.again()
         states = [self.counted.state(*state) for state in zip(*self.motion.at(times), strict=True)]
-        here = np.searchsorted(times, t)
-        return State(*(np.array(x)[here] for x in zip(*states, strict=True)))
+        indices = np.searchsorted(times, t)
+        return State(*(np.array(x)[indices] for x in zip(*states, strict=True)))
 
     def accelerations(self, t: Floats, qdd: Floats) -> Floats:
         """Those (m, k) of the user's drivers from those (m, k) of the chart's."""

@@ -97,10 +97,10 @@ def period_of(structure: Structure, driver: str) -> float | None:
         counted = element.counted
         if counted is None or (counted.driver in structure.drivers and counted.driver != driver):
             continue
-        more = _turns(counted.period) if counted.driver == driver and counted.period else 0
-        if not more:  # a coupled driver's coordinate counts, or nobody knows which one
+        coupled_turns = _turns(counted.period) if counted.driver == driver and counted.period else 0
+        if not coupled_turns:  # a coupled driver's coordinate counts, or nobody knows which one
             return None
-        turns = math.lcm(turns, more)
+        turns = math.lcm(turns, coupled_turns)
     return math.tau * turns if turns <= LONGEST else None
 
 
@@ -133,23 +133,23 @@ def knots(compiled: Any) -> tuple[float, ...]:
     def planned() -> Schedule:
         return schedule(structure, compiled.scene, FREE)
 
-    places: list[float] = []
+    coordinates: list[float] = []
     for follower in structure.followers:
         s, levels = planned(), structure.coupling_of(follower).knots
-        places += _passings(s, s.ask(argument, follower), levels, q)
+        coordinates += _passings(s, s.ask(argument, follower), levels, q)
     for name, element in structure.elements.items():
         if element.counted is not None and isinstance(element, Following):
             counted, law = element.counted.driver, _law(element)
             if counted not in structure.followers:
-                places += law.within(low, high)
+                coordinates += law.within(low, high)
             elif law.rows():
                 s = planned()
-                places += _passings(s, s.ask(coordinate_of, counted), law.within, q)
+                coordinates += _passings(s, s.ask(coordinate_of, counted), law.within, q)
         elif kinks := element.kinks():
             s = planned()
             measure = kernel_on(s, name, kinks.measure, value="measure")
-            places += _passings(s, measure, lambda *_, x=kinks.values: x, q, kinks.turning)
-    return tuple(sorted({x % period for x in places} if period else set(places)))
+            coordinates += _passings(s, measure, lambda *_, x=kinks.values: x, q, kinks.turning)
+    return tuple(sorted({x % period for x in coordinates} if period else set(coordinates)))
 
 
 def _passings(
@@ -165,7 +165,7 @@ def _passings(
         return []
     from scipy.optimize import brentq
 
-    measure, places = AdaptiveEvaluator(program), []
+    measure, coordinates = AdaptiveEvaluator(program), []
     values = np.asarray(measure.run({"q_0": q}, q.size)[0])
     if not np.isfinite(values).any():
         return []
@@ -180,10 +180,10 @@ def _passings(
             if turning:
                 d = np.remainder(d + math.pi, math.tau) - math.pi
             passed = (d[:-1] * d[1:] < 0) & ((np.abs(np.diff(d)) < math.pi) | (not turning))
-        places += [float(x) for x in q[d == 0]]
+        coordinates += [float(x) for x in q[d == 0]]
         for i in np.flatnonzero(passed).tolist():
-            places.append(float(brentq(above, q[i], q[i + 1], xtol=EPS, rtol=4 * EPS)))
-    return places
+            coordinates.append(float(brentq(above, q[i], q[i + 1], xtol=EPS, rtol=4 * EPS)))
+    return coordinates
 
 
 def next_time_kink(structure: Structure, t: float) -> float:
@@ -209,10 +209,10 @@ def load_size(s: Schedule, driver: str) -> Value:
     for name, element in structure.elements.items():
         for terminal, declared in element.terminals.items():
             ref = JointRef(name, terminal)
-            marker, given = structure.holds[ref], s.ask(terminal_term, ref)
+            marker, term = structure.holds[ref], s.ask(terminal_term, ref)
             if declared.kind == "point":
-                size_of = hyp(given) * hyp(s.ask(marker_velocity, marker, driver))
+                size_of = hyp(term) * hyp(s.ask(marker_velocity, marker, driver))
             else:
-                size_of = abs(given * s.ask(link_velocity, marker.on, driver).scalar)
+                size_of = abs(term * s.ask(link_velocity, marker.on, driver).scalar)
             terms.append(s.line(size_of, f"{ref}_size"))
     return s.sum(terms, "size")

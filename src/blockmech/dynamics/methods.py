@@ -17,14 +17,14 @@ from blockmech.dynamics.contacts import rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.method_table import METHODS, Method
-from blockmech.dynamics.path import along_path
+from blockmech.dynamics.path import integrate_by_quadrature
 from blockmech.dynamics.request import WATCH, SimulationRequest
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
 from blockmech.dynamics.signals import felt
 from blockmech.dynamics.system import System
 from blockmech.dynamics.textbook import in_fixed_steps
-from blockmech.dynamics.time import in_time
+from blockmech.dynamics.time import integrate
 from blockmech.ground.errors import RequestError, listed, refused
 from blockmech.result.motion import Event, Floats, Motion, Status
 
@@ -60,8 +60,8 @@ def move(system: System, request: SimulationRequest) -> Motion:
 
 def _with_misfit(system: System, motion: Motion) -> Motion:
     """The motion with what its way to solve friction leaves undone, which no finer run shows."""
-    how = system.method
-    if how is None or how.method in ("none", "newton"):
+    friction_method = system.method
+    if friction_method is None or friction_method.method in ("none", "newton"):
         return motion
     friction = system.friction
     if friction is None or motion.t_end == motion.t_start:
@@ -69,16 +69,16 @@ def _with_misfit(system: System, motion: Motion) -> Motion:
     times = np.linspace(motion.t_start, motion.t_end, LOOKED_AT + 2)[1:-1]
     states = zip(*motion.at(times), times.tolist(), strict=True)
     sides = motion.sides(times).tolist()
-    left = [
+    misfits = [
         friction.at(np.atleast_1d(q), np.atleast_1d(qd), t, tuple(side)).misfit
         for (q, qd, t), side in zip(states, sides, strict=True)
     ]
-    if not left:
+    if not misfits:
         return motion
-    worst = float(max(left))
+    worst = float(max(misfits))
     note = (
-        f'friction "{how.method}": pairs miss their laws by up to {worst:.1e} of the largest '
-        "friction; the estimated error is that of the integration alone"
+        f'friction "{friction_method.method}": pairs miss their laws by up to {worst:.1e} of the '
+        "largest friction; the estimated error is that of the integration alone"
     )
     facts = {**motion.facts, "friction_misfit": worst}
     return replace(motion, facts=facts, notes=(*motion.notes, note))
@@ -106,8 +106,8 @@ def check(system: System, request: SimulationRequest) -> None:
     if system.signals.initial and system.friction is not None:
         sensors = system.compiled._once(felt)
         if sensors:
-            found = "it follows the friction of joints at once, so no signal in motion reads it"
-            raise refused(listed(sensors), found, WITHOUT, code="friction-in-motion")
+            fault = "it follows the friction of joints at once, so no signal in motion reads it"
+            raise refused(listed(sensors), fault, WITHOUT, code="friction-in-motion")
     if name == "auto":
         return
     why = _unfit(METHODS[name], system, request)
@@ -147,9 +147,9 @@ def _unfit(method: Method, system: System, request: SimulationRequest) -> str:
     return ""
 
 
-def _unfitting(where: str, what: str, why: str, valid: Iterable[str]) -> RequestError:
+def _unfitting(where: str, choice: str, why: str, valid: Iterable[str]) -> RequestError:
     """What does not fit, and what would."""
-    return refused(where, f'"{what}": {why}', valid=f"valid: {listed(tuple(valid))}", code=where)
+    return refused(where, f'"{choice}": {why}', valid=f"valid: {listed(tuple(valid))}", code=where)
 
 
 # -- starts from which nothing moves -------------------------------------------------------
@@ -163,10 +163,10 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     alone = len(system.drivers) == 1
     if (failed := failed_start(system, request)) is not None:
         return replace(failed, method=method)
-    if (held := _held_by_stop(system, request)) is not None:
-        return held
-    if alone and system.held and not system.signals.initial:  # no way for a method along a path
-        return in_time(system, request, "dop853")
+    if (pressed := _pressed_by_stop(system, request)) is not None:
+        return pressed
+    if alone and system.contacts and not system.signals.initial:  # no way for a method along a path
+        return integrate(system, request, "dop853")
     if request.span == 0:
         why = request.why or "no time is asked for"
         return replace(request.standing, method=method, why=why)
@@ -175,19 +175,19 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     q, rate, _ = request.start
     lasting = not system.depends_on & {"time", "state"}
     still = not rate and lasting and balanced(system, q)
-    return replace(along_path(system, request), method=method) if still else None
+    return replace(integrate_by_quadrature(system, request), method=method) if still else None
 
 
-def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
+def _pressed_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     """A start that is pressed against an end stop."""
     start = request.start
-    for i, place in enumerate(system.places(start.q).tolist()):
-        way = 0 if i in system.held else system.at_stop(i, place)
-        if not way:
+    for i, coordinate in enumerate(system.coordinates(start.q).tolist()):
+        side = 0 if i in system.contacts else system.at_stop(i, coordinate)
+        if not side:
             continue
         rows, drift = system.rows(start.q, start.rate)
         fast = rate_along(rows[i], start.rate)
-        if way * (fast or _push(system, request, rows[i], drift[i])) > 0:
+        if side * (fast or _push(system, request, rows[i], drift[i])) > 0:
             end = system.end_at(i)
             events = (Event(end, start.t, start.q, start.rate),)
             still = replace(request.standing, why="it starts at an end stop that holds it")
@@ -220,8 +220,8 @@ def by_name(system: System, request: SimulationRequest) -> Motion:
     """By the method asked for."""
     method = METHODS[request.method]
     if not method.ends_at_events:
-        return watched(along_path(system, request), request.watch)
-    run = in_fixed_steps if method.fixed_steps else in_time
+        return watched(integrate_by_quadrature(system, request), request.watch)
+    run = in_fixed_steps if method.fixed_steps else integrate
     return run(system, request, request.method)
 
 
@@ -241,43 +241,45 @@ def automatic(system: System, request: SimulationRequest) -> Motion:
         "the joints have friction": system.friction is not None,
         "the loads depend on the rate": "rate" in system.depends_on,
     }
-    why, along = next((why for why, so in in_steps.items() if so), ""), None
+    why, path_motion = next((why for why, so in in_steps.items() if so), ""), None
     if not why:
         why = "all loads depend on the driver's coordinate alone"
         routes = system.routes((request.until, *request.start))
         compiled = system.quick_states and system.compiled_states
         if routes.along > 0 and routes.save_in_time(system.equation_program, compiled):
             dearer = f"{why}, but its path goes by arrays, steps in time by machine code"
-            motion = in_time(system, replace(request, why=dearer), "dop853", patient=False)
+            motion = integrate(system, replace(request, why=dearer), "dop853", patient=False)
             good = motion.error <= (request.accuracy or TARGET)
             routes.states = system.states if good else math.inf
             if good or motion.end in ends.STOPPED:
                 return motion
-        along = along_path(system, replace(request, why=why))
+        path_motion = integrate_by_quadrature(system, replace(request, why=why))
         if system.quick_states:
             routes.count_along(system.equation_program, system.cost)
-        unsure = along.end in (ends.TOO_MANY, ends.UNDECIDED) or not along.error < math.inf
-        unsure |= not along.reached and along.error > TARGET
+        unsure = (
+            path_motion.end in (ends.TOO_MANY, ends.UNDECIDED) or not path_motion.error < math.inf
+        )
+        unsure |= not path_motion.reached and path_motion.error > TARGET
         # A motion that failed because it swings on and on: no other method is quicker.
-        swings_on = along.end == ends.TOO_MANY and along.status == "failed"
-        if not unsure or swings_on or along.end in ends.STOPPED:
-            return watched(along, request.watch)
-        error = f", error {along.error:.1e}" if math.isfinite(along.error) else ""
-        why = f"along the path: {along.end}{error}"
-    motion = in_time(system, replace(request, why=why), "dop853", patient=False)
+        swings_on = path_motion.end == ends.TOO_MANY and path_motion.status == "failed"
+        if not unsure or swings_on or path_motion.end in ends.STOPPED:
+            return watched(path_motion, request.watch)
+        error = f", error {path_motion.error:.1e}" if math.isfinite(path_motion.error) else ""
+        why = f"along the path: {path_motion.end}{error}"
+    motion = integrate(system, replace(request, why=why), "dop853", patient=False)
     timed = request.until.goal == "time"
     if motion.end == ends.TOO_MANY and (timed or system.quick_states):
         stiff = replace(request, why=f"{why}; it is stiff")
-        other = in_time(system, stiff, "radau", patient=False)
-        done = (motion.t_end - request.start.t) / request.span
-        if other.end != ends.TOO_MANY:
-            motion = other
-        elif timed and done * HOPELESS * EVALUATIONS > GUESSED_AT:
-            motion = in_time(system, replace(request, why=why), "dop853")
-    if along is None:
+        radau_motion = integrate(system, stiff, "radau", patient=False)
+        progress = (motion.t_end - request.start.t) / request.span
+        if radau_motion.end != ends.TOO_MANY:
+            motion = radau_motion
+        elif timed and progress * HOPELESS * EVALUATIONS > GUESSED_AT:
+            motion = integrate(system, replace(request, why=why), "dop853")
+    if path_motion is None:
         return motion
     in_vain = motion.end == ends.TOO_MANY and error  # nothing is known of what it made
-    if motion.error < along.error or (along.status == "failed" and not in_vain):
-        notes = (f"along the path: {note}" for note in along.notes[:1])
+    if motion.error < path_motion.error or (path_motion.status == "failed" and not in_vain):
+        notes = (f"along the path: {note}" for note in path_motion.notes[:1])
         return replace(motion, notes=(*motion.notes, *notes))
-    return watched(along, request.watch)
+    return watched(path_motion, request.watch)

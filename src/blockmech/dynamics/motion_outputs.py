@@ -11,7 +11,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
-from blockmech.dynamics.contacts import Held, constrained
+from blockmech.dynamics.contacts import Constraints, constrained
 from blockmech.dynamics.friction_along import friction_along
 from blockmech.dynamics.pair_stops import lain_against
 from blockmech.dynamics.roles import FREE, PRESCRIBED
@@ -39,12 +39,17 @@ class MotionInputs(Record):
     """
 
     def __init__(
-        self, mechanism: Compiled, how: Friction, motion: Motion, t: Floats, unknown: Any
+        self,
+        mechanism: Compiled,
+        friction_method: Friction,
+        motion: Motion,
+        t: Floats,
+        unknown: Any,
     ) -> None:
         k = len(mechanism.drivers)
         self.q, self.qd = motion.at(t)
         self.qd[unknown] = np.nan
-        self.mechanism, self.how, self.t = mechanism, how, t
+        self.mechanism, self.how, self.t = mechanism, friction_method, t
         self.pairs = lain_against(mechanism, motion.lying)
         self.lies = motion.held(t, (*mechanism.drivers, *self.pairs.names))
         self.stops = self.lies.shape[1]
@@ -66,14 +71,14 @@ class MotionInputs(Record):
             return None
         return system_of(self.mechanism, method=self.how).friction_of(self.how.pushed)
 
-    def _against(self, q: Floats, qd: Floats, t: Floats, which: Any) -> Held:
+    def _against(self, q: Floats, qd: Floats, t: Floats, which: Any) -> Constraints:
         """Rows of stops that it lies against at n states, and of drivers that are not free."""
         stops, bound = which[which < self.stops], which[which >= self.stops] - self.stops
-        at = [self.pairs.held(*state, stops) for state in zip(q, qd, strict=True)]
+        at = [self.pairs.constraints(*state, stops) for state in zip(q, qd, strict=True)]
         rows, drift = np.array([x.rows for x in at]), np.array([x.drift for x in at])
-        held = Held(rows, drift, at[0].pairs)
+        constraint = Constraints(rows, drift, at[0].pairs)
         if not bound.size:
-            return held
+            return constraint
         pull = np.zeros((len(t), bound.size))
         for column, i in enumerate(bound):
             some = self.role_at(t)[:, i] == PRESCRIBED
@@ -81,7 +86,7 @@ class MotionInputs(Record):
             if law is not None:
                 pull[some, column] = law.at_times(t[some])[2]
         unit = np.broadcast_to(np.eye(q.shape[1])[bound], (len(t), bound.size, q.shape[1]))
-        return held.beside(Held(unit, -pull, ((-1, 1),) * bound.size, qd[:, bound]))
+        return constraint.extended(Constraints(unit, -pull, ((-1, 1),) * bound.size, qd[:, bound]))
 
     def _pushed(self, pushes: Floats) -> dict[str, Floats]:
         """Inputs of what stops of pairs push with, from that of all stops (n, a)."""
@@ -112,11 +117,11 @@ class MotionInputs(Record):
         q, qd = (x.reshape(len(self.t), k) for x in (self.q, self.qd))
         state = q, qd, self.t, self.states
         sides, lain = np.broadcast_to(self.sides, (len(q), self.rubs)), (self.lies, self._against)
-        along = friction_along(friction, state, sides, *lain, self.begins)
-        acting = _by_driver("qd", along.rates, k) | _by_driver("qdd", along.qdd, k)
-        acting |= self._pushed(along.pushes)
-        for j, t in enumerate(np.ascontiguousarray(along.friction.T)):
-            acting |= {f"sticks_{j}": 1.0 * along.stand[:, j], f"friction_{j}": t}
+        response = friction_along(friction, state, sides, *lain, self.begins)
+        acting = _by_driver("qd", response.rates, k) | _by_driver("qdd", response.qdd, k)
+        acting |= self._pushed(response.pushes)
+        for j, t in enumerate(np.ascontiguousarray(response.friction.T)):
+            acting |= {f"sticks_{j}": 1.0 * response.stand[:, j], f"friction_{j}": t}
         return acting
 
     def _without_friction(self) -> dict[str, Floats]:
@@ -133,10 +138,12 @@ class MotionInputs(Record):
         if k == 1 and not self.lies.any():
             return _by_driver("qdd", right / M[:, 0], k)
         for i, lies in enumerate(self.lies):
-            which, here, held = np.flatnonzero(lies), slice(i, i + 1), None
+            which, sample, constraint = np.flatnonzero(lies), slice(i, i + 1), None
             if which.size:
-                held = self._against(self.q[here], self.qd[here], self.t[here], which).first()
-            qdd[i], pushes[i, which] = constrained(M[i], right[i], held)
+                constraint = self._against(
+                    self.q[sample], self.qd[sample], self.t[sample], which
+                ).first()
+            qdd[i], pushes[i, which] = constrained(M[i], right[i], constraint)
         return _by_driver("qdd", qdd, k) | self._pushed(pushes)
 
 
@@ -183,22 +190,24 @@ def result_in_chart(
     zero, does not say how fast the others go.
     """
     settings = settings_along(motion, friction)
-    how = friction_asked(settings["friction"])
-    if how.method != "none":
-        how = replace(how, along=True)
-    how = replace(how, pushed=lain_against(mechanism, motion.lying).refs)
-    plan = mechanism._plan_for(want, how)
+    method = friction_asked(settings["friction"])
+    if method.method != "none":
+        method = replace(method, along=True)
+    method = replace(method, pushed=lain_against(mechanism, motion.lying).refs)
+    plan = mechanism._plan_for(want, method)
     unknown = np.zeros(len(t), bool)
     if motion.end == ends.DEAD_CENTRE and _margin_at_end(mechanism, motion) <= SINGULAR:
         unknown = t == motion.t_end
-    given = MotionInputs(mechanism, how, motion, t, unknown)
-    values, engine = mechanism._evaluate(plan, Samples(len(t), given, t), engine, chunk=chunk)
+    inputs = MotionInputs(mechanism, method, motion, t, unknown)
+    values, engine = mechanism._evaluate(plan, Samples(len(t), inputs, t), engine, chunk=chunk)
     if unknown.any():
-        given = MotionInputs(mechanism, how, motion, t, slice(0))
+        inputs = MotionInputs(mechanism, method, motion, t, slice(0))
         rates = [mechanism._of_driver(d, "rate") for d in mechanism.drivers]
-        known = {i: f"qd_{n}" for n, r in enumerate(rates) for i in plan.layout.get(r, ())}
-        values = tuple(given[known[i]] if i in known else x for i, x in enumerate(values))
-    samples = Samples(len(t), given, t)
+        rate_inputs = {i: f"qd_{n}" for n, r in enumerate(rates) for i in plan.layout.get(r, ())}
+        values = tuple(
+            inputs[rate_inputs[i]] if i in rate_inputs else x for i, x in enumerate(values)
+        )
+    samples = Samples(len(t), inputs, t)
     return SimulationResult(mechanism, plan, samples, values, engine, settings | STATIC, motion)
 
 

@@ -25,8 +25,8 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
     ``pushed`` : pairs along whose coordinates stops may push
     """
     structure = compiled.structure
-    how = replace(GIVEN, pushed=pushed)  # a push loads pairs that nothing else does
-    s = schedule(structure, compiled.scene, how)
+    friction_method = replace(GIVEN, pushed=pushed)  # a push loads pairs that nothing else does
+    s = schedule(structure, compiled.scene, friction_method)
     joints = s.ask(friction.given_joints)
     if not joints:
         return None
@@ -38,17 +38,17 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
     values += [s.ask(forward.slip, ref) for ref in joints]
     rise = [s.ask(forward.slip_acceleration, ref) for ref in joints]
     program = s.program([*values, *rise, *margins(s)])
-    apart = schedule(structure, compiled.scene, how)
+    apart = schedule(structure, compiled.scene, friction_method)
     rules = friction.terms, friction.terms_at_rest
     law_terms = [x for rule in rules for x in terms(apart, joints, rule)]
     laws = [structure.friction_law(ref) for ref in joints]
-    more = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
+    rates = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
     return PairProgram(
         tuple(map(structure.pair_name, joints)),
         tuple(pairs.statics(s, ref).edges for ref in joints),
         program,
         apart.program(law_terms),
-        s.program([*values, *margins(s), *more, *terms(s, joints, friction.terms)]),
+        s.program([*values, *margins(s), *rates, *terms(s, joints, friction.terms)]),
         tuple(law.remembers for law in laws),
         tuple(map(structure.separates, joints)),
         steepest(laws),

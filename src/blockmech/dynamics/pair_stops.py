@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.contacts import Held
+from blockmech.dynamics.contacts import Constraints
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.values import split_address
 from blockmech.model.structure import COORDINATE, JointRef
@@ -61,11 +61,11 @@ class PairStops:
         structure, drivers = self.mechanism.structure, self.mechanism.structure.drivers
         s = schedule(structure, self.mechanism.scene, Friction("none"))
         outputs = [self.mechanism.outputs[name] for name in self.names]
-        places = [list(output.ask(s)) for output in outputs]
+        columns = [list(output.ask(s)) for output in outputs]
         rows = [s.ask(forward.slip, ref, driver) for ref in self.refs for driver in drivers]
         drifts = map(partial(s.ask, forward.slip_acceleration), self.refs)
-        engine = ScalarEngine(s.program([*(x for some in places for x in some), *rows, *drifts]))
-        return engine, list(zip(outputs, map(len, places), strict=True))
+        engine = ScalarEngine(s.program([*(x for some in columns for x in some), *rows, *drifts]))
+        return engine, list(zip(outputs, map(len, columns), strict=True))
 
     def state(self, q: Floats, qd: Floats) -> tuple[Floats, Floats, Floats]:
         """Coordinates (p,), angles between -pi and pi, rows (p, k), and drifts (p,) at rates."""
@@ -76,14 +76,14 @@ class PairStops:
         inputs = dict[str, float]()
         for i, (x, rate) in enumerate(zip(q, qd, strict=True)):
             inputs |= {f"q_{i}": float(x), f"qd_{i}": float(rate), f"qdd_{i}": 0.0}
-        values, places = list(engine.one([inputs[x] for x in engine.program.inputs])), []
+        values, coordinates = list(engine.one([inputs[x] for x in engine.program.inputs])), []
         for output, count in outputs:
             columns = [np.asarray(values.pop(0)) for _ in range(count)]
-            places.append(float(output.read(*columns)))
+            coordinates.append(float(output.read(*columns)))
         senses = np.array([sense for _, sense in self.pairs])
         changes = np.array(values, dtype=np.float64)
         rows, drifts = changes[: p * k].reshape(p, k), changes[p * k :]
-        return np.array(places), senses[:, None] * rows, senses * drifts
+        return np.array(coordinates), senses[:, None] * rows, senses * drifts
 
     def rows(self, q: Any, rate: Any) -> tuple[Floats, Floats]:
         """Rows (n, k) of all that has stops over the drivers, drifts (n,): drivers, then pairs."""
@@ -91,13 +91,13 @@ class PairStops:
         _, rows, drifts = self.state(q, rate)
         return np.vstack([np.eye(len(q)), rows]), np.append(0.0 * q, drifts)
 
-    def held(self, q: Any, rate: Any, those: Sequence[int]) -> Held:
+    def constraints(self, q: Any, rate: Any, those: Sequence[int]) -> Constraints:
         """Some of the stops at a state, by their places among all."""
         rows, drift = self.rows(q, rate)
         k = rows.shape[1]
         senses = [1] * k + [sense for _, sense in self.pairs]
-        own = tuple((max(int(i) - k, -1), senses[i]) for i in those)
-        return Held(rows[those], drift[those], own)
+        pairs = tuple((max(int(i) - k, -1), senses[i]) for i in those)
+        return Constraints(rows[those], drift[those], pairs)
 
 
 class Counted:
@@ -108,20 +108,20 @@ class Counted:
 
     def __init__(self, pairs: PairStops, q: Floats, turns: Floats) -> None:
         self.pairs = pairs
-        places, rows, _ = pairs.state(q, 0 * q)
-        self.start = q, places + turns, rows
+        coordinates, rows, _ = pairs.state(q, 0 * q)
+        self.start = q, coordinates + turns, rows
         self.again()
 
     def again(self) -> None:
         """Go back to where a motion begins."""
         self.last = self.start
 
-    def begun(self, q: Floats) -> Counted:
+    def restarted(self, q: Floats) -> Counted:
         """The same for motions that begin at a place."""
-        other = copy.copy(self)
-        other.at(q)
-        other.start = other.last
-        return other
+        counted = copy.copy(self)
+        counted.at(q)
+        counted.start = counted.last
+        return counted
 
     def at(self, q: Floats) -> Floats:
         """The coordinates (p,) at a place."""
@@ -130,25 +130,25 @@ class Counted:
 
     def state(self, q: Any, rate: Any) -> tuple[Any, Any]:
         """The coordinates and their rates at a state of the drivers; floats of the only one."""
-        places = self.at(np.atleast_1d(q))
+        coordinates = self.at(np.atleast_1d(q))
         rates = self.last[2] @ np.atleast_1d(rate)
-        return (places, rates) if np.ndim(q) else (places[0], rates[0])
+        return (coordinates, rates) if np.ndim(q) else (coordinates[0], rates[0])
 
     def _from(self, last: Any, q: Floats, halved: int) -> Any:
         q0, before, rows0 = last
         if (q0 == q).all():
             return last
-        places, rows, _ = self.pairs.state(q, 0 * q)
+        coordinates, rows, _ = self.pairs.state(q, 0 * q)
         if self.pairs.rotary.any():
             foretold = before + (rows0 + rows) @ (q - q0) / 2
-            turns = math.tau * np.round((foretold - places) / math.tau)
-            counted = np.where(self.pairs.rotary, places + turns, places)
+            turns = math.tau * np.round((foretold - coordinates) / math.tau)
+            counted = np.where(self.pairs.rotary, coordinates + turns, coordinates)
             unsure = np.abs(counted - foretold)[self.pairs.rotary].max() > SURE
             if halved and unsure and np.isfinite(counted).all():
                 middle = self._from(last, (q0 + q) / 2, halved - 1)
                 return self._from(middle, q, halved - 1)
-            places = counted
-        return q, places, rows
+            coordinates = counted
+        return q, coordinates, rows
 
 
 def stopped_pairs(mechanism: Any, names: Sequence[str]) -> PairStops:

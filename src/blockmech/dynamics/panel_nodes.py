@@ -64,7 +64,7 @@ class Nodes(NamedTuple):
     gaps : of v^p to the farther neighbour
     inside, number : 1 at the nodes, 0 at anchor and end; 0, 1, 2 ...
     work : w -> K per unit of way, for each kind of panel; towards a dead centre 2 v w is smooth
-    known : coefficients -> values; since : -> times since the anchor
+    values : coefficients -> values; since : -> times since the anchor
     parts : 1 for the last quarter of the terms, for the one before, for those that the
         second run has
     """
@@ -77,7 +77,7 @@ class Nodes(NamedTuple):
     inside: Row
     number: Row
     work: Square
-    known: Row
+    values: Row
     since: Row
     parts: Row
 
@@ -100,11 +100,11 @@ def basis(v: Any, n: int) -> Any:
     z = (2 * flat - 1) + 2j * np.sqrt(flat * (1 - flat))
     columns = np.empty((n, flat.size), dtype=z.dtype)  # places side by side: most are many
     columns[0] = 1
-    done = 1
-    while done < n:
-        more = min(done, n - done)
-        np.multiply(columns[:more], z, out=columns[done : done + more])
-        z, done = z * z, 2 * done
+    count = 1
+    while count < n:
+        step = min(count, n - count)
+        np.multiply(columns[:step], z, out=columns[count : count + step])
+        z, count = z * z, 2 * count
     return np.ascontiguousarray(columns.real.T).reshape(*v.shape, n)
 
 
@@ -143,9 +143,9 @@ def nodes(n: int, k: int) -> Nodes:
         for p in (1, 2)
     )
     limit = np.vstack([-plain[-1:], plain - plain[-1]]) * (2 * v)
-    whole, first, inside, terms = slice(n + 2), slice(1, n + 2), slice(1, n + 1), np.arange(n + 2)
-    places = np.concatenate([[0], v, [1]])
-    shares, quarter = np.array([places, places**2]), n // 4
+    every, first, inside, terms = slice(n + 2), slice(1, n + 2), slice(1, n + 1), np.arange(n + 2)
+    positions = np.concatenate([[0], v, [1]])
+    shares, quarter = np.array([positions, positions**2]), n // 4
     gaps = np.diff(shares, axis=1, prepend=0, append=1)
     clock = chebyshev.chebint(np.eye(n), lbnd=-1, axis=1) / 2
     parts = [terms >= n - quarter, terms >= n - 2 * quarter, terms < k]
@@ -153,13 +153,13 @@ def nodes(n: int, k: int) -> Nodes:
         _laid(n, *((0, slice(1, len(x) + 1), x) for x, _ in samplings))[:, 0],
         _laid(n, *((slice(1, len(x) + 1), slice(len(x)), m.T) for x, m in samplings)),
         shares,
-        np.array([np.ones(n + 2), 2 * places]),
+        np.array([np.ones(n + 2), 2 * positions]),
         np.maximum(gaps[:, 1:], gaps[:, :-1]),
         np.array([(terms > 0) & (terms <= n)]),
         np.array([terms]),
-        _laid(n, *((inside, first, x.T) for x in (plain, rest, rest)), (inside, whole, limit.T)),
-        _laid(n, (slice(n), whole, basis(places, n).T))[0],
-        _laid(n, (slice(n), first, clock @ basis(places[1:], n + 1).T))[0],
+        _laid(n, *((inside, first, x.T) for x in (plain, rest, rest)), (inside, every, limit.T)),
+        _laid(n, (slice(n), every, basis(positions, n).T))[0],
+        _laid(n, (slice(n), first, clock @ basis(positions[1:], n + 1).T))[0],
         np.array([parts[0] & (terms < n), parts[1] & ~parts[0], parts[2]]),
     )
     return Nodes(*(np.ascontiguousarray(x, dtype=np.float64) for x in rows))
@@ -187,9 +187,9 @@ def roots(series: Floats) -> Floats:
 
     Coefficients that are rounding are left out: they would make roots of their own.
     """
-    kept = chebyshev.chebtrim(series, EPS * float(np.abs(series).max()))
-    if kept.size < 2:
+    trimmed = chebyshev.chebtrim(series, EPS * float(np.abs(series).max()))
+    if trimmed.size < 2:
         return np.empty(0)
-    zeros = chebyshev.chebroots(kept)
+    zeros = chebyshev.chebroots(trimmed)
     real = zeros.real[(np.abs(zeros.imag) <= DOUBLE_ROOT) & (np.abs(zeros.real) <= 1 + DOUBLE_ROOT)]
     return np.sort((np.clip(real, -1.0, 1.0) + 1) / 2)

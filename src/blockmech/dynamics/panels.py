@@ -114,10 +114,10 @@ class Panels:
     @property
     def gain(self) -> float:
         """[J] by which they raise it."""
-        return self.left - self.energy
+        return self.end_energy - self.energy
 
     @property
-    def left(self) -> float:
+    def end_energy(self) -> float:
         """[J] with which it ends."""
         return self.lies[-1][LEFT]
 
@@ -133,14 +133,14 @@ class Panels:
         return np.asarray(records[:, SPAN, ENERGY, None] + records[:, GAINS, 1:-1])
 
     @cached_property
-    def other(self) -> Panels:
+    def second(self) -> Panels:
         """Those of the second run."""
         return Panels(self.records, 1, float(self.records[0, SPAN, 1, TIME]), self.compiled)
 
     @property
     def code(self) -> PathCode:
         """The loops that read them."""
-        code = PathCode.made() if self.compiled else None
+        code = PathCode.compiled() if self.compiled else None
         return code or PathCode.interpreted(self.n)
 
     # -- when ------------------------------------------------------------
@@ -175,15 +175,15 @@ class Panels:
         """(m, n) What 1 / sqrt(K) at the nodes (m, n) counts in the durations."""
         matrices = self.nodes
         leads = matrices.leads[np.where(self.plain, 0, 1), 1:-1] * matrices.work[PLAIN, 1:-1, -1]
-        way = np.abs(self.spans[END] - self.spans[BEGIN])[:, None]
-        return np.asarray(way * leads * np.sqrt(self.records[:, self.of, J, 1:-1] / 2))
+        lengths = np.abs(self.spans[END] - self.spans[BEGIN])[:, None]
+        return np.asarray(lengths * leads * np.sqrt(self.records[:, self.of, J, 1:-1] / 2))
 
     def durations_with(self, energies: Floats) -> Floats:
         """(k, m) [s] that each takes with so much more kinetic energy (k,) [J]."""
         K = self.K + energies[:, None, None]
         return np.asarray(np.einsum("kmn,mn->km", 1 / np.sqrt(K), self._weights))
 
-    def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
+    def started_at(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
         if energy:
             records = self.records.copy()
@@ -199,13 +199,16 @@ class Panels:
         now = records[:, :, self.of]
         now[:, SPAN, ENERGY] += energy
         lead = matrices.leads[np.where(self.plain[i], 0, 1)] * matrices.inside
-        way = np.abs(now[:, SPAN, END] - now[:, SPAN, BEGIN])[:, None]
+        lengths = np.abs(now[:, SPAN, END] - now[:, SPAN, BEGIN])[:, None]
         with np.errstate(all="ignore"):
             slope = np.sqrt(
                 records[:, self.of, J] / (2 * (now[:, SPAN, ENERGY, None] + now[:, GAINS]))
             )
-        now[:, RATE] = np.where(lead > 0, way * slope * lead, 0.0) @ matrices.series[0]
-        now[:, SINCE], now[:, SLOPES] = now[:, RATE] @ matrices.since, now[:, RATE] @ matrices.known
+        now[:, RATE] = np.where(lead > 0, lengths * slope * lead, 0.0) @ matrices.series[0]
+        now[:, SINCE], now[:, SLOPES] = (
+            now[:, RATE] @ matrices.since,
+            now[:, RATE] @ matrices.values,
+        )
         return replace(self, records=records)
 
     # -- the state at a time -------------------------------------------------------
@@ -235,18 +238,18 @@ class Panels:
 
         By Newton's method kept within a bracket, from cubics between nodes.
         """
-        places, each = self.nodes.shares[0], np.arange(len(i))
+        shares, indices = self.nodes.shares[0], np.arange(len(i))
         times, slopes = (self.records[i, row, self.of] for row in (SINCE, SLOPES))
         since = np.minimum(np.maximum(since, 0.0), times[:, -1])
         j = np.minimum((times[:, 1:-1] <= since[:, None]).sum(axis=1), self.n)
         first, rates = (
-            times[each, j],
-            np.maximum(slopes[each[:, None], j[:, None] + (0, 1)], SMALLEST),
+            times[indices, j],
+            np.maximum(slopes[indices[:, None], j[:, None] + (0, 1)], SMALLEST),
         )
-        h, dv = np.maximum(times[each, j + 1] - first, SMALLEST), places[j + 1] - places[j]
-        s, (left, right) = (since - first) / h, (h[:, None] / rates - dv[:, None]).T
-        low, high = places[j], places[j + 1]
-        v = low + s * (dv + (1 - s) * ((1 - s) * left - s * right))
+        h, dv = np.maximum(times[indices, j + 1] - first, SMALLEST), shares[j + 1] - shares[j]
+        s, (slope_low, slope_high) = (since - first) / h, (h[:, None] / rates - dv[:, None]).T
+        low, high = shares[j], shares[j + 1]
+        v = low + s * (dv + (1 - s) * ((1 - s) * slope_low - s * slope_high))
         v = np.where(since > 0, np.fmin(np.fmax(v, low), high), 0.0)
         v = np.where(since < times[:, -1], v, 1.0)
         settled, series = (since == 0) | (v == 1), self._series[i]
@@ -256,15 +259,17 @@ class Panels:
                 break
             miss = time - since
             low, high = np.where(miss <= 0, v, low), np.where(miss > 0, v, high)
-            new, near = v - miss / slope, ROOT / 8 * v + EPS
-            inside = (slope > 0) & (new >= low - near) & (new <= high + near)  # but for rounding
+            new, tolerance = v - miss / slope, ROOT / 8 * v + EPS
+            inside = (
+                (slope > 0) & (new >= low - tolerance) & (new <= high + tolerance)
+            )  # but for rounding
             new = np.where(inside, np.minimum(np.maximum(new, low), high), (low + high) / 2)
             moved, v = ~settled, np.where(settled, v, new)
-            settled = settled | (inside & (np.abs(miss / slope) <= near) & moved)
+            settled = settled | (inside & (np.abs(miss / slope) <= tolerance) & moved)
         begin, end = self.spans[BEGIN, i], self.spans[END, i]
-        plain, backward, way = self.plain[i], self.backward[i], end - begin
-        speed = np.where(slope > 0, way * np.where(plain, 1.0, 2 * v) / slope, 0.0)
-        gone = way * np.where(plain, v, v * v)
+        plain, backward, lengths = self.plain[i], self.backward[i], end - begin
+        speed = np.where(slope > 0, lengths * np.where(plain, 1.0, 2 * v) / slope, 0.0)
+        gone = lengths * np.where(plain, v, v * v)
         return np.where(backward, end - gone, begin + gone), speed
 
     def at(self, t: float) -> tuple[float, float]:
@@ -281,18 +286,18 @@ class Panels:
         since = lie[TIME] + duration - t if backward else t - lie[TIME]
         series, since = self._series[i].tolist(), min(max(since, 0.0), duration)
         state: Any = [0.0, 0.0]
-        arguments: Any = self._places, *curves, *series, since, state
+        arguments: Any = self._shares, *curves, *series, since, state
         moment(Sizes(self.n, self.n), *arguments)
-        (v, slope), way = state, end - begin
-        passed = way * (v if plain else v * v)
-        speed = way * (1.0 if plain else 2 * v) / slope if slope > 0 else 0.0
+        (v, slope), length = state, end - begin
+        passed = length * (v if plain else v * v)
+        speed = length * (1.0 if plain else 2 * v) / slope if slope > 0 else 0.0
         return end - passed if backward else begin + passed, speed
 
     @cached_property
-    def _places(self) -> list[float]:
+    def _shares(self) -> list[float]:
         """v of the anchor, the nodes and the end."""
-        places: list[float] = self.nodes.shares[0].tolist()
-        return places
+        shares: list[float] = self.nodes.shares[0].tolist()
+        return shares
 
     def at_place(self, q: float) -> float:
         """Time [s] at which they pass a place."""

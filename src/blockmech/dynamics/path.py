@@ -32,8 +32,8 @@ from blockmech.dynamics.estimate import (
     difference,
     judged,
     missed,
-    one_motion,
     rounding_share,
+    same_motion_limit,
     stopped,
     with_rounding,
 )
@@ -142,10 +142,10 @@ class PathRun(Run):
         if not self.K > 0:  # also of a rate whose square is below all numbers
             return self.leave()
         self.sign = 1 if rate > 0 else -1
-        ahead = self.mesh.ahead(self.q, self.sign)
-        if not isinstance(ahead, str):
-            course, shift = ahead
-            low, high, limit, *_ = course.places[0]
+        next_course = self.mesh.course(self.q, self.sign)
+        if not isinstance(next_course, str):
+            course, shift = next_course
+            low, high, limit, *_ = course.bounds[0]
             share = (self.q - shift - low) / (high - low)
             inertia = float(chebval(2 * share - 1, course.blocks[course.which[0], 1, J]))
             self.runs[1, KINETIC] = self.K if limit else inertia * (rate * (1 + ROUNDING)) ** 2 / 2
@@ -170,11 +170,11 @@ class PathRun(Run):
         period, begin = self.system.period or self.system.span, self.lately[-CROWD]
         if abs(self.q - begin) >= CRAWL * period / PIECES:
             return False
-        way = f"{abs(self.q - begin):.1e} from q = {begin:.9g} on"
-        self.notes.append(f"{CROWD} panels in a row cover {way}: it crawls")
+        distance = f"{abs(self.q - begin):.1e} from q = {begin:.9g} on"
+        self.notes.append(f"{CROWD} panels in a row cover {distance}: it crawls")
         return True
 
-    def told(self, t: float) -> None:
+    def report_progress(self, t: float) -> None:
         """Tell those who follow the progress how far it is [s]."""
         if self.system.progress is not None:
             span = self.request.span
@@ -209,31 +209,31 @@ class PathRun(Run):
             return RunEnd(ends.TOO_MANY)
         stop = self.system.stops[0][self.sign > 0]
         beyond = self.sign * (self.q - stop) >= 0
-        ahead = ends.END_STOP if beyond else self.mesh.ahead(self.q, self.sign)
-        if isinstance(ahead, str):
-            return self.arrive(ahead)
-        goals = [stop, *self.request.places]
+        next_course = ends.END_STOP if beyond else self.mesh.course(self.q, self.sign)
+        if isinstance(next_course, str):
+            return self.arrive(next_course)
+        goals = [stop, *self.request.goals]
         if self.mark is not None and self.system.period is not None:
             goals.append(self.turned(self.system.period))
-        goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
+        goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.is_at(x)]
         goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
-        piece = ahead[0].pieces[0].shifted(ahead[1])
-        if self.kept_clear(piece, goal):
+        piece = next_course[0].pieces[0].shifted(next_course[1])
+        if self.keep_clear(piece, goal):
             return None
-        self.told(self.t)
-        before, last = self.runs.copy(), piece.what_ends(self.sign)
-        how, piece, panels = self.pass_over(*ahead, goal)
+        self.report_progress(self.t)
+        before, last = self.runs.copy(), piece.obstacle(self.sign)
+        outcome, piece, panels = self.pass_over(*next_course, goal)
         if panels is not None:
             panels.t0 = self.t
             if last == ends.DEAD_CENTRE and panels.t1 > self.request.span:
-                place, after = panels.at(self.request.span)[0], self.runs.copy()
+                coordinate, after = panels.at(self.request.span)[0], self.runs.copy()
                 self.runs[:] = before
-                if self.kept_clear(piece, place):
+                if self.keep_clear(piece, coordinate):
                     return None
                 self.runs[:] = after
             self.take(panels)
-        if how in (SHORTER, FAILED):
-            return self.obstructed(how, piece)
+        if outcome in (SHORTER, FAILED):
+            return self.obstructed(outcome, piece)
         return self.passed(piece)
 
     def pass_over(
@@ -242,37 +242,37 @@ class PathRun(Run):
         """Both runs over pieces to a standstill or a goal: how they leave the last, and panels."""
         many, counts = len(course.which), np.zeros(2, np.int64)
         records = np.empty((2 * HALVED + 2, PANEL, 2, self.n + 2))
-        how = self.code.over_pieces(
-            course.blocks, course.which, course.places, shift, goal, many, float(self.sign),
+        outcome = self.code.over_pieces(
+            course.blocks, course.which, course.bounds, shift, goal, many, float(self.sign),
             self.mesh.tolerance, self.runs, records, counts,
         )  # fmt: skip
         count, last = counts.tolist()
         piece = course.pieces[last].shifted(shift)
         panels = Panels(records[:count].copy(), compiled=self.code.placed is not None)
-        return how, piece, panels if count else None
+        return outcome, piece, panels if count else None
 
-    def kept_clear(self, piece: Piece, place: float) -> bool:
+    def keep_clear(self, piece: Piece, coordinate: float) -> bool:
         """Whether a way that ends before a dead centre got a piece that ends before it as well.
 
         The values of one that does not lose digits there, and its series lose them everywhere.
         """
-        way, whole = abs(place - self.q), abs(piece.end(self.sign) - self.q)
-        dead_centre = piece.what_ends(self.sign) == ends.DEAD_CENTRE
-        if not dead_centre or whole - way <= ROOT * way:
+        distance, length = abs(coordinate - self.q), abs(piece.end(self.sign) - self.q)
+        dead_centre = piece.obstacle(self.sign) == ends.DEAD_CENTRE
+        if not dead_centre or length - distance <= ROOT * distance:
             return False
-        self.mesh.shorten(piece, self.q, self.sign, (whole + way) / 2)
+        self.mesh.shorten(piece, self.q, self.sign, (length + distance) / 2)
         return True
 
-    def obstructed(self, how: int, piece: Piece) -> RunEnd | None:
+    def obstructed(self, outcome: int, piece: Piece) -> RunEnd | None:
         """A shorter piece of the path where what happens asks for one, or the end."""
-        way = abs(float(self.runs[0, STOP]) - self.q)
-        if how == SHORTER:
-            if not self.kept_clear(piece, float(self.runs[0, STOP])):
-                self.mesh.shorten(piece, self.q, self.sign, SHORT / 2 * way)
+        distance = abs(float(self.runs[0, STOP]) - self.q)
+        if outcome == SHORTER:
+            if not self.keep_clear(piece, float(self.runs[0, STOP])):
+                self.mesh.shorten(piece, self.q, self.sign, SHORT / 2 * distance)
             return None
         return RunEnd(ends.TOO_MANY, note=f"the loads are not smooth at q = {self.q:.12g}")
 
-    def here(self, x: float) -> bool:
+    def is_at(self, x: float) -> bool:
         """Whether a place is where the motion is, but for rounding."""
         return abs(x - self.q) <= CLOSE * max(abs(x), abs(self.q))
 
@@ -295,12 +295,12 @@ class PathRun(Run):
             return RunEnd("time", "reached")
         if self.K == 0:
             return self.stand()
-        if any(map(self.here, self.request.places)):
+        if any(map(self.is_at, self.request.goals)):
             return RunEnd(self.request.until.goal, "reached")
-        if self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
-            return self.arrive(piece.what_ends(self.sign))
+        if self.is_at(piece.end(self.sign)) and piece.obstacle(self.sign):
+            return self.arrive(piece.obstacle(self.sign))
         period = self.system.period
-        if self.mark is None or period is None or not self.here(self.turned(period)):
+        if self.mark is None or period is None or not self.is_at(self.turned(period)):
             return None
         return self.repeat_turn(period)
 
@@ -336,22 +336,22 @@ class PathRun(Run):
         some = self.count > MOST / 8
         return some and math.inf > self.request.span > self.t * MOST / self.count
 
-    def arrive(self, what: str) -> RunEnd:
+    def arrive(self, kind: str) -> RunEnd:
         """The end of the path."""
-        rate = self.rate() if what != ends.DEAD_CENTRE else 0.0
-        self.regime = what
-        self.happened(what, self.q, rate)
-        if what != ends.DEAD_CENTRE:
-            return RunEnd(what, "failed" if what == ends.UNDECIDED else "ended")
-        return self.short_of(what, time_left(self.system, what, self.q, rate) if rate else 0.0)
+        rate = self.rate() if kind != ends.DEAD_CENTRE else 0.0
+        self.regime = kind
+        self.happened(kind, self.q, rate)
+        if kind != ends.DEAD_CENTRE:
+            return RunEnd(kind, "failed" if kind == ends.UNDECIDED else "ended")
+        return self.short_of(kind, time_left(self.system, kind, self.q, rate) if rate else 0.0)
 
     # -- patterns ------------------------------------------------------------
 
-    def since_mark(self, **more: Any) -> RepeatedSegment:
+    def since_mark(self, **options: Any) -> RepeatedSegment:
         """What was since the mark, with times counted from there, as a pattern."""
         assert self.mark is not None
-        panels = joined(self.panels[self.mark.panel :]).taken_from(0.0)
-        return RepeatedSegment(self.mark.t, panels, **more)
+        panels = joined(self.panels[self.mark.panel :]).started_at(0.0)
+        return RepeatedSegment(self.mark.t, panels, **options)
 
     def repeat(self, by: PeriodicContinuation) -> RunEnd | None:
         """A pattern takes the place of its first repetition, and tells what follows."""
@@ -362,12 +362,12 @@ class PathRun(Run):
         self.facts.update(by.facts)
         self.notes += [by.note] if by.note else []
         t0 = self.request.start.t
-        self.events += [Event(ends.STANDSTILL, t0 + t, q, 0.0) for t, q in by.stands]
+        self.events += [Event(ends.STANDSTILL, t0 + t, q, 0.0) for t, q in by.standstills]
         panels = by.pattern.panels
-        for run, there in zip(self.runs, (panels, panels.other) if by.many else (), strict=False):
-            gain = there.gain if by.pattern.gain else 0.0
-            run[PLACE] = there.begin + by.many * by.pattern.step
-            run[KINETIC] = there.energy + by.many * gain
+        for run, leg in zip(self.runs, (panels, panels.second) if by.many else (), strict=False):
+            gain = leg.gain if by.pattern.gain else 0.0
+            run[PLACE] = leg.begin + by.many * by.pattern.step
+            run[KINETIC] = leg.energy + by.many * gain
         return by.over
 
     def repeat_turn(self, period: float) -> RunEnd | None:
@@ -380,7 +380,7 @@ class PathRun(Run):
         lossless = self.system.lossless  # but for rounding of some panels
         lossless = lossless or abs(turn.gain) <= 16 * self.rounding * turn.panels.size
         turn = replace(turn, gain=0.0) if lossless and turn.gain else turn
-        pattern = turns(turn, self.request, self.mesh.tolerance, self.told)
+        pattern = turns(turn, self.request, self.mesh.tolerance, self.report_progress)
         if pattern is not None:
             return self.repeat(pattern)
         self.mark = self.at  # the next turn tells
@@ -389,7 +389,7 @@ class PathRun(Run):
     # -- the result ------------------------------------------------------------
 
     @property
-    def whole(self) -> list[Leg]:
+    def all_legs(self) -> list[Leg]:
         """All that the run left behind."""
         return [*self.legs, joined(self.panels)] if self.panels else self.legs
 
@@ -403,21 +403,21 @@ class PathRun(Run):
         named = self.end in ("time", ends.END_STOP, self.request.until.goal)
         if self.regime == "rest" or not (named or self.end.startswith("never reached")):
             return True
-        parts = [x.panels if isinstance(x, RepeatedSegment) else x for x in self.whole]
+        parts = [x.panels if isinstance(x, RepeatedSegment) else x for x in self.all_legs]
         limit = any((x.spans[KIND] == TO_LIMIT).any() for x in parts)
-        return limit or not all(math.isfinite(x.other.t1) for x in parts)
+        return limit or not all(math.isfinite(x.second.t1) for x in parts)
 
     def motion(self) -> Motion:
         """The motion of a run that has ended; of one that moved the error is not known yet."""
         request, t0 = self.request, self.request.start.t
-        legs = self.whole
+        legs = self.all_legs
         track = PathTrack(tuple(legs), t0) if legs else Still(self.q)
         if self.events and self.events[-1].t == self.now:
             q, qd = self.events[-1].q, self.events[-1].qd
         else:  # with the times wanted, which are asked for again
             times = np.array([*(t for t in request.times if t0 <= t < self.now), self.now])
             q, qd = (float(x[-1]) for x in track.state(times))
-        if self.end == request.until.goal and any(map(self.here, self.request.places)):
+        if self.end == request.until.goal and any(map(self.is_at, self.request.goals)):
             q = self.q
         failed = self.over is not None and self.over.status == "failed"
         motion = self.result(
@@ -432,7 +432,7 @@ class PathRun(Run):
         return motion if legs else motion.but(error=0.0)
 
 
-def along_path(system: System, request: SimulationRequest) -> Motion:
+def integrate_by_quadrature(system: System, request: SimulationRequest) -> Motion:
     """The motion by the path method, with its error (`estimate`).
 
     Where the run beside it takes another path, or ends by itself, a coarser run of its own says
@@ -446,10 +446,10 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     run = PathRun(system, request, COARSE, PathCode.interpreted(COARSE), True)
     run.run()
     coarse, motion = run.motion(), fine.motion()
-    given_up = (ends.TOO_MANY,) if request.method == "auto" else ()
-    if coarse.end in (*ends.STOPPED, *given_up):
+    unfinished = (ends.TOO_MANY,) if request.method == "auto" else ()
+    if coarse.end in (*ends.STOPPED, *unfinished):
         return stopped(coarse, None)
-    if not fine.whole:
+    if not fine.all_legs:
         return motion
     if coarse.end == ends.TOO_MANY and coarse.t_end < motion.t_end:
         return stopped(coarse, replace(motion, notes=(*coarse.notes, *motion.notes)))
@@ -462,8 +462,8 @@ def code_of(system: System) -> PathCode:
     """The loops: `auto` makes or loads machine code once it pays for motions of a mechanism."""
     code = None
     if system.engine != "scalar":
-        motions = system.kept["motions"] = system.kept.get("motions", 0) + 1
-        code = PathCode.made() if system.engine == "llvm" or PathCode.pays(motions) else None
+        motions = system.cache["motions"] = system.cache.get("motions", 0) + 1
+        code = PathCode.compiled() if system.engine == "llvm" or PathCode.pays(motions) else None
     return code or PathCode.interpreted()
 
 
@@ -474,17 +474,17 @@ def judged_in_place(run: PathRun) -> Motion | None:
     """
     if run.end in UNFINISHED:
         return stopped(run.motion(), None)
-    if not run.whole:
+    if not run.all_legs:
         return run.motion()
     if run.ends_by_itself:
         return None
-    whole, legs = run.whole, second_run(run.whole)
+    all_legs, legs = run.all_legs, second_run(run.all_legs)
     system, start, motion = run.system, run.request.start, run.motion()
     share = rounding_share(system, float(start.q), bool(start.rate), start.t)
-    by = apart(run.code, whole, legs, start.t, motion.t_end, share)
+    by = apart(run.code, all_legs, legs, start.t, motion.t_end, share)
     late = 0.0 if motion.end == "time" else by.late
     size = max(abs(by.low), abs(by.high)) + abs(motion.t_end) * by.fastest
-    within = one_motion(by.high - by.low, 1.0 if system.rotary[0] else math.inf, size)
+    within = same_motion_limit(by.high - by.low, 1.0 if system.rotary[0] else math.inf, size)
     if not (by.q <= within and late <= PARTED * (motion.t_end - start.t)):
         return None
     motion = motion.but(error=by.q, time_error=motion.time_error + late)

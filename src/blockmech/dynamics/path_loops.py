@@ -57,7 +57,7 @@ LARGEST, SMALLEST = sys.float_info.max, math.ulp(0.0)
 DIGITS = 60  # halvings of an interval: a double has no more
 LOW, HIGH, LIMIT, UNKNOWN_OF, LARGEST_J, LARGEST_TAU = range(6)  # of a piece ahead
 PLACE, KINETIC, CLOCK, STOP, ROUNDED = range(5)  # of a run
-FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE, OF_PLACES = range(7)  # of what `beside` is given
+FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE, OF_PLACES = range(7)  # of what `compare` is given
 OFF, UNKNOWN, LOWEST, HIGHEST, FASTEST, LAST, LATE, ROUGHLY = range(8)  # and of what it finds
 FAILED, GOES_ON, STANDS, SHORTER = range(4)  # how runs leave a piece
 
@@ -82,11 +82,11 @@ def over(
     rows: Row, first: int, T: Row,
 ) -> None:  # fmt: skip
     """Rows of a panel from the ``first`` on: J and tau."""
-    anchor, way = begin, end - begin
+    anchor, span = begin, end - begin
     if kind >= TO_REST:
-        anchor, way = end, -way
+        anchor, span = end, -span
     base, length = bounds[HIGH if bounds[LIMIT] > 0.0 else LOW], bounds[HIGH] - bounds[LOW]
-    share = (anchor - base + way * nodes.shares[0 if kind == PLAIN else 1]) / length
+    share = (anchor - base + span * nodes.shares[0 if kind == PLAIN else 1]) / length
     if bounds[LIMIT] != 0.0:
         share = np.sqrt(abs(share))
         share = np.where(share > EPS, share, EPS)
@@ -117,8 +117,8 @@ def laid(
         now[GAINS, r] = piece[OVER_ALL, r]
     else:
         over(of, nodes, bounds, begin, end, kind, piece[r], now[r], J, T)
-        way = begin - end if kind >= TO_REST else end - begin
-        now[GAINS, r] = way * (now[r, TAU] @ nodes.work[kind])
+        travel = begin - end if kind >= TO_REST else end - begin
+        now[GAINS, r] = travel * (now[r, TAU] @ nodes.work[kind])
 
 
 def clock(of: Sizes, nodes: Nodes, now: Rows, r: int) -> None:
@@ -128,7 +128,7 @@ def clock(of: Sizes, nodes: Nodes, now: Rows, r: int) -> None:
     slope = abs(span[END] - span[BEGIN]) * slope * nodes.leads[0 if span[KIND] == PLAIN else 1]
     now[SLOPES, r] = np.where(nodes.inside[0] > 0.0, slope, 0.0)
     now[RATE, r] = now[SLOPES, r] @ nodes.series[0]
-    now[SLOPES, r] = now[RATE, r] @ nodes.known
+    now[SLOPES, r] = now[RATE, r] @ nodes.values
 
 
 def timed(of: Sizes, nodes: Nodes, now: Rows, r: int, begin: float) -> float:
@@ -147,19 +147,19 @@ def is_smooth(of: Sizes, nodes: Nodes, now: Rows, effort: float, tolerance: floa
     nodes. The energy cannot be smoother than the rounding of the largest effort.
     """
     span, inside = now[SPAN, 0], nodes.inside[0] > 0.0
-    way, energy, plain = abs(span[END] - span[BEGIN]), span[ENERGY], span[KIND] == PLAIN
+    length, energy, plain = abs(span[END] - span[BEGIN]), span[ENERGY], span[KIND] == PLAIN
     shares = nodes.shares[0 if plain else 1]
     doubt = np.max(np.where(inside, shares / (energy + now[GAINS, 0]), 0.0))
-    rounding, end = EPS * effort * doubt * way, ending(of, nodes, now[RATE], 0)
+    rounding, end = EPS * effort * doubt * length, ending(of, nodes, now[RATE], 0)
     if not end <= max(tolerance, rounding):
         return False
     if not plain:
         return True
-    off = abs(now[SLOPES, 0, 0] - way * np.sqrt(now[0, J, 0] / (2.0 * energy)))
+    off = abs(now[SLOPES, 0, 0] - length * np.sqrt(now[0, J, 0] / (2.0 * energy)))
     if off <= of.n * tolerance * abs(now[SLOPES, 0, 0]):
         return True
-    left = np.max(abs(now[RATE, 0]) * nodes.parts[0])
-    return not off > of.n * max(left, tolerance * np.max(abs(now[RATE, 0])))
+    tail = np.max(abs(now[RATE, 0]) * nodes.parts[0])
+    return not off > of.n * max(tail, tolerance * np.max(abs(now[RATE, 0])))
 
 
 def emptied(of: Sizes, nodes: Nodes, now: Rows, sign: float, stop: float) -> float:
@@ -167,27 +167,30 @@ def emptied(of: Sizes, nodes: Nodes, now: Rows, sign: float, stop: float) -> flo
 
     At the end it is but for rounding: as much as its brake takes on a part of the way.
     """
-    first, way, energy = now[SPAN, 0, BEGIN], now[SPAN, 0, END], now[SPAN, 0, ENERGY]
-    way, kind = way - first, now[SPAN, 0, KIND]
+    first, length, energy = now[SPAN, 0, BEGIN], now[SPAN, 0, END], now[SPAN, 0, ENERGY]
+    length, kind = length - first, now[SPAN, 0, KIND]
     limit, effort = kind == TO_LIMIT, sign * now[0, TAU, of.n]
-    left = energy + now[GAINS, 0, of.n + 1]
-    braked = not limit and effort < 0.0 and left < -ROOT * effort * abs(way)
+    remaining = energy + now[GAINS, 0, of.n + 1]
+    braked = not limit and effort < 0.0 and remaining < -ROOT * effort * abs(length)
     if not (braked or np.any(energy + now[GAINS, 0] < 0.0)):
         return stop
     if limit:  # closer first
-        return float(first + way / 2.0)
+        return float(first + length / 2.0)
     before, at_before, p = energy, 0.0, 0 if kind == PLAIN else 1
     for i in range(1, of.n + 2):
         K, share = energy + now[GAINS, 0, i], nodes.shares[p, i]
         if K <= 0.0 or i > of.n:
             part = before / (before - min(K, 0.0)) if before > 0.0 else 0.5
-            brake, bend = way * now[0, TAU, i - 1], way * (now[0, TAU, i] - now[0, TAU, i - 1])
+            brake, bend = (
+                length * now[0, TAU, i - 1],
+                length * (now[0, TAU, i] - now[0, TAU, i - 1]),
+            )
             for _ in range(2):  # of an effort that is a line between nodes
                 slope = (share - at_before) * (brake + bend * part)
                 if slope < 0.0:
                     off = before + (share - at_before) * (brake + bend * part / 2.0) * part
                     part = min(max(part - off / slope, 0.0), 1.0)
-            return float(first + way * (at_before + (share - at_before) * part))
+            return float(first + length * (at_before + (share - at_before) * part))
         before, at_before = K, share
     return stop
 
@@ -198,55 +201,55 @@ def standstill(
 ) -> bool:  # fmt: skip
     """Whether the place is found at which a run has no energy left, near ``stop``."""
     for _ in range(DIGITS):
-        way, span = stop - run[PLACE], now[SPAN, r]
+        travel, span = stop - run[PLACE], now[SPAN, r]
         span[BEGIN], span[END] = run[PLACE], stop
         over(of, nodes, bounds, run[PLACE], stop, PLAIN, series, now[r], TAU, T)
-        now[GAINS, r] = way * (now[r, TAU] @ nodes.work[PLAIN])
+        now[GAINS, r] = travel * (now[r, TAU] @ nodes.work[PLAIN])
         effort = now[r, TAU, of.n + 1]
-        if not effort * way < 0.0:
+        if not effort * travel < 0.0:
             return False
         step = (run[KINETIC] + now[GAINS, r, of.n + 1]) / -effort
         stop += step
         run[STOP] = stop
-        if abs(step) <= ROOT / 8.0 * abs(way) or abs(step) <= EPS * abs(stop):
+        if abs(step) <= ROOT / 8.0 * abs(travel) or abs(step) <= EPS * abs(stop):
             return True
     return False
 
 
 def through(
-    of: Sizes, nodes: Nodes, bounds: Reals, far: float, sign: float, tolerance: float, piece: Rows,
+    of: Sizes, nodes: Nodes, bounds: Reals, goal: float, sign: float, tolerance: float, piece: Rows,
     runs: Runs, panels: Records, counts: Counts, T: Row,
 ) -> int:  # fmt: skip
-    """Both runs over a piece to ``far``: how they leave it. ``counts``: of the panels so far.
+    """Both runs over a piece to ``goal``: how they leave it. ``counts``: of the panels so far.
 
     `SHORTER` asks for a piece of the size of what happens, whose way is where the first run stops.
     Where the second run has no time it takes another path.
     """
     effort, inertia = bounds[LARGEST_TAU], bounds[LARGEST_J]
-    length, begin, end, stands = bounds[HIGH] - bounds[LOW], runs[0, PLACE], far, False
+    length, begin, end, at_rest = bounds[HIGH] - bounds[LOW], runs[0, PLACE], goal, False
     before = counts[0]
     for tried in range(HALVED):
         now, begin = panels[counts[0]], runs[0, PLACE]
-        to = runs[0, STOP] if stands else end
-        way, kind = to - begin, PLAIN
-        if sign * way <= CLOSE * max(abs(begin), abs(to)):
-            if stands:  # what goes no further than rounding of its place stands
+        to = runs[0, STOP] if at_rest else end
+        travel, kind = to - begin, PLAIN
+        if sign * travel <= CLOSE * max(abs(begin), abs(to)):
+            if at_rest:  # what goes no further than rounding of its place stands
                 return STANDS
             runs[0, PLACE] = end if tried == 0 else begin
             return GOES_ON if tried == 0 else FAILED
-        if stands:
+        if at_rest:
             kind = TO_REST
         elif runs[0, KINETIC] == 0.0:
             kind = FROM_REST
-        elif end == far and sign * bounds[LIMIT] > 0.0:
+        elif end == goal and sign * bounds[LIMIT] > 0.0:
             kind = TO_LIMIT
         laid(of, nodes, bounds, kind, piece, runs, end, now, 0, T)
-        half = begin + way / 2.0
-        if not stands:
-            stop = emptied(of, nodes, now, sign, far + 2.0 * sign * length)
-            if sign * (stop - far) < length:
-                left = abs(bounds[HIGH if sign > 0.0 else LOW] - stop)
-                if sign * bounds[LIMIT] > 0.0 and left > ROOT * abs(stop - begin):
+        half = begin + travel / 2.0
+        if not at_rest:
+            stop = emptied(of, nodes, now, sign, goal + 2.0 * sign * length)
+            if sign * (stop - goal) < length:
+                remaining = abs(bounds[HIGH if sign > 0.0 else LOW] - stop)
+                if sign * bounds[LIMIT] > 0.0 and remaining > ROOT * abs(stop - begin):
                     runs[0, STOP] = stop
                     return SHORTER
                 if kind == PLAIN and standstill(
@@ -256,18 +259,22 @@ def through(
                     rough = abs(now[0, TAU, of.n + 1]) < ROUGH * effort
                     if rough and abs(stop - begin) < length / SHORT:
                         return SHORTER
-                    stands = sign * (stop - end) <= ROOT * abs(stop - begin)
-                if not stands:
-                    end = begin + sign * min(abs(stop - begin), abs(way)) / 2.0
+                    at_rest = sign * (stop - end) <= ROOT * abs(stop - begin)
+                if not at_rest:
+                    end = begin + sign * min(abs(stop - begin), abs(travel)) / 2.0
                 elif not standstill(of, nodes, bounds, runs[1], stop, piece[1], now, 1, T):
                     runs[1, CLOCK], runs[1, STOP] = LARGEST * LARGEST, stop
                 continue
         clock(of, nodes, now, 0)
         accuracy = max(tolerance, min(bounds[UNKNOWN_OF], ROOT)) if kind == TO_LIMIT else tolerance
         if not is_smooth(of, nodes, now, effort, accuracy):
-            end, stands = half, False
+            end, at_rest = half, False
             rough = np.min(now[0, J]) < ROUGH * inertia
-            if rough and CLOSE * abs(begin) < abs(way / 2.0) and abs(way / 2.0) < length / SHORT:
+            if (
+                rough
+                and CLOSE * abs(begin) < abs(travel / 2.0)
+                and abs(travel / 2.0) < length / SHORT
+            ):
                 runs[0, STOP] = half
                 return SHORTER
             continue
@@ -277,18 +284,18 @@ def through(
             span, run = now[SPAN, r], runs[r]
             run[CLOCK] = timed(of, nodes, now, r, run[CLOCK])
             T[0] = abs(now[r, TAU]) @ nodes.work[PLAIN if kind == PLAIN else TO_REST]
-            span[WORK] = abs(way) * T[0, of.n + 1]
+            span[WORK] = abs(travel) * T[0, of.n + 1]
             run[KINETIC] = span[ENERGY] + now[GAINS, r, 0 if kind == TO_LIMIT else of.n + 1]
             run[KINETIC] = max(run[KINETIC] + run[ROUNDED] * span[WORK], 0.0)
-            if stands:
+            if at_rest:
                 run[KINETIC] = 0.0
             run[PLACE], span[LEFT] = span[END], run[KINETIC]
         counts[0] += 1
-        if stands:
+        if at_rest:
             return STANDS
-        if end == far:
+        if end == goal:
             return GOES_ON
-        end = end + 2.0 * way if abs(2.0 * way) < abs(far - end) else far
+        end = end + 2.0 * travel if abs(2.0 * travel) < abs(goal - end) else goal
     if counts[0] == before:  # the way to what happens is far below the piece
         runs[0, STOP] = end
         return SHORTER
@@ -296,7 +303,7 @@ def through(
 
 
 def over_pieces(
-    of: Sizes, nodes: Nodes, T: Row, pieces: Pieces, which: Counts, places: Ahead, shift: float,
+    of: Sizes, nodes: Nodes, T: Row, pieces: Pieces, which: Counts, bounds: Ahead, shift: float,
     goal: float, many: int, sign: float, tolerance: float, runs: Runs, panels: Records,
     counts: Counts,
 ) -> int:  # fmt: skip
@@ -304,30 +311,30 @@ def over_pieces(
 
     counts : panels, and the piece that was the last
     """
-    here = T[of.n]
+    piece_bounds = T[of.n]
     T[of.n], T[of.n + 1] = 0.0, 0.0
     for p in range(many):
         if counts[0] > HALVED:
             return GOES_ON
         counts[1] = p
         for i in range(6):
-            here[i] = places[p, i] + (shift if i <= HIGH else 0.0)
-        far = here[HIGH if sign > 0.0 else LOW]
-        if sign * (far - goal) >= 0.0:
-            far = goal
-        how = through(
-            of, nodes, here, far, sign, tolerance, pieces[which[p]], runs, panels, counts, T
+            piece_bounds[i] = bounds[p, i] + (shift if i <= HIGH else 0.0)
+        end = piece_bounds[HIGH if sign > 0.0 else LOW]
+        if sign * (end - goal) >= 0.0:
+            end = goal
+        outcome = through(
+            of, nodes, piece_bounds, end, sign, tolerance, pieces[which[p]], runs, panels, counts, T
         )
-        if how != GOES_ON or runs[0, PLACE] != far or far == goal:
-            return how
+        if outcome != GOES_ON or runs[0, PLACE] != end or end == goal:
+            return outcome
     return GOES_ON
 
 
-def beside(
-    of: Sizes, nodes: Nodes, room: Row, panels: Records, others: Records, count: int,
-    backward: int, at: Reals, found: Reals,
+def compare(
+    of: Sizes, nodes: Nodes, room: Row, panels: Records, seconds: Records, count: int,
+    backward: int, at: Reals, totals: Reals,
 ) -> None:  # fmt: skip
-    """How far the second run, in ``others``, is from the first at the nodes of panels.
+    """How far the second run, in ``seconds``, is from the first at the nodes of panels.
 
     Both are read at the nodes, so that no time is inverted: where one is late by dt the other is
     ahead by q' dt.
@@ -336,25 +343,32 @@ def beside(
     at : what both count times from [s], or back from where they run backward; what is added to
         places; the time after which nothing counts, and that of the start; what rounding leaves
         unknown of times, and of places, relative
-    found : largest difference, and what rounding leaves; lowest and highest place, largest rate;
+    totals : largest difference, and what rounding leaves; lowest and highest place, largest rate;
         the last time that counts, and by how much the second run is later there; 1 where rates
         change so fast that rounding is to be judged otherwise
     """
     last, direction = of.n + 1, -1.0 if backward == 1 else 1.0
     for j in range(count):
         now = panels[count - 1 - j if backward == 1 else j]
-        other = others[count - 1 - j if backward == 1 else j]
-        span, there, p = now[SPAN, 0], other[SPAN, 1], 0 if now[SPAN, 0, KIND] == PLAIN else 1
-        from_end, sign, begin, begin_there = span[KIND] >= TO_REST, direction, 0.0, 0.0
-        way = span[END] - span[BEGIN]
-        late_by, stretch = there[BEGIN] - span[BEGIN], there[END] - there[BEGIN] - way
+        second = seconds[count - 1 - j if backward == 1 else j]
+        span, span_second, p = (
+            now[SPAN, 0],
+            second[SPAN, 1],
+            0 if now[SPAN, 0, KIND] == PLAIN else 1,
+        )
+        from_end, sign, begin, begin_second = span[KIND] >= TO_REST, direction, 0.0, 0.0
+        length = span[END] - span[BEGIN]
+        late_by, stretch = (
+            span_second[BEGIN] - span[BEGIN],
+            span_second[END] - span_second[BEGIN] - length,
+        )
         if from_end:
-            late_by, stretch, sign = there[END] - span[END], -stretch, -direction
-            begin, begin_there = now[SINCE, 0, last], other[SINCE, 1, last]
-        begin, begin_there = span[TIME] + begin, there[TIME] + begin_there
+            late_by, stretch, sign = span_second[END] - span[END], -stretch, -direction
+            begin, begin_second = now[SINCE, 0, last], second[SINCE, 1, last]
+        begin, begin_second = span[TIME] + begin, span_second[TIME] + begin_second
         t = at[FROM] + direction * begin + sign * now[SINCE, 0]
-        later = at[FROM_THERE] + direction * begin_there + sign * other[SINCE, 1] - t
-        rate = direction * way * nodes.leads[p] / now[SLOPES, 0]
+        later = at[FROM_THERE] + direction * begin_second + sign * second[SINCE, 1] - t
+        rate = direction * length * nodes.leads[p] / now[SLOPES, 0]
         rate = np.where(now[SLOPES, 0] > 0.0, rate, 0.0)
         apart = abs(late_by + stretch * nodes.shares[p] - later * rate)
         room[0] = t
@@ -370,22 +384,25 @@ def beside(
             rate, apart = np.where(counts, rate, 0.0), np.where(counts, apart, 0.0)
         rate = abs(rate)
         off = at[SHARE] * (abs(t) + max(-at[START], 0.0)) * rate
-        if np.any(off > abs(way) * nodes.gaps[p]):
-            found[ROUGHLY] = 1.0
-        q, far = span[BEGIN] + at[STEP], way * nodes.shares[p, i]
+        if np.any(off > abs(length) * nodes.gaps[p]):
+            totals[ROUGHLY] = 1.0
+        q, last_q = span[BEGIN] + at[STEP], length * nodes.shares[p, i]
         if from_end:
-            q, far = span[END] + at[STEP], -far
-        q, far = q + (0.0 if first == 0 else way if not from_end else -way), q + far
-        found[LOWEST], found[HIGHEST] = (
-            min(found[LOWEST], min(q, far)),
-            max(found[HIGHEST], max(q, far)),
+            q, last_q = span[END] + at[STEP], -last_q
+        q, last_q = q + (0.0 if first == 0 else length if not from_end else -length), q + last_q
+        totals[LOWEST], totals[HIGHEST] = (
+            min(totals[LOWEST], min(q, last_q)),
+            max(totals[HIGHEST], max(q, last_q)),
         )
-        unknown = np.max(off) + at[OF_PLACES] * max(abs(q), abs(far))
-        found[OFF], found[UNKNOWN] = max(found[OFF], np.max(apart)), max(found[UNKNOWN], unknown)
-        found[FASTEST] = max(found[FASTEST], np.max(rate))
-        found[LAST], found[LATE] = room[0, i], abs(room[1, i])
+        unknown = np.max(off) + at[OF_PLACES] * max(abs(q), abs(last_q))
+        totals[OFF], totals[UNKNOWN] = (
+            max(totals[OFF], np.max(apart)),
+            max(totals[UNKNOWN], unknown),
+        )
+        totals[FASTEST] = max(totals[FASTEST], np.max(rate))
+        totals[LAST], totals[LATE] = room[0, i], abs(room[1, i])
         if i != first:
-            found[LATE] = max(found[LATE], abs(room[1, i - step]))
+            totals[LATE] = max(totals[LATE], abs(room[1, i - step]))
         if room[0, i] >= at[NOT_AFTER]:
             break
 
@@ -419,8 +436,8 @@ def moment(
         j += 1
     h, dv = max(times[j + 1] - times[j], SMALLEST), v[j + 1] - v[j]
     s = (t - times[j]) / h
-    left, right = h / max(slopes[j], SMALLEST) - dv, h / max(slopes[j + 1], SMALLEST) - dv
-    x = v[j] + s * (dv + (1.0 - s) * ((1.0 - s) * left - s * right))
+    slope_low, slope_high = h / max(slopes[j], SMALLEST) - dv, h / max(slopes[j + 1], SMALLEST) - dv
+    x = v[j] + s * (dv + (1.0 - s) * ((1.0 - s) * slope_low - s * slope_high))
     low, high, slope, settled = v[j], v[j + 1], 0.0, t <= 0.0 or t >= times[n + 1]
     x = (low if t <= 0.0 else high) if settled else min(max(low, x), high)
     for _ in range(DIGITS):
@@ -436,10 +453,10 @@ def moment(
             high = x
         else:
             low = x
-        new, near = x - miss / slope if slope > 0.0 else -1.0, ROOT / 8.0 * x + EPS
-        inside = new >= low - near and new <= high + near  # but for rounding
+        new, tolerance = x - miss / slope if slope > 0.0 else -1.0, ROOT / 8.0 * x + EPS
+        inside = new >= low - tolerance and new <= high + tolerance  # but for rounding
         new = min(max(new, low), high) if inside else (low + high) / 2.0
-        settled = inside and abs(new - x) <= near
+        settled = inside and abs(new - x) <= tolerance
         x = new
     at[0], at[1] = x, slope
 
@@ -465,9 +482,13 @@ def placed(
                 clock[0] += sign * clock[k]
                 sign = -sign
         from_end, plain = span[KIND] >= TO_REST, span[KIND] == PLAIN
-        t, way = times[m] - span[TIME], span[END] - span[BEGIN]
+        t, length = times[m] - span[TIME], span[END] - span[BEGIN]
         t = min(max(since[of.n + 1] - t if from_end else t, 0.0), since[of.n + 1])
         moment(of, nodes.shares[0], since, now[SLOPES, r], clock, rate, t, at)
         lead = 1.0 if plain else at[0]
-        rates[m] = way * (1.0 if plain else 2.0) * lead / at[1] if at[1] > 0.0 else 0.0
-        q[m] = span[END] - way * (at[0] * lead) if from_end else span[BEGIN] + way * (at[0] * lead)
+        rates[m] = length * (1.0 if plain else 2.0) * lead / at[1] if at[1] > 0.0 else 0.0
+        q[m] = (
+            span[END] - length * (at[0] * lead)
+            if from_end
+            else span[BEGIN] + length * (at[0] * lead)
+        )

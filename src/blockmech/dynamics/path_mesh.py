@@ -24,9 +24,9 @@ from blockmech.dynamics.path_loops import DIGITS
 from blockmech.dynamics.place_data import (
     NOTHING,
     PlaceData,
+    coordinate_at,
     mesh,
-    place,
-    place_data,
+    piece_data,
     possible,
     sampled,
 )
@@ -54,7 +54,7 @@ class Piece:
         """The end in a direction of motion."""
         return (self.data.high if sign > 0 else self.data.low) + self.shift
 
-    def what_ends(self, sign: int) -> str:
+    def obstacle(self, sign: int) -> str:
         """What ends the path there, or nothing."""
         return self.ends[sign > 0]
 
@@ -67,14 +67,14 @@ class Course(NamedTuple):
     """Pieces (k,) ahead of a place, at most a turn, up to what ends the path.
 
     blocks : of all that are kept, see `PlaceData.block`; which : those ahead
-    places : (k, 6) low and high end [rad or m], direction of a dead centre, what the series of
+    bounds : (k, 6) low and high end [rad or m], direction of a dead centre, what the series of
         its inertia leave out, largest inertia and effort
     """
 
     pieces: tuple[Piece, ...]
     blocks: Floats
     which: NDArray[np.intp]
-    places: Floats
+    bounds: Floats
 
 
 class PieceRow:
@@ -86,16 +86,20 @@ class PieceRow:
         self._courses: dict[tuple[int, int], Course] = {}
         self._blocks: dict[int, Floats] = {}
 
-    def index(self, q: float, sign: int, near: float) -> int | None:
-        """Which piece is ahead of a place, ``near`` [rad or m] to it at its own end or begin."""
-        i = bisect_right(self.lows, q + near) if sign > 0 else bisect_left(self.lows, q - near)
+    def index(self, q: float, sign: int, tolerance: float) -> int | None:
+        """Which piece is ahead of a place, ``tolerance`` [rad or m] from its own end or begin."""
+        i = (
+            bisect_right(self.lows, q + tolerance)
+            if sign > 0
+            else bisect_left(self.lows, q - tolerance)
+        )
         if not i:
             return None
         piece = self.pieces[i - 1]
-        left = sign * (piece.end(sign) - q)
-        return i - 1 if near < left <= piece.data.length + near else None
+        remaining = sign * (piece.end(sign) - q)
+        return i - 1 if tolerance < remaining <= piece.data.length + tolerance else None
 
-    def ahead(self, first: int, sign: int) -> Course:
+    def course(self, first: int, sign: int) -> Course:
         """The pieces from one on; one at a dead centre, or that ends the path, stands alone."""
         if (first, sign) in self._courses:
             return self._courses[first, sign]
@@ -106,21 +110,21 @@ class PieceRow:
                 break
             piece = self.pieces[i].shifted(turns * self.period if self.period else 0.0)
             if pieces:
-                near = 2 * CLOSE * max(abs(pieces[-1].end(sign)), abs(piece.end(-sign)))
-                apart = abs(pieces[-1].end(sign) - piece.end(-sign)) > near
-                if apart or piece.data.limit or piece.what_ends(sign) or pieces[-1].data.limit:
+                tolerance = 2 * CLOSE * max(abs(pieces[-1].end(sign)), abs(piece.end(-sign)))
+                apart = abs(pieces[-1].end(sign) - piece.end(-sign)) > tolerance
+                if apart or piece.data.limit or piece.obstacle(sign) or pieces[-1].data.limit:
                     break
             pieces.append(piece)
             which.append(i)
-            if piece.what_ends(sign):
+            if piece.obstacle(sign):
                 break
         if sign not in self._blocks:
             self._blocks[sign] = np.array([x.data.block(sign) for x in self.pieces])
-        places = [
+        bounds = [
             (x.end(-1), x.end(1), x.data.limit, x.data.unknown, *x.data.largest[:MARGIN])
             for x in pieces
         ]
-        course = Course(tuple(pieces), self._blocks[sign], np.array(which), np.array(places))
+        course = Course(tuple(pieces), self._blocks[sign], np.array(which), np.array(bounds))
         self._courses[first, sign] = course
         return course
 
@@ -147,27 +151,27 @@ class PathMesh:
     @cached_property
     def row(self) -> PieceRow:
         """The pieces that are there: to begin with, of a period those that are kept."""
-        period, kept = self.system.period, self.system.kept
+        period, cache = self.system.period, self.system.cache
         if period is None:
             return PieceRow([], None)
         key = "mesh", self.n
-        base, first, _ = kept.get(key, (None, math.nan, None))
+        base, first, _ = cache.get(key, (None, math.nan, None))
         if base is None:
             base = self.over(self._edges_from(self._half_a_period_before(0.0)))
         if first != self.first:  # most starts lie in the same period
             turns = [math.ceil((self.first - x) / period - CLOSE) for x in base.lows]
             pieces = [x.shifted(n * period) for x, n in zip(base.pieces, turns, strict=True)]
-            kept[key] = base, self.first, PieceRow(pieces, period) if any(turns) else base
-        made: PieceRow = kept[key][2]
-        return made
+            cache[key] = base, self.first, PieceRow(pieces, period) if any(turns) else base
+        row: PieceRow = cache[key][2]
+        return row
 
     def over(self, edges: Floats) -> PieceRow:
         """Pieces between edges, but where there is no pose and no inertia."""
-        made = mesh(self._values, edges, self.n, self.tolerance, self.others)
-        return PieceRow([self._piece(data) for data in made], self.system.period)
+        pieces = mesh(self._values, edges, self.n, self.tolerance, self.second_count)
+        return PieceRow([self._piece(data) for data in pieces], self.system.period)
 
     @property
-    def others(self) -> int:
+    def second_count(self) -> int:
         """Nodes of the second sampling."""
         return COARSE if self.n == FINE else 0
 
@@ -189,62 +193,62 @@ class PathMesh:
         """The same path with other pieces, in this run alone."""
         self.row = PieceRow(pieces, self.system.period)
 
-    def ahead(self, q: float, sign: int, length: float = math.inf) -> tuple[Course, float] | str:
+    def course(self, q: float, sign: int, length: float = math.inf) -> tuple[Course, float] | str:
         """The pieces ahead of a place, and how far they are shifted [rad]; or why there are none.
 
         ``length`` [rad or m] of the first one, at most, if it is new.
         """
-        shift, near = self.turn(q, sign)
-        i = self.row.index(q - shift, sign, near)
+        shift, tolerance = self.turn(q, sign)
+        i = self.row.index(q - shift, sign, tolerance)
         if i is None:
-            there = next((x for x in self._edges if abs(x - (q - shift)) <= near), q - shift)
-            made = self._made(there, sign, length)
-            if isinstance(made, str):
-                return made
-            self._with([*self.row.pieces, made])
-            i = next(i for i, x in enumerate(self.row.pieces) if x is made)
-        return self.row.ahead(i, sign), shift
+            begin = next((x for x in self._edges if abs(x - (q - shift)) <= tolerance), q - shift)
+            piece = self._new_piece(begin, sign, length)
+            if isinstance(piece, str):
+                return piece
+            self._with([*self.row.pieces, piece])
+            i = next(i for i, x in enumerate(self.row.pieces) if x is piece)
+        return self.row.course(i, sign), shift
 
     def shorten(self, piece: Piece, q: float, sign: int, length: float) -> None:
         """A shorter piece from a place on instead of one that is too long for what happens."""
         self._with([p for p in self.row.pieces if p.data is not piece.data])
-        self.ahead(q, sign, length)
+        self.course(q, sign, length)
 
     def turn(self, q: float, sign: int) -> tuple[float, float]:
         """Whole periods [rad] to the kept one, and a distance that is none but for rounding."""
-        period, near = self.system.period, CLOSE * max(abs(q), abs(self.start))
+        period, tolerance = self.system.period, CLOSE * max(abs(q), abs(self.start))
         if period is None:
-            return 0.0, near
-        shift = period * math.floor((q + sign * near - self.first) / period)
-        return shift, near + CLOSE * abs(shift)
+            return 0.0, tolerance
+        shift = period * math.floor((q + sign * tolerance - self.first) / period)
+        return shift, tolerance + CLOSE * abs(shift)
 
     # -- making a piece ------------------------------------------------------------
 
-    def _made(self, q: float, sign: int, length: float) -> Piece | str:
+    def _new_piece(self, q: float, sign: int, length: float) -> Piece | str:
         """A resolved piece from q on."""
-        far, what = self._far(q, sign, length)
-        limit = self._limit(sign, what)
+        end, obstacle = self._reach(q, sign, length)
+        limit = self._limit(sign, obstacle)
         for _ in range(DIGITS):
-            if far == q:
-                return what or self._unresolved(q)
-            low, high = (q, far) if sign > 0 else (far, q)
-            v = sampled(self.n, self.others)
+            if end == q:
+                return obstacle or self._unresolved(q)
+            low, high = (q, end) if sign > 0 else (end, q)
+            v = sampled(self.n, self.second_count)
             rows = self._rows(low, high, limit, v)
-            data, bad = place_data(low, high, limit, rows, self.n), ~possible(rows)
+            data, bad = piece_data(low, high, limit, rows, self.n), ~possible(rows)
             if not limit and bad.any():
-                nearest = min(place(low, high, 0, v)[bad], key=lambda x: sign * x)
-                far, what = self._last_possible(q, float(nearest))
-                far -= sign * self.off * abs(far) if far != q else 0.0
-                self.limits.append((far, sign, what))
-                limit = self._limit(sign, what)
+                nearest = min(coordinate_at(low, high, 0, v)[bad], key=lambda x: sign * x)
+                end, obstacle = self._last_possible(q, float(nearest))
+                end -= sign * self.off * abs(end) if end != q else 0.0
+                self.limits.append((end, sign, obstacle))
+                limit = self._limit(sign, obstacle)
                 continue
             touched = self._touched(data, sign)
-            if touched is not None and abs(touched[0] - far) > math.sqrt(EPS) * data.length:
-                far, what, limit = *touched, 0
+            if touched is not None and abs(touched[0] - end) > math.sqrt(EPS) * data.length:
+                end, obstacle, limit = *touched, 0
             elif data.tail <= self.tolerance:
-                return self._piece(data, ("", what) if sign > 0 else (what, ""))
+                return self._piece(data, ("", obstacle) if sign > 0 else (obstacle, ""))
             else:
-                far, what, limit = (q + far) / 2, "", 0
+                end, obstacle, limit = (q + end) / 2, "", 0
         return self._unresolved(q)
 
     def _unresolved(self, q: float) -> str:
@@ -253,9 +257,9 @@ class PathMesh:
         good = bool(sample.possible[0]) and sample.margin[0] > math.sqrt(EPS)
         return ends.UNDECIDED if good else ends.IMPOSSIBLE
 
-    def _limit(self, sign: int, what: str) -> int:
+    def _limit(self, sign: int, obstacle: str) -> int:
         """Direction in which a piece runs into a dead centre in its own variable."""
-        return sign if what == ends.DEAD_CENTRE else 0
+        return sign if obstacle == ends.DEAD_CENTRE else 0
 
     @cached_property
     def _edges(self) -> list[float]:
@@ -275,24 +279,24 @@ class PathMesh:
         ]
         return first + np.array(apart)
 
-    def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
+    def _reach(self, q: float, sign: int, length: float) -> tuple[float, str]:
         """The farthest place that a new piece may reach, and what ends the path there."""
-        known_ends = [p.end(-sign) for p in self.row.pieces] + self._edges
+        piece_ends = [p.end(-sign) for p in self.row.pieces] + self._edges
         usual = (self.system.period or self.system.span) / PIECES
-        known = [x for p in self.row.pieces for x in (p.data.low, p.data.high)]
-        if self.system.period is None and known:  # along a guide they double
-            usual = max(usual, max(known) - min(known))
-        ends = [(x, what) for x, way, what in self.limits if way == sign]
-        ends += [(x, "") for x in known_ends]
+        bounds = [x for p in self.row.pieces for x in (p.data.low, p.data.high)]
+        if self.system.period is None and bounds:  # along a guide they double
+            usual = max(usual, max(bounds) - min(bounds))
+        ends = [(x, obstacle) for x, direction, obstacle in self.limits if direction == sign]
+        ends += [(x, "") for x in piece_ends]
         if self.system.period is None or length < usual:
             ends.append((q + sign * min(length, usual), ""))
-        near = CLOSE * max(abs(q), abs(self.start))
-        ahead = [x for x in ends if sign * (x[0] - q) > near]
-        return min(ahead, key=lambda x: sign * x[0], default=(q + sign * usual, ""))
+        tolerance = CLOSE * max(abs(q), abs(self.start))
+        farther = [x for x in ends if sign * (x[0] - q) > tolerance]
+        return min(farther, key=lambda x: sign * x[0], default=(q + sign * usual, ""))
 
     def _rows(self, low: float, high: float, limit: int, v: Floats) -> Floats:
         """Values of a piece at its nodes."""
-        rows = self._values(place(low, high, limit, v))
+        rows = self._values(coordinate_at(low, high, limit, v))
         if limit:  # J and tau grow without bound there
             rows[J] *= v * v
             rows[TAU] *= v
@@ -304,9 +308,9 @@ class PathMesh:
         rows[TAU, np.abs(rows[TAU]) <= 8 * EPS * size] = 0.0
         return rows
 
-    def _last_possible(self, q: float, far: float) -> tuple[float, str]:
+    def _last_possible(self, q: float, limit: float) -> tuple[float, str]:
         """The last place from q on at which there is a pose and a load, and what ends there."""
-        good, bad = q, far
+        good, bad = q, limit
         if not self._possible_at(np.array([q]))[0]:
             return q, self._why(q, q)
         for _ in range(DIGITS):
@@ -314,9 +318,9 @@ class PathMesh:
             x = x[(x != good) & (x != bad)]
             if not x.size:
                 break
-            there = self._possible_at(x)
-            if not there.all():
-                first = int(np.argmin(there))
+            possible = self._possible_at(x)
+            if not possible.all():
+                first = int(np.argmin(possible))
                 bad = float(x[first])
                 x = x[:first]
             if x.size:
@@ -338,14 +342,14 @@ class PathMesh:
         """Where a margin or the inertia touches zero inside a piece; None if neither does."""
         if data.limit:
             return None
-        places = []
-        for row, what in ((MARGIN, ends.DEAD_CENTRE), (J, ends.NO_INERTIA)):
+        touches = []
+        for row, obstacle in ((MARGIN, ends.DEAD_CENTRE), (J, ends.NO_INERTIA)):
             if data.tails[row] <= self.tolerance:
                 nothing = NOTHING * float(np.abs(data.rows[row]).max())
-                places += [(q, what) for q in data.touches(row, nothing)]
-        return min(places, key=lambda x: sign * x[0]) if places else None
+                touches += [(q, obstacle) for q in data.touches(row, nothing)]
+        return min(touches, key=lambda x: sign * x[0]) if touches else None
 
-    def _piece(self, data: PlaceData, what: tuple[str, str] = ("", "")) -> Piece:
+    def _piece(self, data: PlaceData, obstacles: tuple[str, str] = ("", "")) -> Piece:
         rows, second = data.rows.copy(), data.second.copy()
         (second if len(second) else rows)[J] += self.rounding * data.largest[J]
-        return Piece(replace(data, rows=rows, second=second), what)
+        return Piece(replace(data, rows=rows, second=second), obstacles)

@@ -35,14 +35,14 @@ def rays(rows: Floats) -> Iterator[Floats]:
     rows = _unit(rows)
     _, size, basis = np.linalg.svd(rows, full_matrices=False)
     basis = basis[size > SETTLED * max(float(size[0]), 1.0)] if size.size else basis[:0]
-    known: list[Floats] = []
+    directions: list[Floats] = []
     for some in combinations(range(len(rows)), len(basis) - 1) if len(basis) else ():
         _, size, turned = np.linalg.svd(rows[list(some)] @ basis.T)
         if (size > SETTLED).sum() < len(basis) - 1:
             continue
         x = turned[-1] @ basis
-        if all(abs(x @ y) < 1 - SETTLED for y in known):
-            known.append(x)
+        if all(abs(x @ y) < 1 - SETTLED for y in directions):
+            directions.append(x)
             yield from (x, -x)
 
 
@@ -59,16 +59,16 @@ def patterns(rows: Floats) -> set[tuple[int, ...]]:
     >>> sorted(patterns(np.array([[1.0], [-2.0]])))
     [(-1, 1), (0, 0), (1, -1)]
     """
-    known = {(0,) * len(rows)}
+    covectors = {(0,) * len(rows)}
     for x in rays(rows):
-        here = signs(rows, x)
-        zeros = [j for j, s in enumerate(here) if s == 0]
+        on_ray = signs(rows, x)
+        zeros = [j for j, s in enumerate(on_ray) if s == 0]
         for part in patterns(rows[zeros]) if zeros else {()}:
-            whole = list(here)
+            pattern = list(on_ray)
             for j, s in zip(zeros, part, strict=True):
-                whole[j] = s
-            known.add(tuple(whole))
-    return known
+                pattern[j] = s
+            covectors.add(tuple(pattern))
+    return covectors
 
 
 def affine_patterns(rows: Floats, shift: Floats) -> set[tuple[int, ...]]:
@@ -77,5 +77,5 @@ def affine_patterns(rows: Floats, shift: Floats) -> set[tuple[int, ...]]:
         return patterns(rows)
     size = np.abs(shift).max() / (np.abs(rows).max(initial=0.0) or 1.0)  # x of about one
     last = np.eye(1, rows.shape[1] + 1, rows.shape[1])
-    whole = patterns(np.vstack([np.column_stack([rows, shift / size]), last]))
-    return {pattern[:-1] for pattern in whole if pattern[-1] > 0}
+    homogeneous = patterns(np.vstack([np.column_stack([rows, shift / size]), last]))
+    return {pattern[:-1] for pattern in homogeneous if pattern[-1] > 0}

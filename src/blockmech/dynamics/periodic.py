@@ -64,14 +64,14 @@ class Equilibrium(NamedTuple):
         """What becomes of disturbances: facts, and in words."""
         slowest = complex(self.values[0])
         rate = slowest.real
-        facts, words = {
+        facts, description = {
             "stable": ({"decay_rate": -rate}, f"disturbances fade as exp(-{-rate:.6g} t)"),
             "unstable": ({"rate": rate}, f"any disturbance grows as exp({rate:.6g} t)"),
             "indifferent": ({}, "a disturbance neither grows nor fades by itself at first"),
         }[self.kind]
         if slowest.imag:
             facts["frequency"] = abs(slowest.imag)
-        return facts, f"at rest at an equilibrium; {self.kind}: {words}"
+        return facts, f"at rest at an equilibrium; {self.kind}: {description}"
 
 
 def equilibrium_near(
@@ -87,12 +87,12 @@ def equilibrium_near(
     solution = root(lambda at: acceleration(np.append(at, still)), q, options={"xtol": EPS}).x
     x = np.append(solution, still)
     with np.errstate(all="ignore"):
-        left = acceleration(x)
+        residual = acceleration(x)
         A = np.vstack([np.eye(k, 2 * k, k), slope(acceleration, x, QUOTIENT * size)])
-    if not (np.isfinite(A).all() and np.isfinite(left).all()):
+    if not (np.isfinite(A).all() and np.isfinite(residual).all()):
         return None
-    move = np.linalg.lstsq(A[k:, :k], left, rcond=SETTLED)[0]
-    balanced = np.abs(left - A[k:, :k] @ move).max() <= SETTLED * speed**2
+    move = np.linalg.lstsq(A[k:, :k], residual, rcond=SETTLED)[0]
+    balanced = np.abs(residual - A[k:, :k] @ move).max() <= SETTLED * speed**2
     error = 2 * float(np.abs(move).max()) + ROUNDING * float(np.abs(solution).max() + span)
     if not balanced or error > NEUTRAL * span or np.abs(solution - q).max() > 2 * math.pi * span:
         return None
@@ -158,12 +158,12 @@ def fixed_point(
     u = np.zeros(len(free))
     if not np.abs(moved(u)).max() <= SETTLED:
         u = np.asarray(root(moved, u, options={"xtol": SETTLED, "maxfev": SEARCH}).x)
-    left, jump = moved(u), slope(moved, u, np.full(u.size, QUOTIENT))
-    if not (np.isfinite(jump).all() and np.abs(left).max() <= NEUTRAL):
+    residual, jump = moved(u), slope(moved, u, np.full(u.size, QUOTIENT))
+    if not (np.isfinite(jump).all() and np.abs(residual).max() <= NEUTRAL):
         return None
     U, steep, V = np.linalg.svd(jump)
     some = steep > NEUTRAL  # along the others every point is a fixed one
-    u = u - (U[:, some].T @ left / steep[some]) @ V[some]  # Newton's last step
+    u = u - (U[:, some].T @ residual / steep[some]) @ V[some]  # Newton's last step
     values = np.linalg.eigvals(jump + np.eye(u.size))
     order = np.argsort(-np.abs(values), kind="stable")
     return FixedPoint(at(u), values[order], 1 + 1 / np.min(steep[some], initial=1.0))
@@ -199,41 +199,41 @@ class PeriodicMotion:
 
 
 def repeated(
-    found: FixedPoint,
+    point: FixedPoint,
     once: Motion,
     shift: Floats,
     request: SimulationRequest,
     method: str,
     notes: Sequence[str] = (),
-    **more: float,
+    **extra_facts: float,
 ) -> Motion:
     """A periodic motion, for as long as is asked for.
 
     once : the motion over a period, with its own error
     shift : (k,) advance of the coordinates in a period
-    more : further facts
+    extra_facts : further ones
     """
     t0 = request.start.t
     period = once.t_end - t0
     track = PeriodicMotion(once.track, period, float(shift[0]) if shift.size == 1 else shift, t0)
-    facts = {"period": period, **_named(found.multipliers), **more}
+    facts = {"period": period, **_named(point.multipliers), **extra_facts}
     if (np.abs(shift) > once.error + EPS).any():
         facts["mean_speed"] = float(np.abs(shift).max() / period)
-    size = float(np.abs(found.multipliers[0]))
+    size = float(np.abs(point.multipliers[0]))
     note = {
         "neutral": "neutral: disturbances neither grow nor fade, so a motion from elsewhere "
         "stays away",
         "stable": f"stable: a period leaves {size:.6g} of a disturbance",
         "unstable": f"unstable: a period makes {size:.6g} of a disturbance, so no motion stays",
-    }[found.kind]
-    regime = "steady state" if found.kind == "stable" else f"{found.kind} periodic motion"
+    }[point.kind]
+    regime = "steady state" if point.kind == "stable" else f"{point.kind} periodic motion"
     k, many = shift.size, (max([t0 + period, *request.times]) - t0) / period
     fastest = float(np.abs(once.at(once.times(SCANNED + 1)).qd).max())
     moved = np.append(once.q_end, once.qd_end)
-    missed_by = moved - found.x[: 2 * k] - np.append(shift, np.zeros(k))
+    missed_by = moved - point.x[: 2 * k] - np.append(shift, np.zeros(k))
     off = float(np.abs(missed_by[:k]).max() + period * np.abs(missed_by[k:]).max())
-    late = 0.0 if once.end == "time" else found.gain * (once.time_error + off / fastest)
-    errors = found.gain * (once.error + off) + (many - 1) * late * fastest, many * late
+    late = 0.0 if once.end == "time" else point.gain * (once.time_error + off / fastest)
+    errors = point.gain * (once.error + off) + (many - 1) * late * fastest, many * late
     steady = _steady(request, method, regime, track, t0 + period, errors, facts, (note, *notes))
     turns = range(math.ceil(many))
     slips = [Slips(s.begin + n * period, s.sides) for n in turns for s in once.slips]
@@ -271,15 +271,15 @@ def _steady(
     """A steady state as the motion that was asked for, to the last of the times wanted."""
     t_end = max([t_end, *request.times])
     q, qd = (x[0] for x in track.state(np.array([t_end])))
-    one = np.ndim(q) == 0
+    is_single = np.ndim(q) == 0
     motion = replace(
         request.standing,
         method=method,
         regime=regime,
         end="steady",
         t_end=t_end,
-        q_end=float(q) if one else q,
-        qd_end=float(qd) if one else qd,
+        q_end=float(q) if is_single else q,
+        qd_end=float(qd) if is_single else qd,
         track=track,
         events=events,
         error=errors[0] + ROUNDING * float(np.max(np.abs(q))),

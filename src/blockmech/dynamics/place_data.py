@@ -42,7 +42,7 @@ NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a po
 FINER = 16
 
 
-def place(low: Any, high: Any, limit: int, v: Floats) -> Floats:
+def coordinate_at(low: Any, high: Any, limit: int, v: Floats) -> Floats:
     """Driver coordinates of values v of a piece's variable; towards a limit in v^2."""
     length = high - low
     if limit > 0:
@@ -52,8 +52,8 @@ def place(low: Any, high: Any, limit: int, v: Floats) -> Floats:
 
 def possible(rows: Floats) -> NDArray[np.bool_]:
     """Whether (..., n) there is a pose, an inertia and an effort, from rows (..., r, n)."""
-    there = (rows[..., MARGIN, :] > 0) & (rows[..., J, :] > 0)
-    return np.asarray(there & np.isfinite(rows[..., :MARGIN, :]).all(axis=-2))
+    exists = (rows[..., MARGIN, :] > 0) & (rows[..., J, :] > 0)
+    return np.asarray(exists & np.isfinite(rows[..., :MARGIN, :]).all(axis=-2))
 
 
 def tails(series: Floats, margin: Floats) -> Floats:
@@ -61,10 +61,10 @@ def tails(series: Floats, margin: Floats) -> Floats:
 
     A margin m (..., n) is exact to rounding, they are to 1 / m of it.
     """
-    left, least = tail(series), margin.min(axis=-1)[..., None]
+    remainder, smallest_margin = tail(series), margin.min(axis=-1)[..., None]
     with np.errstate(all="ignore"):
-        known = np.where(least > 0, NOTHING / least, math.inf)
-    return np.where(left <= known, 0.0, left)
+        rounding = np.where(smallest_margin > 0, NOTHING / smallest_margin, math.inf)
+    return np.where(remainder <= rounding, 0.0, remainder)
 
 
 @dataclass(frozen=True)
@@ -114,10 +114,12 @@ class PlaceData:
     @property
     def tail(self) -> float:
         """The largest of both samplings but for the margin, the smallest of several, with kinks."""
-        left = 0.0
+        second_tail = 0.0
         if len(self.second):
-            left = float(tails(self.second @ _to_series(self.second).T, self.rows[MARGIN]).max())
-        return float(np.delete(self.tails, MARGIN).max(initial=left))
+            second_tail = float(
+                tails(self.second @ _to_series(self.second).T, self.rows[MARGIN]).max()
+            )
+        return float(np.delete(self.tails, MARGIN).max(initial=second_tail))
 
     def block(self, sign: int) -> Floats:
         """The piece (5, 2, n + 2) as it is run over in a direction, see `panel_nodes`."""
@@ -133,50 +135,50 @@ class PlaceData:
         if len(self.second):
             second[:, :-2] = 0.0
             second[:, : self.second.shape[1]] = self.second[:MARGIN] @ _to_series(self.second).T
-        block[VALUES:OVER_ALL] = block[:VALUES] @ matrices.known
+        block[VALUES:OVER_ALL] = block[:VALUES] @ matrices.values
         block[VALUES, :, 1:-1] = self.rows[:MARGIN]
         back, work = block.copy(), self.length * matrices.work[PLAIN]
         back[VALUES:OVER_ALL] = block[VALUES:OVER_ALL, :, ::-1]  # the nodes lie alike
-        for x, way in ((block, 1), (back, -1)):
-            x[OVER_ALL] = way * (x[VALUES:OVER_ALL, TAU] @ work)
+        for x, sense in ((block, 1), (back, -1)):
+            x[OVER_ALL] = sense * (x[VALUES:OVER_ALL, TAU] @ work)
         return back, block
 
     def touches(self, row: int, level: float) -> list[float]:
         """Places at which a row that is not negative comes down to a level, or nearly."""
         series = self.series[row]
-        if not near_zero(series):
+        if not may_vanish(series):
             return []
         v = np.concatenate([[0.0], roots(chebyshev.chebder(series)), [1.0]])
         low = v[basis(v, series.size) @ series <= level]
-        places: list[float] = place(self.low, self.high, self.limit, low).tolist()
-        return places
+        coordinates: list[float] = coordinate_at(self.low, self.high, self.limit, low).tolist()
+        return coordinates
 
 
 def _to_series(rows: Floats) -> Floats:
     return rule(rows.shape[1]).to_series
 
 
-def place_data(low: float, high: float, limit: int, rows: Floats, n: int) -> PlaceData:
+def piece_data(low: float, high: float, limit: int, rows: Floats, n: int) -> PlaceData:
     """Of rows (r, n + k) at the nodes, and at k others."""
     second = np.delete(rows[:, n:], MARGIN, axis=0) if rows.shape[1] > n else np.empty((0, 0))
     return PlaceData(low, high, limit, np.ascontiguousarray(rows[:, :n]), second)
 
 
 @cache
-def sampled(n: int, others: int) -> Floats:
+def sampled(n: int, second_count: int) -> Floats:
     """Nodes (n + others,) of both samplings."""
-    return np.append(rule(n).v, rule(others).v) if others else rule(n).v
+    return np.append(rule(n).v, rule(second_count).v) if second_count else rule(n).v
 
 
-def near_zero(series: Floats) -> NDArray[np.bool_]:
+def may_vanish(series: Floats) -> NDArray[np.bool_]:
     """Whether series (..., n) that are not negative may touch zero."""
-    least, first = (math.pi / 2 / FINER) ** 2 / 2, series[..., 0]
+    threshold, first = (math.pi / 2 / FINER) ** 2 / 2, series[..., 0]
     size = np.abs(series).sum(axis=-1)  # no value is larger, and none below the next
-    near = np.asarray(first + np.abs(first) - size <= least * size)
-    if near.any():
-        values = series[near] @ _finer(series.shape[-1]).T
-        near[near] = values.min(axis=-1) <= least * np.abs(values).max(axis=-1)
-    return near
+    mask = np.asarray(first + np.abs(first) - size <= threshold * size)
+    if mask.any():
+        values = series[mask] @ _finer(series.shape[-1]).T
+        mask[mask] = values.min(axis=-1) <= threshold * np.abs(values).max(axis=-1)
+    return mask
 
 
 @cache
@@ -186,32 +188,38 @@ def _finer(n: int) -> Floats:
 
 
 def mesh(
-    values: Callable[[Floats], Floats], edges: Floats, n: int, tolerance: float, others: int = 0
+    values: Callable[[Floats], Floats],
+    edges: Floats,
+    n: int,
+    tolerance: float,
+    second_count: int = 0,
 ) -> tuple[PlaceData, ...]:
     """Pieces between edges, resolved to a tolerance: all that are not are halved at once.
 
-    With a number of ``others`` they are sampled at as many other nodes as well, and resolved there.
+    With a ``second_count`` they are sampled at as many other nodes as well, and resolved there.
 
     Left out: where a pose is impossible, or margin or inertia may touch zero, and what a part
     in `SHORT` does not resolve either.
     """
     low, high = edges[:-1], edges[1:]
     shortest = float((high - low).min(initial=math.inf)) / SHORT
-    kept: list[PlaceData] = []
+    pieces: list[PlaceData] = []
     while low.size:
-        rows = values(place(low[:, None], high[:, None], 0, sampled(n, others)).ravel())
-        rows = np.moveaxis(rows.reshape(len(rows), -1, n + others), 1, 0)
+        rows = values(
+            coordinate_at(low[:, None], high[:, None], 0, sampled(n, second_count)).ravel()
+        )
+        rows = np.moveaxis(rows.reshape(len(rows), -1, n + second_count), 1, 0)
         first, second = rows[..., :n], rows[..., n:]
         series = first @ rule(n).to_series.T
-        there = possible(rows).all(axis=-1) & ~near_zero(series[:, [MARGIN, J]]).any(axis=1)
+        feasible = possible(rows).all(axis=-1) & ~may_vanish(series[:, [MARGIN, J]]).any(axis=1)
         fine = np.ones(len(low), bool)
-        for some in [series, second @ rule(others).to_series.T] if others else [series]:
-            left = np.delete(tails(some, first[:, MARGIN]), MARGIN, axis=1)
-            fine &= (left <= tolerance).all(axis=1)
-        for i in np.flatnonzero(there & fine).tolist():
-            kept.append(place_data(float(low[i]), float(high[i]), 0, rows[i], n))
-        again = there & ~fine & (high - low > shortest)
+        for some in [series, second @ rule(second_count).to_series.T] if second_count else [series]:
+            remainder = np.delete(tails(some, first[:, MARGIN]), MARGIN, axis=1)
+            fine &= (remainder <= tolerance).all(axis=1)
+        for i in np.flatnonzero(feasible & fine).tolist():
+            pieces.append(piece_data(float(low[i]), float(high[i]), 0, rows[i], n))
+        again = feasible & ~fine & (high - low > shortest)
         low, high = low[again], high[again]
         middle = (low + high) / 2
         low, high = np.append(low, middle), np.append(middle, high)
-    return tuple(sorted(kept, key=lambda piece: piece.low))
+    return tuple(sorted(pieces, key=lambda piece: piece.low))

@@ -56,13 +56,13 @@ class FrictionSolution(NamedTuple):
     """What friction does.
 
     slips : (m,) relative rates of the pairs per unit rate of the driver
-    taken : [N m or N] effort that friction takes
+    effort : [N m or N] that friction takes
     loads : (m,) on the pairs
     """
 
     qdd: Real
     slips: Any
-    taken: Real
+    effort: Real
     loads: Any
 
 
@@ -82,24 +82,24 @@ def resistance(rows: Any, laws: Any, steepest: Any, guides: Any, balance: Any) -
         for j in range(m)
     )
     solution = balance(laws, steepest, guides, base, matrix)
-    taken = 0.0 * J
+    effort = 0.0 * J
     for x, t in zip(s, solution.t, strict=True):
-        taken = taken - x * t
-    return FrictionSolution((push - taken) / J, s, taken, loads(solution.t, base, matrix))
+        effort = effort - x * t
+    return FrictionSolution((push - effort) / J, s, effort, loads(solution.t, base, matrix))
 
 
 def free(
-    values: Any, qd: Real, zero: Real, least: Real, states: int, kinks: int
+    values: Any, qd: Real, zero: Real, inertia_limit: Real, states: int, kinks: int
 ) -> tuple[Real, ...]:
     """The row of a state without friction, from J, tau, dJ/dq, signals and the margins."""
     J, tau, dJ, *rest = values
-    margin, more = _least(rest[states + kinks :], zero), rest[:states]
-    rates = _rates(margin, J, qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd, *more)
-    return (*rates, *_watched(margin, J, least), *rest[states : states + kinks], qd)
+    margin, state_rates = _smallest(rest[states + kinks :], zero), rest[:states]
+    rates = _rates(margin, J, qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd, *state_rates)
+    return (*rates, *_watched(margin, J, inertia_limit), *rest[states : states + kinks], qd)
 
 
-def _watched(margin: Real, J: Real, least: Real) -> tuple[Real, ...]:
-    return margin - LEAST_MARGIN, J / least * LEAST_INERTIA - LEAST_INERTIA
+def _watched(margin: Real, J: Real, inertia_limit: Real) -> tuple[Real, ...]:
+    return margin - LEAST_MARGIN, J / inertia_limit * LEAST_INERTIA - LEAST_INERTIA
 
 
 def _rates(margin: Real, J: Real, qd: Real, qdd: Real, *powers: Real) -> tuple[Real, ...]:
@@ -109,11 +109,11 @@ def _rates(margin: Real, J: Real, qd: Real, qdd: Real, *powers: Real) -> tuple[R
     return (*(where(possible, x, NAN) for x in rates), margin, J)
 
 
-def _least(margins: Any, zero: Real) -> Real:
-    least = zero + 1.0
+def _smallest(margins: Any, zero: Real) -> Real:
+    smallest = zero + 1.0
     for m in margins:
-        least = minimum(least, m)
-    return least
+        smallest = minimum(smallest, m)
+    return smallest
 
 
 def rubbing(
@@ -124,7 +124,7 @@ def rubbing(
     separates: Any,
     qd: Real,
     zero: Real,
-    least: Real,
+    inertia_limit: Real,
     states: Any,
     kinks: Any,
 ) -> tuple[Real, ...]:
@@ -134,12 +134,12 @@ def rubbing(
     """
     m = len(solved.slips)
     tau, J = inert[0] - rows[0][0], rows[1][0]
-    margin = _least(rows[0][1 + 2 * m :], zero)
-    rates = _rates(margin, J, qd, solved.qdd, tau * qd, solved.taken * qd, *states)
+    margin = _smallest(rows[0][1 + 2 * m :], zero)
+    rates = _rates(margin, J, qd, solved.qdd, tau * qd, solved.effort * qd, *states)
     parts = [x for F in solved.loads for x in (F.real, F.imag)]
     sides = [x for F, guide in zip(solved.loads, guides, strict=True) if guide for x in bearing(F)]
     slips = [zero + 1.0 if x else s for s, x in zip(solved.slips, separates, strict=True)]
-    return (*rates, *parts, *_watched(margin, J, least), *slips, *sides, *kinks, qd)
+    return (*rates, *parts, *_watched(margin, J, inertia_limit), *slips, *sides, *kinks, qd)
 
 
 def rates_of(
@@ -159,15 +159,15 @@ def _free(program: Program, signals: SignalProgram, method: Method) -> CompiledR
     bound = bind_functions(functions, PRIMITIVES)
     row, n = bound["free"], len(signals.initial)
 
-    def body(run: Any, q: Any, qd: Any, _: Any, *more: Any) -> Any:
-        x, (t, zero, _one, least) = more[:n], more[n:]
-        given = {"q_0": q, "qd_0": qd, "qdd_0": zero, "t": t}
-        given |= dict(zip(signals.names, x, strict=True))
-        values = run(*(given[name] for name in program.inputs))
+    def body(run: Any, q: Any, qd: Any, _: Any, *numbers: Any) -> Any:
+        x, (t, zero, _unit, inertia_limit) = numbers[:n], numbers[n:]
+        inputs = {"q_0": q, "qd_0": qd, "qdd_0": zero, "t": t}
+        inputs |= dict(zip(signals.names, x, strict=True))
+        values = run(*(inputs[name] for name in program.inputs))
         if n + signals.kinks and "qdd_0" in program.inputs:
-            given["qdd_0"] = bound["acceleration"](values, qd)
-            values = run(*(given[name] for name in program.inputs))
-        return row(values, qd, zero, least, n, signals.kinks)
+            inputs["qdd_0"] = bound["acceleration"](values, qd)
+            values = run(*(inputs[name] for name in program.inputs))
+        return row(values, qd, zero, inertia_limit, n, signals.kinks)
 
     return CompiledRhs(program, body, 3 + n, 3, 3 + signals.kinks, method)
 
@@ -179,8 +179,8 @@ def acceleration(values: Any, qd: Real) -> Real:
 
 
 def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method) -> CompiledRhs:
-    own = friction.program
-    m, n, inputs = len(own.names), len(signals.initial), own.whole.inputs
+    program = friction.program
+    m, n, inputs = len(program.names), len(signals.initial), program.compiled_form.inputs
     first, kinks = 2 * m + signals.values, signals.kinks
     functions: Data = {
         "resistance": resistance,
@@ -198,7 +198,7 @@ def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method) -> 
         __: Any,
         *numbers: Any,
     ) -> Any:
-        x, (t, zero, one, least, *sides) = numbers[:n], numbers[n:]
+        x, (t, zero, unit, inertia_limit, *sides) = numbers[:n], numbers[n:]
 
         def state(
             rate: Any,
@@ -209,28 +209,30 @@ def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method) -> 
             loads: Any = (zero,) * m,
         ) -> tuple[Any, Any]:
             """The row of a state, and what the laws say at relative rates and loads."""
-            given = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
-            given |= {f"friction_{i}": one if i == pair else zero for i in range(m)}
-            given |= dict(zip(signals.names, x, strict=True))
-            given |= {f"slip_{i}": slip for i, slip in enumerate(slips)}
-            given |= {f"load_{i}": load for i, load in enumerate(loads)}
-            values = run(*(given[x] for x in inputs))
+            values_by_name = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
+            values_by_name |= {f"friction_{i}": unit if i == pair else zero for i in range(m)}
+            values_by_name |= dict(zip(signals.names, x, strict=True))
+            values_by_name |= {f"slip_{i}": slip for i, slip in enumerate(slips)}
+            values_by_name |= {f"load_{i}": load for i, load in enumerate(loads)}
+            values = run(*(values_by_name[x] for x in inputs))
             return values[: len(values) - first], values[len(values) - first :]
 
-        acting, _ = state(qd, zero, one)
+        acting, _ = state(qd, zero, unit)
 
         def laws(loads: Any = (zero,) * m) -> tuple[Any, Any]:
-            _, law = state(qd, zero, one, slips=acting[1 + m : 1 + 2 * m], loads=loads)
-            return signed_terms(sides, law[signals.values :], own.drags)
+            _, law = state(qd, zero, unit, slips=acting[1 + m : 1 + 2 * m], loads=loads)
+            return signed_terms(sides, law[signals.values :], program.drags)
 
-        rows = [acting, state(zero, one, zero)[0]]
+        rows = [acting, state(zero, unit, zero)[0]]
         rows += [state(zero, zero, zero, i)[0] for i in range(m)]
         balance = partial(bound["balanced"], bound["solve"], friction.options)
-        solved = bound["resistance"](rows, laws, own.steepest, own.guides, balance)
+        solved = bound["resistance"](rows, laws, program.steepest, program.guides, balance)
         inert, _ = state(qd, zero, zero)
-        more = state(qd, solved.qdd, one)[1][: signals.values] if signals.values else ()
-        about = own.guides, own.separates
-        return bound["rubbing"](rows, inert, solved, *about, qd, zero, least, more[:n], more[n:])
+        added = state(qd, solved.qdd, unit)[1][: signals.values] if signals.values else ()
+        about = program.guides, program.separates
+        return bound["rubbing"](
+            rows, inert, solved, *about, qd, zero, inertia_limit, added[:n], added[n:]
+        )
 
-    watched = 3 + m + 2 * sum(own.guides) + kinks
-    return CompiledRhs(own.whole, body, 4 + n, 3 + m, watched, method)
+    watched = 3 + m + 2 * sum(program.guides) + kinks
+    return CompiledRhs(program.compiled_form, body, 4 + n, 3 + m, watched, method)

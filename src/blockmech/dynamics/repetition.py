@@ -29,7 +29,7 @@ class PeriodicContinuation(NamedTuple):
 
     facts : of the motion
     t : [s] to which it repeats, and why the run is over then: None where it goes on otherwise
-    stands : (time, place) of the standstills of its repetitions
+    standstills : (time, place) of the standstills of its repetitions
     many : repetitions until it goes on otherwise
     """
 
@@ -38,31 +38,39 @@ class PeriodicContinuation(NamedTuple):
     facts: Mapping[str, float]
     t: float
     over: RunEnd | None
-    stands: tuple[tuple[float, float], ...] = ()
+    standstills: tuple[tuple[float, float], ...] = ()
     many: int = 0
     note: str = ""
 
 
-def swings(swing: RepeatedSegment, request: SimulationRequest, done: int) -> PeriodicContinuation:
+def swings(
+    swing: RepeatedSegment, request: SimulationRequest, earlier: int
+) -> PeriodicContinuation:
     """From rest to rest: the motion goes to and fro for ever, as nothing takes energy.
 
-    done : standstills until the end of the first swing
+    earlier : standstills until the end of the first swing
     """
     regime, span = "libration", swing.duration
     facts = {"swing_time": span, "period": 2 * span}
-    more = min(request.standstills - done, (request.span - swing.t0) / span - 1)
-    if more == math.inf:
+    remaining = min(request.standstills - earlier, (request.span - swing.t0) / span - 1)
+    if remaining == math.inf:
         return PeriodicContinuation(
             swing, regime, facts, swing.begins(2), RunEnd(f"never reached: {regime}")
         )
-    last = int(more)
-    places = swing.panels.end, swing.panels.begin
+    last = int(remaining)
+    standstills = swing.panels.end, swing.panels.begin
     listed = [*range(1, min(last, AT_ONCE)), last] if last else []
-    stands = tuple((swing.begins(n + 1), places[n % 2]) for n in listed)
+    listed_standstills = tuple((swing.begins(n + 1), standstills[n % 2]) for n in listed)
     t = request.span if request.span < math.inf else swing.begins(last + 1)
     note = f"of {last} further standstills {AT_ONCE} are listed" if last > AT_ONCE else ""
     return PeriodicContinuation(
-        swing, regime, facts, t, RunEnd(request.until.goal, "reached"), stands, note=note
+        swing,
+        regime,
+        facts,
+        t,
+        RunEnd(request.until.goal, "reached"),
+        listed_standstills,
+        note=note,
     )
 
 
@@ -70,7 +78,7 @@ def turns(
     turn: RepeatedSegment,
     request: SimulationRequest,
     tolerance: float,
-    told: Callable[[float], None],
+    progress: Callable[[float], None],
 ) -> PeriodicContinuation | None:
     """A turn that is followed by others like it; None where the next one has to tell.
 
@@ -78,7 +86,7 @@ def turns(
     """
     begin, period, count = turn.panels.begin, abs(turn.step), math.inf
     if turn.gain:
-        starts = _starts(turn, request, tolerance, told)
+        starts = _starts(turn, request, tolerance, progress)
         count = starts.size - 1
         if count < 2:
             return None
@@ -88,8 +96,8 @@ def turns(
     else:
         regime = "rotation"
         facts = {"period": turn.duration, "mean_speed": period / turn.duration}
-    ways = [x - begin for x in request.places if turn.step * (x - begin) > 0]
-    met = [(turn.at_way(x), request.until.goal) for x in ways if x / turn.step <= count]
+    ways = [x - begin for x in request.goals if turn.step * (x - begin) > 0]
+    met = [(turn.time_at_travel(x), request.until.goal) for x in ways if x / turn.step <= count]
     t, goal = min([*met, (request.span, "time")])
     last = turn.begins(int(count)) if count < math.inf else math.inf
     if t <= last and t < math.inf:
@@ -108,17 +116,17 @@ def _starts(
 ) -> Floats:
     """When [s] turns like this one begin: while there is energy, or until the goal."""
     begin = turn.panels.begin
-    ways = [abs(x - begin) for x in request.places]
+    ways = [abs(x - begin) for x in request.goals]
     if turn.gain < 0:
-        most = _resolved(turn, tolerance)
+        count = _resolved(turn, tolerance)
     elif ways:
-        most = min(math.ceil(max(ways) / abs(turn.step)) + 1, MOST_TURNS)
+        count = min(math.ceil(max(ways) / abs(turn.step)) + 1, MOST_TURNS)
     else:
-        most = MOST_TURNS if request.span < math.inf else 2
+        count = MOST_TURNS if request.span < math.inf else 2
     starts, reached = [np.zeros(1)], turn.t0
     first, some = 0, FEW
-    while first < most:  # twice as many each time, as most runs end soon
-        energies = np.arange(first, min(first + some, most), dtype=np.float64) * turn.gain
+    while first < count:  # twice as many each time, as most runs end soon
+        energies = np.arange(first, min(first + some, count), dtype=np.float64) * turn.gain
         first, some = first + some, min(2 * some, AT_ONCE)
         starts.append(starts[-1][-1] + np.cumsum(turn.durations(energies)))
         reached = turn.t0 + float(starts[-1][-1])

@@ -30,8 +30,8 @@ class GoalNumber(NamedTuple):
     """What number a goal takes: how it is written, in words, and which ones fit."""
 
     spelled: str
-    words: str = "no number"
-    fits: Callable[[float], bool] = math.isfinite
+    valid: str = "no number"
+    is_valid: Callable[[float], bool] = math.isfinite
 
 
 GOALS = {
@@ -117,15 +117,15 @@ class Until:
         ``steady=<s>`` names the period of the loads, and a time with its unit alone, ``2s`` or
         ``500ms``, is the time.
         """
-        whole = f"time={text}" if unit_behind(text) else text
-        name, _, number = whole.partition("=")
+        phrase = f"time={text}" if unit_behind(text) else text
+        name, _, number = phrase.partition("=")
         value = math.nan
         with suppress(NoQuantity):
             value = quantity(number, *_UNITS.get(name, ("",))) if number else 1.0
         if name not in GOALS:
             raise _no_end(text, close_match(name, tuple(GOALS)))
         takes = "=" in GOALS[name].spelled
-        if (takes is not bool(number) and name != "steady") or not _fits(name, value):
+        if (takes is not bool(number) and name != "steady") or not _is_valid_goal(name, value):
             raise _no_end(text, _takes(name))
         if name == "steady":
             return Until("steady", forcing=value if number else 0.0)
@@ -136,18 +136,18 @@ class Until:
 
         Raises `RequestError` for a time before the start, or a count that is none.
         """
-        if not _fits(self.goal, self.value):
+        if not _is_valid_goal(self.goal, self.value):
             raise _no_end(f"{self.goal}={self.value:g}", _takes(self.goal))
         return self
 
 
-def _fits(goal: str, value: float) -> bool:
+def _is_valid_goal(goal: str, value: float) -> bool:
     """Whether there is such a goal, with such a number."""
-    return goal in GOALS and math.isfinite(value) and GOALS[goal].fits(value)
+    return goal in GOALS and math.isfinite(value) and GOALS[goal].is_valid(value)
 
 
 def _takes(goal: str) -> str:
-    return f'"{goal}" takes {GOALS[goal].words}' if goal in GOALS else ""
+    return f'"{goal}" takes {GOALS[goal].valid}' if goal in GOALS else ""
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ class SimulationRequest:
         """Time [s] at which the run ends; infinite without a goal in time."""
         return self.start.t + self.span
 
-    def left(self, t: float, events: Iterable[Event]) -> Until:
+    def remaining_goal(self, t: float, events: Iterable[Event]) -> Until:
         """What ends the run from a time [s] on, after some events."""
         if self.until.goal == "time":
             return replace(self.until, value=self.t_last - t)
@@ -214,7 +214,7 @@ class SimulationRequest:
         return counts.get(self.until.goal, math.inf)
 
     @property
-    def places(self) -> list[float]:
+    def goals(self) -> list[float]:
         """Coordinates [rad or m] of the only driver at which the goal is met."""
         value, q = self.until.value, self.start.q
         turned = [q + value * math.tau, q - value * math.tau]
@@ -245,10 +245,10 @@ def request_of(
     """
     name, step = method_of(method)
     if engine not in ENGINES:
-        found, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
-        raise refused("engine", found, valid=valid, code="unknown-engine")
-    shown = times_of(times)
-    goal = goal_of(until, shown)
+        fault, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
+        raise refused("engine", fault, valid=valid, code="unknown-engine")
+    output_times = times_of(times)
+    goal = goal_of(until, output_times)
     events = watches_of(watch)
     last = goal.value if goal.goal == "time" else math.inf
     changes = {w.name: w.then for w in events if w.then}
@@ -256,10 +256,10 @@ def request_of(
     starts = starts_of(scene, drivers, start, bound, located(roles))
     target = size_of("accuracy", accuracy)
     pairs_of("stops", stops, STOPS, drivers)  # where they are, the mechanism says: see `stops_of`
-    if shown is None:
-        shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
-    asked = goal, target, name, step, tuple(shown.tolist()), events
-    return SimulationRequest(start_of(starts), *asked, roles=at_start), starts
+    if output_times is None:
+        output_times = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
+    settings = goal, target, name, step, tuple(output_times.tolist()), events
+    return SimulationRequest(start_of(starts), *settings, roles=at_start), starts
 
 
 def start_of(starts: Pairs) -> Start:
@@ -277,9 +277,9 @@ def method_of(method: MotionMethod) -> tuple[str, float | None]:
     name, step = (method.method, method.step) if isinstance(method, FixedStep) else (method, None)
     valid = NAMES if step is None else FIXED
     if name not in valid:
-        hint, found = close_match(str(name), valid), f'there is no method "{name}"'
-        found += "" if step is None else " of fixed steps"
-        raise refused("method", found, hint, f"valid: {listed(valid)}", "method")
+        hint, fault = close_match(str(name), valid), f'there is no method "{name}"'
+        fault += "" if step is None else " of fixed steps"
+        raise refused("method", fault, hint, f"valid: {listed(valid)}", "method")
     return name, size_of("step", step)
 
 
@@ -308,33 +308,33 @@ def starts_of(
     the scene of drivers that the call itself has ``placed``
     """
     overridden = pairs_of("start", start, START, drivers, "/s") or {}
-    begun = {d: (x.q, x.rate) for d, x in scene.initial.items()}
-    given = begun | overridden
+    initial = {d: (x.q, x.rate) for d, x in scene.initial.items()}
+    states = initial | overridden
     for d, (q, rate) in bound.items():
-        pair = given.get(d, (q, rate))
+        pair = states.get(d, (q, rate))
         if (d in overridden or d not in placed) and not np.allclose(
             pair, (q, rate), rtol=AGREES, atol=AGREES
         ):
-            found = f"({pair[0]:.9g}, {pair[1]:.9g}) contradicts its role in the motion"
+            fault = f"({pair[0]:.9g}, {pair[1]:.9g}) contradicts its role in the motion"
             remedy = f"leave it out, or let it be ({q:.9g}, {rate:.9g})"
             where = f"start.{d}" if d in overridden else scene.address("initial", d)
-            raise refused(where, found, remedy, code="roles")
-    given |= bound
-    missing = [d for d in drivers if d not in given]
-    unknown = [d for d in given if d not in drivers]
+            raise refused(where, fault, remedy, code="roles")
+    states |= bound
+    missing = [d for d in drivers if d not in states]
+    unknown = [d for d in states if d not in drivers]
     if missing or unknown:
-        found = f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}"
+        fault = f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}"
         remedy = (
             'give it "initial": {"<driver>": {"q": ..., "rate": ...}}, or say where it '
             "starts: start= in Python, --start on the command line"
         )
         valid = f"drivers: {listed(drivers)}"
-        raise refused(scene.address("initial"), found, remedy, valid, "no-start")
+        raise refused(scene.address("initial"), fault, remedy, valid, "no-start")
     for d, pair in overridden.items():
         if not all(map(math.isfinite, pair)):
-            found = f"({pair[0]:g}, {pair[1]:g}) are not two finite numbers"
-            raise refused(f"start.{d}", found, "give coordinate and rate")
-    return {d: given[d] for d in drivers}
+            fault = f"({pair[0]:g}, {pair[1]:g}) are not two finite numbers"
+            raise refused(f"start.{d}", fault, "give coordinate and rate")
+    return {d: states[d] for d in drivers}
 
 
 def refuse_no_inertia(mechanism: Any) -> None:
@@ -344,11 +344,11 @@ def refuse_no_inertia(mechanism: Any) -> None:
     moved = frozenset().union(*(structure.upstream[name] for name in massive))
     without = [driver for driver in structure.drivers if driver not in moved]
     if without:
-        found = f"no link that {listed(without)} moves has mass or inertia"
+        fault = f"no link that {listed(without)} moves has mass or inertia"
         if not moved:
-            found = "no link has mass or inertia"
+            fault = "no link has mass or inertia"
         remedy = 'give links "mass" and "inertia"'
-        raise refused(name, f"{found}, so loads set no motion", remedy, code="no-inertia")
+        raise refused(name, f"{fault}, so loads set no motion", remedy, code="no-inertia")
 
 
 def user_functions(mechanism: Any) -> tuple[tuple[str, Any, str | None], ...]:
@@ -370,36 +370,36 @@ def refuse_memory(mechanism: Any, starts: Pairs) -> None:
     for name, law, driver in mechanism._once(user_functions):
         if isinstance(law, Function):
             at = starts.get(driver or "", first)
-            known = {"coordinate": at[0], "rate": at[1], "time": 0.0}
-            given = [known[x] for x in law.of]
+            variables = {"coordinate": at[0], "rate": at[1], "time": 0.0}
+            inputs = [variables[x] for x in law.of]
         else:
-            given = [law.memory.get(x, 0.0) for x in law.names]
-        if not _same_again(law.call, given):
-            found = "its function gives another value when it is asked the same again"
+            inputs = [law.memory.get(x, 0.0) for x in law.names]
+        if not _same_again(law.call, inputs):
+            fault = "its function gives another value when it is asked the same again"
             valid = "a law is a function of its arguments alone"
             remedy = "let a block signals.Python hold in its memory what it remembers"
-            raise refused(name, found, remedy, valid, "user-function")
+            raise refused(name, fault, remedy, valid, "user-function")
 
 
-def _same_again(call: Callable[..., Any], given: Sequence[float]) -> bool:
+def _same_again(call: Callable[..., Any], inputs: Sequence[float]) -> bool:
     """Whether a function gives the same twice, with another question in between."""
     answers = []
     with suppress(Exception):  # what it raises is reported where the motion calls it
         for step in (0.0, ELSEWHERE, 0.0):
-            answers.append(np.asarray(call(*(x + step for x in given)), dtype=np.float64))
+            answers.append(np.asarray(call(*(x + step for x in inputs)), dtype=np.float64))
     return len(answers) < 3 or np.array_equal(answers[0], answers[2], equal_nan=True)
 
 
 def pairs_of(
-    where: str, given: Any, example: str, units: Mapping[str, str] = {}, per: str = ""
+    where: str, value: Any, example: str, units: Mapping[str, str] = {}, per: str = ""
 ) -> dict[str, tuple[float, float]] | None:
     """Two numbers for each driver, whose coordinate is in its unit: two, or one and its rate."""
-    if given is None:
+    if value is None:
         return None
-    if not isinstance(given, Mapping):
-        raise refused(where, f"{given!r} names no driver", PAIRS.format(pairs=example))
+    if not isinstance(value, Mapping):
+        raise refused(where, f"{value!r} names no driver", PAIRS.format(pairs=example))
     pairs = {}
-    for driver, pair in given.items():
+    for driver, pair in value.items():
         try:
             unit = units.get(driver, "")
             first, second = (
@@ -407,19 +407,19 @@ def pairs_of(
             )
         except (TypeError, ValueError) as error:
             at, valid = f"{where}.{driver}", getattr(error, "valid", "")
-            found = getattr(error, "found", f"{pair!r} are not two numbers")
-            raise refused(at, found, PAIRS.format(pairs=example), valid) from None
+            fault = getattr(error, "found", f"{pair!r} are not two numbers")
+            raise refused(at, fault, PAIRS.format(pairs=example), valid) from None
         pairs[driver] = (first, second)
     return pairs
 
 
-def size_of(where: str, given: Any) -> float | None:
+def size_of(where: str, value: Any) -> float | None:
     """An accuracy or a step: a number above zero, or None."""
-    if given is None:
+    if value is None:
         return None
-    size = number_in_si(given, "rad", "m", "s")
+    size = number_in_si(value, "rad", "m", "s")
     if not (math.isfinite(size) and size > 0):
-        raise refused(where, f"{given!r} is not a number above zero", "leave it out, or give one")
+        raise refused(where, f"{value!r} is not a number above zero", "leave it out, or give one")
     return size
 
 
@@ -441,16 +441,16 @@ def times_of(times: Any) -> Floats | None:
     except (TypeError, ValueError, OverflowError):
         raise refused("times", "not a row of numbers", "give times like 0:2:201") from None
     if column.ndim != 1 or not len(column) or not np.isfinite(column).all() or column.min() < 0:
-        found = "not a row of finite times from 0 s on"
-        raise refused("times", found, "give times like 0:2:201")
+        fault = "not a row of finite times from 0 s on"
+        raise refused("times", fault, "give times like 0:2:201")
     return column
 
 
-def watches_of(given: Any) -> tuple[Watch, ...]:
+def watches_of(events: Any) -> tuple[Watch, ...]:
     """The user's events."""
-    row = (given,) if isinstance(given, Watch) else given
+    row = (events,) if isinstance(events, Watch) else events
     if not isinstance(row, Sequence) or not all(isinstance(x, Watch) for x in row):
-        raise refused("watch", f"{given!r} are not events", f"give {WATCH}")
+        raise refused("watch", f"{events!r} are not events", f"give {WATCH}")
     return tuple(map(_checked, row))
 
 
@@ -469,10 +469,10 @@ def _checked(watch: Watch) -> Watch:
             raise mistaken(f"it gave {value!r}", t, q, qd)
         return number
 
-    def mistaken(found: str, t: float, q: Any, qd: Any) -> RequestError:
+    def mistaken(fault: str, t: float, q: Any, qd: Any) -> RequestError:
         at = f"at t = {t:.9g} s, q = {q}, rate = {qd}"
         remedy = "give a number that changes its sign where the event is"
-        return refused(f"watch.{watch.name}", f"{found}, {at}", remedy, code="user-function")
+        return refused(f"watch.{watch.name}", f"{fault}, {at}", remedy, code="user-function")
 
     return replace(watch, surface=surface)
 
@@ -487,11 +487,11 @@ def progress_of(progress: Any) -> Progress | None:
         )
     raised = False
 
-    def report(what: str, done: float, whole: float | None) -> None:
+    def report(activity: str, position: float, total: float | None) -> None:
         nonlocal raised
         if not raised:
             try:
-                progress(what, done, whole)
+                progress(activity, position, total)
             except KeyboardInterrupt:
                 raised = True
                 raise
@@ -500,6 +500,6 @@ def progress_of(progress: Any) -> Progress | None:
 
 
 def _no_end(text: str, remedy: str) -> RequestError:
-    found = f'"{text}" is no stopping condition'
+    fault = f'"{text}" is no stopping condition'
     valid = f"valid: {listed(g.spelled for g in GOALS.values())}"
-    return refused("until", found, remedy, valid, "until")
+    return refused("until", fault, remedy, valid, "until")

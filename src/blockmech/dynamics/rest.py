@@ -30,7 +30,7 @@ def failed_start(system: System, request: SimulationRequest) -> Motion | None:
     if len(system.drivers) > 1:
         bound = [] if request.roles is None else request.roles.bound
         terms, free = system.terms(q, rate, t), np.delete(np.arange(len(system.drivers)), bound)
-        J, tau, margin = least_inertia(terms.M[np.ix_(free, free)]), 0.0, terms.margin
+        J, tau, margin = smallest_inertia(terms.M[np.ix_(free, free)]), 0.0, terms.margin
     else:
         J, tau, margin = (float(x[0]) for x in system.at(q, rate, t)[:3])
     if not (margin > 0 and math.isfinite(J)):
@@ -44,16 +44,16 @@ def failed_start(system: System, request: SimulationRequest) -> Motion | None:
     return replace(still, status="failed", end=end)
 
 
-def least_inertia(M: Floats) -> float:
+def smallest_inertia(M: Floats) -> float:
     """Least eigenvalue of a mass matrix whose diagonal is made 1; 0 where that is rounding.
 
     Freedoms that together move no mass have none, though each of them alone moves some.
     """
-    own = np.sqrt(np.diagonal(M))
-    if not M.size or not (own > 0).all():
-        return float(np.min(own, initial=1.0))
-    least = float(np.linalg.eigvalsh(M / np.outer(own, own))[0])
-    return least if least > NOTHING * len(M) else 0.0
+    scales = np.sqrt(np.diagonal(M))
+    if not M.size or not (scales > 0).all():
+        return float(np.min(scales, initial=1.0))
+    smallest = float(np.linalg.eigvalsh(M / np.outer(scales, scales))[0])
+    return smallest if smallest > NOTHING * len(M) else 0.0
 
 
 def balanced(system: System, q: float) -> bool:

@@ -5,7 +5,7 @@ A driver c that is not free is a constraint of the drivers' coordinates that hol
     M q'' = push + sum of stops and friction + e_c D_c,        q''_c = a_c(t)
 
 with a_c from its law, 0 where it is locked, and D_c what its drive gives. So it stands beside the
-stops that something lies against (`contacts.Held`): the free drivers take
+stops that something lies against (`contacts.Constraints`): the free drivers take
 
     M_ff q''_f = push_f - M_fc a_c
 
@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.contacts import Held
+from blockmech.dynamics.contacts import Constraints
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.units import number_in_si
 from blockmech.model.laws_of_motion import LawOfMotion
@@ -89,7 +89,7 @@ class Roles:
                 q[..., i], rate[..., i], _ = self.law_at(i, t)
         return q, rate
 
-    def constraint(self, t: Any, lead: float = 0.0) -> Held:
+    def constraint(self, t: Any, lead: float = 0.0) -> Constraints:
         """The drivers that are not free, at a time or at some (n,) [s], as something held.
 
         ``lead`` [s] is looked where a law neither moves nor pushes yet: to where it begins to.
@@ -102,14 +102,14 @@ class Roles:
                 _, speeds[..., at], pull[..., at] = self.law_at(i, t)
                 if lead and not speeds[at] and not pull[at]:
                     pull[at] = self.law_at(i, t + lead)[2]
-        return Held(rows, -pull, ((-1, 1),) * len(self.bound), speeds)
+        return Constraints(rows, -pull, ((-1, 1),) * len(self.bound), speeds)
 
-    def beside(self, stops: Held | None, t: Any, lead: float = 0.0) -> Held | None:
+    def extend(self, stops: Constraints | None, t: Any, lead: float = 0.0) -> Constraints | None:
         """Stops that something lies against, and behind them the drivers that are not free."""
         if not self.bound:
             return stops
         bound = self.constraint(t, lead)
-        return bound if stops is None else stops.beside(bound)
+        return bound if stops is None else stops.extended(bound)
 
     @cached_property
     def kinks(self) -> Floats:
@@ -139,21 +139,21 @@ class Roles:
 def roles_of(
     scene: Scene,
     drivers: Mapping[str, str],
-    given: RolesGiven | None,
+    requested: RolesGiven | None,
     changes: Mapping[str, Mapping[str, str]],
     last: float,
 ) -> tuple[Roles | None, dict[str, tuple[float, float]]]:
     """The roles at the start, None where all are free at all times; and starts that they say.
 
     ``drivers`` : unit of each driver's coordinate
-    ``given`` : those of a call, in place of the scene's
+    ``requested`` : those of a call, in place of the scene's
     ``changes`` : event -> driver -> role; ``last`` : time [s] to which laws must reach
 
     Raises `RequestError` for roles that cannot be.
     """
-    choices = scene.motion if given is None else _read_roles(given, drivers)
+    choices = scene.motion if requested is None else _read_roles(requested, drivers)
     of = {d: LOCKED if isinstance(role, Locked) else role for d, role in choices.items()}
-    where = scene.address("motion", "") if given is None else "roles."
+    where = scene.address("motion", "") if requested is None else "roles."
     wishes = [(d, role, f"{where}{d}") for d, role in of.items()]
     for name, then in changes.items():
         wishes += [(d, role, f"watch.{name}.then.{d}") for d, role in then.items()]
@@ -162,9 +162,9 @@ def roles_of(
     if all(role == FREE for _, role, _ in wishes):
         return None, {}
     if len(drivers) == 1:
-        found = "the mechanism has one driver, and without a free one nothing is to be integrated"
+        fault = "the mechanism has one driver, and without a free one nothing is to be integrated"
         remedy = "run() computes a motion by its law of motion; lock or prescribe one of several"
-        raise refused(wishes[0][2], found, remedy, code="roles")
+        raise refused(wishes[0][2], fault, remedy, code="roles")
     laws = tuple(scene.drive.get(d) for d in drivers)
     roles = Roles(tuple(drivers), tuple(of.get(d, FREE) for d in drivers), laws)
     starts = {d: (role.locked, 0.0) for d, role in choices.items() if isinstance(role, Locked)}
@@ -172,9 +172,9 @@ def roles_of(
     return roles, starts
 
 
-def located(given: RolesGiven | None) -> list[str]:
+def located(requested: RolesGiven | None) -> list[str]:
     """Drivers that a call locks at a coordinate."""
-    return [driver for driver, role in (given or {}).items() if not _is_word(role)]
+    return [driver for driver, role in (requested or {}).items() if not _is_word(role)]
 
 
 def _is_word(role: object) -> bool:
@@ -182,20 +182,20 @@ def _is_word(role: object) -> bool:
     return isinstance(role, str) and role[:1].isalpha()
 
 
-def _read_roles(given: Any, units: Mapping[str, str]) -> dict[str, Role]:
+def _read_roles(requested: Any, units: Mapping[str, str]) -> dict[str, Role]:
     """Driver -> role, where a coordinate [rad or m] is that at which the driver is locked."""
-    if not isinstance(given, Mapping):
+    if not isinstance(requested, Mapping):
         remedy = 'give each its role, like {"crank": "prescribed", "arm": 0.3}'
-        raise refused("roles", f"{given!r} names no drivers", remedy)
+        raise refused("roles", f"{requested!r} names no drivers", remedy)
     roles: dict[str, Role] = {}
-    for driver, role in given.items():
+    for driver, role in requested.items():
         if _is_word(role):
             roles[driver] = role
             continue
         coordinate = number_in_si(role, units.get(driver, ""))
         if not math.isfinite(coordinate):
-            found, remedy = f"{role!r} is no coordinate", "give a number [rad or m]"
-            raise refused(f"roles.{driver}", found, remedy)
+            fault, remedy = f"{role!r} is no coordinate", "give a number [rad or m]"
+            raise refused(f"roles.{driver}", fault, remedy)
         roles[driver] = Locked(locked=coordinate)
     return roles
 
@@ -217,18 +217,18 @@ def _check_role(
         remedy = f"give it one in {scene.address('drive', driver)}, or lock it"
         raise refused(where, f"{driver} has no law of motion", remedy, code="no-law")
     if law.corners:
-        found = f"the rate of the law of {driver} jumps at {law.corners[0]:.9g} s"
+        fault = f"the rate of the law of {driver} jumps at {law.corners[0]:.9g} s"
         remedy = 'an endless force would be needed: let the table be "cubic"'
-        raise refused(where, found, remedy, code="roles")
+        raise refused(where, fault, remedy, code="roles")
     first = float(law.at_times(np.zeros(1))[0][0])
     ends = law.begin() + law.duration()
     if math.isnan(first) or (
         math.isfinite(last) and math.isnan(float(law.at_times(np.array([last]))[0][0]))
     ):
-        found = f"the law of {driver} says nothing "
-        found += f"at {0.0 if math.isnan(first) else last:.9g} s: it is one from "
-        found += f"{law.begin():.9g} to {ends:.9g} s"
-        raise refused(where, found, "ask for a shorter time, or give a longer law", code="roles")
+        fault = f"the law of {driver} says nothing "
+        fault += f"at {0.0 if math.isnan(first) else last:.9g} s: it is one from "
+        fault += f"{law.begin():.9g} to {ends:.9g} s"
+        raise refused(where, fault, "ask for a shorter time, or give a longer law", code="roles")
 
 
 def unused_laws(scene: Scene, drivers: Sequence[str], roles: Sequence[Mapping[str, str]]) -> str:

@@ -32,13 +32,13 @@ class RunEnd(NamedTuple):
     """Why a run is over.
 
     end : its name, see `ends`
-    left : [s] to a singular place that the run stops short of
+    remaining_time : [s] to a singular place that the run stops short of
     note, facts : what else is known of it
     """
 
     end: str
     status: Status = "ended"
-    left: float = 0.0
+    remaining_time: float = 0.0
     note: str = ""
     facts: Mapping[str, float] = {}
 
@@ -106,15 +106,17 @@ class Run(ABC):
         met = self.standstills >= self.request.standstills
         return RunEnd(self.request.until.goal, "reached") if met else None
 
-    def short_of(self, end: str, left: float, status: Status = "ended") -> RunEnd:
+    def short_of(self, end: str, remaining_time: float, status: Status = "ended") -> RunEnd:
         """The end at a singular place, so much time [s] ahead, with when that is."""
-        known = end in (ends.DEAD_CENTRE, ends.NO_INERTIA) and math.isfinite(left)
+        is_timed = end in (ends.DEAD_CENTRE, ends.NO_INERTIA) and math.isfinite(remaining_time)
         name = f"{end.replace(' ', '_')}_time"
-        return RunEnd(end, status, left, facts={name: self.now + left} if known else {})
+        return RunEnd(
+            end, status, remaining_time, facts={name: self.now + remaining_time} if is_timed else {}
+        )
 
-    def result(self, **known: Any) -> Motion:
+    def result(self, **details: Any) -> Motion:
         """The motion of a run that is over; its error is not known yet."""
-        end, status, left, *_ = self.over or RunEnd("")
+        end, status, remaining_time, *_ = self.over or RunEnd("")
         return self.request.standing.but(
             status=status,
             end=end,
@@ -122,6 +124,6 @@ class Run(ABC):
             notes=tuple(self.notes),
             facts=dict(self.facts),
             error=math.inf,
-            time_error=2 * left,
-            **known,
+            time_error=2 * remaining_time,
+            **details,
         )

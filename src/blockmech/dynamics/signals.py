@@ -71,8 +71,8 @@ def program_with_deflections(compiled: Any) -> SignalProgram:
     structure, initial = compiled.structure, compiled.structure.initial_states
     laws = [structure.friction_law(ref) for ref in structure.remembering]
     bent = (abs(float(law.steady_kernel()(1.0, law.parameters()))) for law in laws)
-    more = {"initial": initial, "names": names_of(initial), "sizes": (*program.sizes, *bent)}
-    return SignalProgram(**{**program._asdict(), **more})
+    changes = {"initial": initial, "names": names_of(initial), "sizes": (*program.sizes, *bent)}
+    return SignalProgram(**{**program._asdict(), **changes})
 
 
 def names_of(initial: Sequence[float]) -> tuple[str, ...]:

@@ -117,12 +117,12 @@ def simulate(
     RequestError where the scene has no start or one beyond an end stop, no inertia, the
     method does not apply, a number or engine cannot be; MissingEngineError without llvmlite
     """
-    how, settings = friction_asked(friction), {"friction": friction or "newton"}
+    friction_method, settings = friction_asked(friction), {"friction": friction or "newton"}
     about = until, method, accuracy, times, start, stops, watch, roles, engine
     request, starts = request_of(mechanism.scene, mechanism._coordinate_units, *about)
     report, limit = progress_of(progress), budget_of(budget)
-    asked = {"method": how, "progress": report, "engine": engine, "budget": limit}
-    prepare = partial(prepared, asked=asked)
+    options = {"method": friction_method, "progress": report, "engine": engine, "budget": limit}
+    prepare = partial(prepared, options=options)
     system, request = prepare(mechanism, request, starts, stops)
     if request.roles is None:
         mechanism._once(refuse_no_inertia)
@@ -149,7 +149,7 @@ def prepared(
     request: SimulationRequest,
     starts: Pairs,
     stops: Pairs | None,
-    asked: Arguments,
+    options: Arguments,
 ) -> tuple[System, SimulationRequest]:
     """The system of a mechanism that begins somewhere, and the request with its end stops.
 
@@ -160,7 +160,7 @@ def prepared(
         request = replace(request, stops=between)
     counted = counted_pairs(mechanism, starts, between)
     bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
-    return system_of(mechanism, **bounds, **asked), request
+    return system_of(mechanism, **bounds, **options), request
 
 
 def explained(
@@ -201,8 +201,8 @@ def evaluation_cost(mechanism: Compiled, friction: FrictionMethod | None) -> str
         many = 1 + len(system.drivers) + len(resisting.names)  # the loads, each q'', each pair
         passes["pairs with friction"] = (resisting.program, many)
     parts = []
-    for what, (program, times) in passes.items():
-        parts.append(f"{what} {program.calls}" + (f", {times} times" if times > 1 else ""))
+    for program_name, (program, times) in passes.items():
+        parts.append(f"{program_name} {program.calls}" + (f", {times} times" if times > 1 else ""))
     return "kernel calls of an evaluation of the motion: " + "; ".join(parts)
 
 
@@ -216,14 +216,14 @@ def _at_times(
     """The result at some times, those after the end left out."""
     if times is None:
         times = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
-    wanted = motion.reached_times(times)
-    inside = ~np.isnan(wanted)
-    late = len(wanted) - np.count_nonzero(inside)
+    reached = motion.reached_times(times)
+    inside = ~np.isnan(reached)
+    late = len(reached) - np.count_nonzero(inside)
     if late:
-        note = f"{late} of {len(wanted)} times after the end are left out"
+        note = f"{late} of {len(reached)} times after the end are left out"
         motion = replace(motion, notes=(*motion.notes, note))
-        wanted = wanted[inside] if inside.any() else np.array([motion.t_end])
-    return result_along(mechanism, motion, wanted, want, **settings)
+        reached = reached[inside] if inside.any() else np.array([motion.t_end])
+    return result_along(mechanism, motion, reached, want, **settings)
 
 
 # -- loads without a value -----------------------------------------------------------------
@@ -254,17 +254,17 @@ def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
     names = list(mechanism.structure.elements)
     if not names:
         return []
-    q, rate, t = _ahead(motion)
-    given: dict[str, Floats] = {}
+    q, rate, t = _states_beyond_end(motion)
+    inputs: dict[str, Floats] = {}
     for name, x in (("q", q), ("qd", rate), ("qdd", 0 * q)):
-        given |= {f"{name}_{i}": column for i, column in enumerate(x.T)}
-    wanted = {
+        inputs |= {f"{name}_{i}": column for i, column in enumerate(x.T)}
+    load_outputs = {
         name: [o for o in mechanism.outputs if o.startswith(f"{name}.") and o.endswith(ACTIONS)]
         for name in names
     }
-    every = [output for outputs in wanted.values() for output in outputs]
-    given |= states_along(motion, np.full(len(t), motion.t_end))
-    result = frictionless(mechanism, every, Samples(len(t), given, t))
+    every = [output for outputs in load_outputs.values() for output in outputs]
+    inputs |= states_along(motion, np.full(len(t), motion.t_end))
+    result = frictionless(mechanism, every, Samples(len(t), inputs, t))
     good = np.ones(len(t), bool)
     for margin in result.quality.margin.values():
         good &= np.broadcast_to(margin, t.shape) > 0
@@ -272,15 +272,15 @@ def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
     def silent(output: str) -> bool:
         return bool(np.isnan(np.broadcast_to(result[output].T, t.shape)[good]).any())
 
-    return [name for name, outputs in wanted.items() if any(map(silent, outputs))]
+    return [name for name, outputs in load_outputs.items() if any(map(silent, outputs))]
 
 
-def _ahead(motion: Motion) -> tuple[Floats, Floats, Floats]:
+def _states_beyond_end(motion: Motion) -> tuple[Floats, Floats, Floats]:
     """States from the end on: coordinates and rates (n, k), times (n,)."""
     end, rate = (np.atleast_1d(x).astype(float) for x in (motion.q_end, motion.qd_end))
     before = motion.at(motion.t_end - AHEAD[-2] * (motion.t_end - motion.t_start)).qd
     grows = np.sign(rate - np.atleast_1d(before))
-    far = np.array(AHEAD)[:, None]
-    q = end + far * np.sign(rate) * np.maximum(np.abs(end), 1.0)
-    rates = rate + far * grows * np.maximum(np.abs(rate), 1.0)
-    return q, rates, motion.t_end + far[:, 0] * max(abs(motion.t_end), 1.0)
+    steps = np.array(AHEAD)[:, None]
+    q = end + steps * np.sign(rate) * np.maximum(np.abs(end), 1.0)
+    rates = rate + steps * grows * np.maximum(np.abs(rate), 1.0)
+    return q, rates, motion.t_end + steps[:, 0] * max(abs(motion.t_end), 1.0)

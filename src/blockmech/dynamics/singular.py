@@ -30,30 +30,32 @@ def time_left(system: System, kind: str, q: float, qd: float) -> float:
     """
     if len(system.drivers) > 1 or not qd:
         return math.inf
-    here = system.one(q)
+    scalar = system.scalar_terms(q)
     if kind == ends.NO_INERTIA:
-        return abs(here.J / here.dJ / qd) if here.dJ else math.inf
+        return abs(scalar.J / scalar.dJ / qd) if scalar.dJ else math.inf
     h = math.copysign(LEAST_MARGIN * NEAR_DEAD_CENTRE, qd)
-    fall = (system.one(q - h).margin - here.margin) / abs(h) * abs(qd)
-    return 2 * here.margin / fall if fall > 0 else math.inf
+    fall = (system.scalar_terms(q - h).margin - scalar.margin) / abs(h) * abs(qd)
+    return 2 * scalar.margin / fall if fall > 0 else math.inf
 
 
-def what_is_ahead(equation: Equation, t: float, y: Floats) -> RunEnd:
+def classify_obstacle(equation: Equation, t: float, y: Floats) -> RunEnd:
     """What is ahead of a state from which a solver found no step."""
     rates = y[equation.layout.rate]
     margin = equation.closeness(y)[0]
     if not margin > NEAR_DEAD_CENTRE:
-        known = margin > 0
+        is_possible = margin > 0
         q, qd = float(y[0]), float(rates[0])
-        left = time_left(equation.system, ends.DEAD_CENTRE, q, qd) if known else 0.0
-        return RunEnd(ends.DEAD_CENTRE, left=left)
-    way = np.sign(np.asarray(equation(t, y), dtype=float))
-    ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
+        remaining_time = time_left(equation.system, ends.DEAD_CENTRE, q, qd) if is_possible else 0.0
+        return RunEnd(ends.DEAD_CENTRE, remaining_time=remaining_time)
+    direction = np.sign(np.asarray(equation(t, y), dtype=float))
+    beyond = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(
+        np.isfinite(direction), direction, 0.0
+    )
     later = t + AHEAD * max(abs(t), 1.0)
-    if equation.sides and equation.resisted(later, ahead).locked:
+    if equation.sides and equation.resisted(later, beyond).locked:
         return RunEnd(ends.SELF_LOCKED)
-    if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
+    if np.isfinite(np.asarray(equation(later, beyond), dtype=float)).all():
         return RunEnd(ends.NO_STEP, "failed")
-    rate, places = float(np.abs(rates[0])), PAST * max(1.0, float(np.abs(y[0])))
-    left = PAST * max(abs(t), EPS)  # it comes so near, and steps so short
-    return RunEnd(ends.IMPOSSIBLE, left=left + (places / rate if rate else 0.0))
+    rate, reach = float(np.abs(rates[0])), PAST * max(1.0, float(np.abs(y[0])))
+    remaining_time = PAST * max(abs(t), EPS)  # it comes so near, and steps so short
+    return RunEnd(ends.IMPOSSIBLE, remaining_time=remaining_time + (reach / rate if rate else 0.0))

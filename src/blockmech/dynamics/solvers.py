@@ -49,7 +49,7 @@ class AcceptedSteps(NamedTuple):
     turns: Sequence[int] = ()
 
     @classmethod
-    def one(cls, t: Sequence[float], y: Sequence[Floats], dense: Dense) -> AcceptedSteps:
+    def single(cls, t: Sequence[float], y: Sequence[Floats], dense: Dense) -> AcceptedSteps:
         """A step from one time and state to others."""
         return cls(np.array(t), np.array(y), dense)
 
@@ -111,13 +111,13 @@ class AdaptiveSolver(Solver):
         code, by = self.equation.code, self.equation.method()
         if code is None:
             return None
-        left = (self.equation.most - self.equation.spent) / by.stages
-        most = int(min(REPORTED, left + 1))
+        remaining = (self.equation.limit - self.equation.spent) / by.stages
+        limit = int(min(REPORTED, remaining + 1))
         begins = 1 + int(self.h == 0)
         first = min(int(self.plan.searchsorted(self.t, "right")) - 1, len(self.plan) - 2)
         about = self.weight, self.plan[max(first, 0) :]
-        how, self.finer = (self.tolerances, most, every, self.finer, *about), None
-        steps = code.steps((self.t, self.y), self.h, self.bound, free_range, *how)
+        options, self.finer = (self.tolerances, limit, every, self.finer, *about), None
+        steps = code.steps((self.t, self.y), self.h, self.bound, free_range, *options)
         many = len(steps.series)
         self.equation.know(float(steps.y[-1, 0]), *steps.row[steps.y.shape[1] :][:2])
         self.equation.took(begins + steps.tried * by.states[0] + many * by.states[1])
@@ -144,7 +144,7 @@ class AdaptiveSolver(Solver):
             series = series_of(solver.dense_output())
         self.t, self.y, self.h = float(solver.t), solver.y, solver.h_abs
         dense = Dense(np.array([solver.t_old]), np.array([solver.t - solver.t_old]), series[None])
-        return AcceptedSteps.one((solver.t_old, solver.t), (y, solver.y), dense)
+        return AcceptedSteps.single((solver.t_old, solver.t), (y, solver.y), dense)
 
     def _solver_of_scipy(self) -> Any:
         """The one of the step before, or one that begins here."""
@@ -170,10 +170,10 @@ class FixedSteps(Solver):
         super().__init__(equation, t, y, bound)
         self.size = size
 
-    def step_to(self, t: float, y: Floats, slope: Floats, ahead: Floats) -> AcceptedSteps:
+    def step_to(self, t: float, y: Floats, slope: Floats, end_slope: Floats) -> AcceptedSteps:
         """The step to a time [s] and state, with rates at both ends."""
-        dense = Dense.cubic(self.t, t - self.t, (self.y, y), (slope, ahead))
-        step = AcceptedSteps.one((self.t, t), (self.y, y), dense)
+        dense = Dense.cubic(self.t, t - self.t, (self.y, y), (slope, end_slope))
+        step = AcceptedSteps.single((self.t, t), (self.y, y), dense)
         self.t, self.y = t, y
         return step
 
@@ -201,9 +201,9 @@ class RungeKutta4(FixedSteps):
         k2 = self.rates(t + h / 2, y + h / 2 * k1)
         k3 = self.rates(t + h / 2, y + h / 2 * k2)
         k4 = self.rates(t + h, y + h * k3)
-        there = self.bound if last else t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        self.slope = self.rates(*there)
-        return self.step_to(*there, k1, self.slope) if np.isfinite(self.slope).all() else None
+        end_state = self.bound if last else t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        self.slope = self.rates(*end_state)
+        return self.step_to(*end_state, k1, self.slope) if np.isfinite(self.slope).all() else None
 
 
 class EulerQ(FixedSteps):
@@ -219,21 +219,23 @@ class EulerQ(FixedSteps):
     Source: [D14] Durango et al. 2014, Eq. 2 and Fig. 1, steps ii to v.
     """
 
-    way, i = 0.0, REPORTED
+    sense, i = 0.0, REPORTED
 
-    def _sampled(self, way: float) -> None:
+    def _sampled(self, sense: float) -> None:
         """Inertia, effort at rest and margin at the next places in a direction."""
-        self.way, self.i = way, 0
-        places = self.y[0] + way * self.size * np.arange(REPORTED + 1.0)  # rounded, but not summed
-        terms = self.equation.system.sample(places)
+        self.sense, self.i = sense, 0
+        coordinates = self.y[0] + sense * self.size * np.arange(
+            REPORTED + 1.0
+        )  # rounded, but not summed
+        terms = self.equation.system.sample(coordinates)
         J = np.where(terms.margin > 0, terms.J, math.nan)
         self.J, self.tau, self.margin = J.tolist(), terms.tau.tolist(), terms.margin.tolist()
-        self.places = places.tolist()
+        self.coordinates = coordinates.tolist()
 
     def _effort(self, t: float, q: float, w: float) -> float:
         """Effort of all loads where a step begins: step v of the paper."""
         system = self.equation.system
-        return self.tau[self.i] if system.depends_on <= {"q"} else system.one(q, w, t).tau
+        return self.tau[self.i] if system.depends_on <= {"q"} else system.scalar_terms(q, w, t).tau
 
     def steps(
         self, free_range: tuple[float, float] = ANYWHERE, every: bool = True
@@ -242,22 +244,22 @@ class EulerQ(FixedSteps):
         self.equation.spend(1)
         t, (q, w, work) = self.t, self.y.tolist()
         if self.i == REPORTED or not w:
-            self._sampled(math.copysign(1.0, w or self.equation.system.one(q, 0.0, t).tau))
-        i, d = self.i, self.places[self.i + 1] - q
-        J, ahead, tau = self.J[i], self.J[i + 1], self._effort(t, q, w)
-        xi = (tau - w * w * (ahead - J) / (2 * d)) / J
+            self._sampled(math.copysign(1.0, w or self.equation.system.scalar_terms(q, 0.0, t).tau))
+        i, d = self.i, self.coordinates[self.i + 1] - q
+        J, J_next, tau = self.J[i], self.J[i + 1], self._effort(t, q, w)
+        xi = (tau - w * w * (J_next - J) / (2 * d)) / J
         square = w * w + 2 * xi * d
-        stands = square <= 0
-        if square != square or (stands and self.margin[i + 1] < NEAR**2):
+        at_rest = square <= 0
+        if square != square or (at_rest and self.margin[i + 1] < NEAR**2):
             return None
-        rate = 0.0 if stands else self.way * math.sqrt(square)
-        h = -w / xi if stands else 2 * d / (w + rate)
-        end, later = q - w * w / (2 * xi) if stands else self.places[i + 1], t + h
+        rate = 0.0 if at_rest else self.sense * math.sqrt(square)
+        h = -w / xi if at_rest else 2 * d / (w + rate)
+        end, later = q - w * w / (2 * xi) if at_rest else self.coordinates[i + 1], t + h
         if later >= self.bound:
             h, later = self.bound - t, self.bound
             end, rate = q + w * h + xi * h * h / 2, w + xi * h
         self.i = i + 1
-        self.equation.know(end, self.margin[i + 1], ahead)
+        self.equation.know(end, self.margin[i + 1], J_next)
         y, slopes = [end, rate, work + tau * (end - q)], ([w, xi, tau * w], [rate, xi, tau * rate])
         return self.step_to(later, np.array(y), *map(np.array, slopes))
 

@@ -40,7 +40,7 @@ from blockmech.dynamics.flows import (
     Stroboscope,
 )
 from blockmech.dynamics.forcing import COMMON, ELSEWHERE, forcing_period, no_steady
-from blockmech.dynamics.path import along_path
+from blockmech.dynamics.path import integrate_by_quadrature
 from blockmech.dynamics.periodic import (
     FLOWS,
     QUOTIENT,
@@ -53,7 +53,7 @@ from blockmech.dynamics.periodic import (
 )
 from blockmech.dynamics.request import SimulationRequest, Until
 from blockmech.dynamics.rest import failed_start
-from blockmech.dynamics.time import in_time
+from blockmech.dynamics.time import integrate
 from blockmech.ground.errors import listed
 from blockmech.result.motion import Floats, Motion
 
@@ -83,7 +83,7 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
             raise no_steady(OWN, 'use method "auto" or "energy"')
         why = "all loads depend on the driver's coordinate alone"
         explained = replace(request, why=why)
-        motion = failed_start(system, explained) or along_path(system, explained)
+        motion = failed_start(system, explained) or integrate_by_quadrature(system, explained)
         return watched(_conserved(motion, request), request.watch)
     follow = sorted(depends - {"q"}) or ["joint friction"]
     request = replace(request, why=request.why or f"the loads depend on {listed(follow)}")
@@ -159,10 +159,10 @@ def _forced(flow: Flow) -> Motion:
     flow.name, until = "stroboscopic map", flow.request.until
     map_ = Stroboscope(flow, forcing_period(flow.system.compiled.structure, until.forcing))
     try:
-        point, periods, seen = map_.orbit()
+        point, periods, reached = map_.orbit()
     except MotionEnded as lost:
         raise lost.after(0.0) from None
-    settles = seen and point.kind == "stable"
+    settles = reached and point.kind == "stable"
     notes = [f"the motion from the start {'settles to it' if settles else 'was not seen there'}"]
     notes += [CYCLIC] if map_.cyclic else []
     facts = {"periods_of_the_loads": float(periods)}
@@ -187,12 +187,12 @@ def _turning(flow: Flow) -> Motion:
     free = [1, *range(parts.signals.start, parts.size)]
     try:
         for _ in range(TIMES * SETTLING):
-            way = flow.passage(x)
-            change = np.abs((way.x - x) / flow.size)[free].max()
-            x, clock, before = way.x, clock + way.time, last
-            last = float(change) if way.kind == ends.TURN else math.inf
+            passage = flow.passage(x)
+            change = np.abs((passage.x - x) / flow.size)[free].max()
+            x, clock, before = passage.x, clock + passage.time, last
+            last = float(change) if passage.kind == ends.TURN else math.inf
             flow.measure(x)
-            if way.kind == ends.REST:
+            if passage.kind == ends.REST:
                 raise MotionEnded(ends.REST)
             if last <= SMALL or before <= last < INWARD:  # settled, or as near as it comes
                 x = flow.begin_of(x)
@@ -218,7 +218,7 @@ def _turns(flow: Flow, point: FixedPoint, period: float, x: Floats) -> Motion:
 
 def _settled(flow: Flow) -> Motion:
     """What loads of place and rate settle to: rest; with one driver also swings and turns."""
-    x, several, clock = _left_if_unstable(flow), flow.k > 1, 0.0
+    x, several, clock = _leave_if_unstable(flow), flow.k > 1, 0.0
     try:
         for _ in range(2 * SETTLING):
             rest = _rest_at(flow, x)
@@ -228,22 +228,22 @@ def _settled(flow: Flow) -> Motion:
                 time = flow.system.span / flow.speed * math.tau
                 x, clock = flow.after(x, time), clock + time
                 continue
-            way = flow.passage(x)
-            steady = _friction_rest(flow, way) or _cycle_from(flow, x, way)
+            passage = flow.passage(x)
+            steady = _friction_rest(flow, passage) or _cycle_from(flow, x, passage)
             if steady is not None:
                 return steady
-            x, clock = way.x, clock + way.time
+            x, clock = passage.x, clock + passage.time
     except MotionEnded as lost:
         raise lost.after(clock) from None
-    others = "; with several drivers only rest, and motions under loads that repeat in time, are"
+    remark = "; with several drivers only rest, and motions under loads that repeat in time, are"
     raise no_steady(
         f"the motion from the start has not settled after {clock:.6g} s"
-        + (f"{others} looked for" if several else ""),
+        + (f"{remark} looked for" if several else ""),
         ELSEWHERE,
     )
 
 
-def _left_if_unstable(flow: Flow) -> Floats:
+def _leave_if_unstable(flow: Flow) -> Floats:
     """The start, or a state beside it if it is an unstable equilibrium."""
     equilibrium = _equilibrium(flow, flow.x)
     if flow.system.friction is not None or equilibrium is None or equilibrium.kind != "unstable":
@@ -295,13 +295,13 @@ def _stopping(flow: Flow, x: Floats, equilibrium: Equilibrium) -> Equilibrium:
     return equilibrium._replace(q=np.array([motion.q_end]), error=motion.error)
 
 
-def _friction_rest(flow: Flow, way: SectionReturn) -> Motion | None:
+def _friction_rest(flow: Flow, passage: SectionReturn) -> Motion | None:
     """Where joint friction holds the driver, by the motion from the start itself."""
     swings_out = flow.system.friction is not None and flow.system.depends_on <= {"q"}
-    if way.kind != ends.REST and not (swings_out and way.kind == ends.STANDSTILL):
+    if passage.kind != ends.REST and not (swings_out and passage.kind == ends.STANDSTILL):
         return None
     request = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
-    motion = in_time(flow.system, request, "dop853")
+    motion = integrate(flow.system, request, "dop853")
     if motion.end != ends.REST:
         return None
     facts = {name: x for name, x in motion.facts.items() if name.startswith("holding")}
@@ -309,36 +309,36 @@ def _friction_rest(flow: Flow, way: SectionReturn) -> Motion | None:
     return resting(flow.request, np.array([motion.q_end]), motion.error, motion.method, facts, note)
 
 
-def _cycle_from(flow: Flow, x: Floats, way: SectionReturn) -> Motion | None:
+def _cycle_from(flow: Flow, x: Floats, passage: SectionReturn) -> Motion | None:
     """The fixed point of the return map to which a motion moves, as a motion; or None.
 
     Between standstills the map takes the place of one to the next on the same side, between
     turns the rate at the begin of one to that of the next.
     """
-    swings = way.kind == ends.STANDSTILL
+    swings = passage.kind == ends.STANDSTILL
     if swings != (x[1] == 0):
         return None
     begin, free, centre = x.copy(), 0 if swings else 1, None
     if swings:
-        centre = _equilibrium(flow, (x + way.x) / 2)
-        if centre is None or not abs(way.x[0] - x[0]) > abs(centre.q[0] - x[0]) > 0:
+        centre = _equilibrium(flow, (x + passage.x) / 2)
+        if centre is None or not abs(passage.x[0] - x[0]) > abs(centre.q[0] - x[0]) > 0:
             return None
     else:
         begin = flow.begin_of(x)
     anchor = 0.0 if centre is None else float(centre.q[0])
-    change = flow.change(way.kind, 2 if swings else 1)
+    change = flow.change(passage.kind, 2 if swings else 1)
 
-    def ahead(z: float) -> float:
+    def map_change(z: float) -> float:
         begin[free] = z
         return float(change(begin, LOOSE)[free])
 
-    near = _ahead(ahead, float(x[free]), anchor)
-    if near is None:
+    location = _scan_map(map_change, float(x[free]), anchor)
+    if location is None:
         return None
-    if near == anchor:
+    if location == anchor:
         return None if centre is None or centre.kind == "unstable" else _at_rest(flow, centre)
-    begin[free] = near
-    point = fixed_point(change, begin, [free], np.full(x.size, abs(near - anchor)))
+    begin[free] = location
+    point = fixed_point(change, begin, [free], np.full(x.size, abs(location - anchor)))
     if point is None:
         return None
     if swings:
@@ -346,7 +346,7 @@ def _cycle_from(flow: Flow, x: Floats, way: SectionReturn) -> Motion | None:
     return _turns(flow, point, flow.system.period or 0.0, begin)
 
 
-def _ahead(change: Callable[[float], float], z: float, anchor: float) -> float | None:
+def _scan_map(change: Callable[[float], float], z: float, anchor: float) -> float | None:
     """Near the fixed point to which a map moves z; the anchor if that is all there is.
 
     None where the map ends before, as swings become turns, or turns swings.
@@ -360,10 +360,10 @@ def _ahead(change: Callable[[float], float], z: float, anchor: float) -> float |
     while (share > end) is inward:
         share *= factor
         following = anchor + share * (z - anchor)
-        there = change(following)
-        if math.isnan(there):
+        value = change(following)
+        if math.isnan(value):
             return None
-        if there * first <= 0:
+        if value * first <= 0:
             return float(brentq(change, last, following, rtol=LOOSE))
         last = following
     if not inward:

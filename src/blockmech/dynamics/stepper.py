@@ -15,7 +15,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
-from blockmech.dynamics.contacts import Held
+from blockmech.dynamics.contacts import Constraints
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.friction_along import friction_along
@@ -76,8 +76,10 @@ class Stepper:
         self.mechanism, self.copies, self._system = mechanism, copies, system
         self._start, self._tolerance, self._bound = dict(start), tolerance, bound
         self.outputs = mechanism.outputs.match(want)
-        how = system.method or Friction("none")
-        self._plan = mechanism._plan_for(self.outputs, replace(how, along=how.method != "none"))
+        friction_method = system.method or Friction("none")
+        self._plan = mechanism._plan_for(
+            self.outputs, replace(friction_method, along=friction_method.method != "none")
+        )
         structure = mechanism.structure
         self._places = {
             name: structure.states[JointRef(name, f"{HELD}y")]
@@ -113,14 +115,14 @@ class Stepper:
         which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
         begin = self._start | dict(start or {})
         units, bound = self.mechanism._coordinate_units, self._bound
-        given = starts_of(self.mechanism.scene, units, begin, bound)
+        states = starts_of(self.mechanism.scene, units, begin, bound)
         for i in which:
             if not 0 <= i < self.copies:
-                found, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
-                raise refused("copies", found, valid=valid)
-            self._y[i], self.t[i], self.ended[i] = self._layout.start(*self._pair(given)), 0.0, ""
+                fault, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
+                raise refused("copies", fault, valid=valid)
+            self._y[i], self.t[i], self.ended[i] = self._layout.start(*self._pair(states)), 0.0, ""
             if self._system.counted is not None:
-                self._counted[i] = self._system.counted.begun(self._y[i, self._layout.q])
+                self._counted[i] = self._system.counted.restarted(self._y[i, self._layout.q])
         return self.observe()
 
     def step(
@@ -143,16 +145,18 @@ class Stepper:
 
     def observe(self) -> dict[str, Floats]:
         """The outputs of all copies as they are: name -> (n,), complex of vectors."""
-        layout, given = self._layout, dict[str, Any]()
+        layout, inputs = self._layout, dict[str, Any]()
         for k in range(layout.drivers):
-            given[f"q_{k}"] = self._y[:, k].copy()
-            given[f"qd_{k}"] = self._y[:, layout.drivers + k].copy()
+            inputs[f"q_{k}"] = self._y[:, k].copy()
+            inputs[f"qd_{k}"] = self._y[:, layout.drivers + k].copy()
         states = self._y[:, layout.signals].T
-        given |= {f"{STATE}{k}": x.copy() for k, x in enumerate(states)}
-        if not given.keys() >= {*self._plan.program.inputs} - {"t"}:
+        inputs |= {f"{STATE}{k}": x.copy() for k, x in enumerate(states)}
+        if not inputs.keys() >= {*self._plan.program.inputs} - {"t"}:
             for name, rows in self._acting().items():
-                given |= {f"{name}_{k}": column for k, column in enumerate(rows.T)}
-        values, _ = self.mechanism._evaluate(self._plan, Samples(self.copies, given, self.t.copy()))
+                inputs |= {f"{name}_{k}": column for k, column in enumerate(rows.T)}
+        values, _ = self.mechanism._evaluate(
+            self._plan, Samples(self.copies, inputs, self.t.copy())
+        )
         outputs = {}
         for name in self.outputs:
             read = self.mechanism.outputs[name].read
@@ -194,7 +198,7 @@ class Stepper:
         motion = run.motion()
         self._y[i] = run.y
         if counted is not None:
-            self._counted[i] = counted.begun(run.y[layout.q])
+            self._counted[i] = counted.restarted(run.y[layout.q])
         if motion.end == "time" or motion.end == ends.REST:
             self.t[i] = t + dt
         else:
@@ -210,14 +214,14 @@ class Stepper:
         roles = system.roles
         bound = np.ones((self.copies, 0 if roles is None else len(roles.bound)), dtype=bool)
 
-        def against(q: Floats, qd: Floats, t: Floats, which: Any) -> Held:
+        def against(q: Floats, qd: Floats, t: Floats, which: Any) -> Constraints:
             assert roles is not None
             return roles.constraint(t)
 
         state = y[:, layout.q], y[:, layout.rate], t, y[:, layout.signals]
         unknown = np.full((self.copies, len(friction.names)), math.nan)
-        along = friction_along(friction, state, unknown, bound, against)
-        return {"qdd": along.qdd, "friction": along.friction, "sticks": 1.0 * along.stand}
+        response = friction_along(friction, state, unknown, bound, against)
+        return {"qdd": response.qdd, "friction": response.friction, "sticks": 1.0 * response.stand}
 
 
 def stepper(
@@ -281,7 +285,7 @@ def stepper(
     if at_start is None:
         mechanism._once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
-    how = friction_asked(friction)
-    system = system_of(mechanism, method=how, engine=engine, **at_stops)
+    friction_method = friction_asked(friction)
+    system = system_of(mechanism, method=friction_method, engine=engine, **at_stops)
     tolerance = size_of("accuracy", accuracy) or TARGET
     return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance, bound)

@@ -67,19 +67,19 @@ class StickSlip:
     @property
     def silent(self) -> frozenset[str]:
         """Kinds of events that transitions keep by another name."""
-        return frozenset({ends.REVERSAL} if self._told else ())
+        return frozenset({ends.REVERSAL} if self._lists_pairs else ())
 
     def rules(self) -> list[EventFunction]:
         """Where the equation of a segment ends."""
         equation = self.equation
         released = EventFunction(ends.RELEASED, self._excess, 1, parts=PARTS // 2, index=0)
         rules = [released] if self.holds else []
-        if self.friction is not None and not equation.held:
-            about = self.friction.program, equation.sides, not self._told
+        if self.friction is not None and not equation.is_fixed:
+            about = self.friction.program, equation.sides, not self._lists_pairs
             rules += friction_rules(equation.slips, equation.pair_loads, *about)
         return rules
 
-    def known(self, now: Now) -> Known:
+    def coincident_events(self, now: Now) -> Known:
         """Reversals of pairs: several may stand at once."""
         return {(ends.REVERSAL, j) for j in self.zero} if self.settled == now.t else set()
 
@@ -96,8 +96,8 @@ class StickSlip:
         at, signed = self._instant(now.t, now.y), self._rubs.signed
         change = np.abs(at.S) @ np.abs(at.unheld) + np.abs(at.b)
         turning = np.abs(at.w) <= WITHIN * abs(now.t) * change
-        others = np.flatnonzero(turning & ~signed).tolist()
-        return self.settle(now, tuple({*self.stuck, *others, j}))
+        reversing = np.flatnonzero(turning & ~signed).tolist()
+        return self.settle(now, tuple({*self.stuck, *reversing, j}))
 
     @property
     def stuck(self) -> list[int]:
@@ -105,7 +105,7 @@ class StickSlip:
         return [j for j, side in enumerate(self.equation.sides) if side == 0]
 
     @property
-    def _told(self) -> bool:
+    def _lists_pairs(self) -> bool:
         """Whether pairs are told of one by one: else standstills of the driver tell of all."""
         return self.equation.drivers > 1
 
@@ -121,8 +121,8 @@ class StickSlip:
 
     def _instant(self, t: float, y: Floats, lead: float = 0.0) -> Instant:
         q, qd = map(np.atleast_1d, self.equation.motion(t, y))
-        held = self.equation.system.against(q, qd, t, lead)
-        return self._rubs.instant(q, qd, t, self._states(y), held)
+        constraint = self.equation.system.against(q, qd, t, lead)
+        return self._rubs.instant(q, qd, t, self._states(y), constraint)
 
     def _excess(self, t: float, y: Floats) -> float:
         """What loads need beyond all that pairs that stick hold, as a share of it [-]."""
@@ -133,10 +133,10 @@ class StickSlip:
 
     def _pull(self, t: float, y: Floats) -> float:
         """What a stop that it lies against would have to pull with most [N m or N]."""
-        held, force = self.equation.system.held, self.equation.stop_force
-        return max((way * force(i, t, y) for i, way in held.items()), default=-math.inf)
+        stops, force = self.equation.system.contacts, self.equation.stop_force
+        return max((side * force(i, t, y) for i, side in stops.items()), default=-math.inf)
 
-    def _held(self, now: Now) -> Iterator[Transition]:
+    def _wait(self, now: Now) -> Iterator[Transition]:
         """Stay where nothing is free, until loads of the time push beyond what holds it."""
         system, t_last = self.equation.system, self.request.t_last
         if "state" in system.depends_on:
@@ -145,10 +145,10 @@ class StickSlip:
         def beyond(t: float) -> float:
             return max(self._excess(t, now.y), self._pull(t, now.y))
 
-        until = first_beyond(system, beyond, now.t, t_last)
+        until = time_of_release(system, beyond, now.t, t_last)
         if until is None and self.request.span == math.inf:
-            end = f"{ends.END_STOP} at rest" if system.held else ends.REST
-            yield Transition(RunEnd(end, "ended" if now.moved or system.held else "rest"))
+            end = f"{ends.END_STOP} at rest" if system.contacts else ends.REST
+            yield Transition(RunEnd(end, "ended" if now.moved or system.contacts else "rest"))
             return
         yield Transition(until=t_last if until is None else until)
         if until is not None and self._excess(until, now.y) >= 0:
@@ -164,13 +164,13 @@ class StickSlip:
         equation, system, layout = self.equation, self.equation.system, self.equation.layout
         if (friction := self.friction) is None:  # stops alone may leave no freedom
             q, qd = map(np.atleast_1d, equation.motion(now.t, now.y))
-            held = None if system.roles else system.against(q, qd, now.t)
-            equation.held = held is not None and not held.free()[0].size
-            yield from self._held(now) if equation.held else ()
+            constraint = None if system.roles else system.against(q, qd, now.t)
+            equation.is_fixed = constraint is not None and not constraint.free()[0].size
+            yield from self._wait(now) if equation.is_fixed else ()
             return
         at, old = self._instant(now.t, now.y, SOON), equation.sides
         at = friction.turning(at, standing, now.t)
-        self.zero, self.settled = friction.without_slip(at, standing), now.t
+        self.zero, self.settled = friction.sticking_pairs(at, standing), now.t
         start = friction.settled(at, self.zero, released)
         if start.end:
             moved = start.end == ends.SELF_LOCKED and now.moved
@@ -179,31 +179,31 @@ class StickSlip:
         equation.sides = sides = start.sides
         events = []
         for j, (before, after) in enumerate(zip(old, sides, strict=False)):
-            if before != after and self._told:
+            if before != after and self._lists_pairs:
                 kind = ends.REVERSES if before and after else ends.SLIPS if after else ends.STICKS
                 name = f"{kind} of {system.pair_name(j)}"
                 events.append(Event(name, now.t, *layout.motion(now.y)))
         y = now.y.copy()
-        y[layout.rate] = friction.kept(at, sides)
+        y[layout.rate] = friction.sticking_rates(at, sides)
         self.holds = bool(friction.stuck(at, sides))
         prescribed = system.roles is not None and system.roles.prescribed
-        equation.held = bool(friction.fixed(at, sides)) and not prescribed
+        equation.is_fixed = bool(friction.fixed(at, sides)) and not prescribed
         yield Transition(None, y, None, tuple(events), (Slips(now.t, sides),))
-        if equation.held and at.push.size:
+        if equation.is_fixed and at.push.size:
             event = Event(ends.REST, now.t, *layout.motion(y))
             yield Transition(events=(event,), facts=self._facts(now, start))
-        if equation.held:
-            yield from self._held(now._replace(y=y))
+        if equation.is_fixed:
+            yield from self._wait(now._replace(y=y))
 
     def _facts(self, now: Now, start: Settled) -> dict[str, float]:
         """How firmly friction holds what rests."""
-        if self._told:
+        if self._lists_pairs:
             return {"holding_share": start.share}
-        held = self._rubs.holding(now.y[:1], now.t, self._states(now.y))
-        return {"holding_low": float(held.low[0]), "holding_high": float(held.high[0])}
+        holding = self._rubs.holding(now.y[:1], now.t, self._states(now.y))
+        return {"holding_low": float(holding.low[0]), "holding_high": float(holding.high[0])}
 
 
-def first_beyond(
+def time_of_release(
     system: System, beyond: Callable[[float], float], t: float, t_last: float
 ) -> float | None:
     """First time [s] after t at which what loads do to a place grows positive.

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Held
+from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Constraints
 from blockmech.dynamics.friction import Instant, PairFriction, Response, Sides
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
@@ -85,10 +85,10 @@ class JointFriction(PairFriction):
 
     def _tangents(self, at: Instant, law: Floats, loads: Any) -> Floats:
         """A law (..., 2 m), of those that are not linear in the load at loads (..., m)."""
-        most = np.array(self.program.steepest * 2)
-        if not most.size:
+        steepest = np.array(self.program.steepest * 2)
+        if not steepest.size:
             return law
-        return np.asarray(np.where(most > 0, self.law(at.w, None, loads), law))
+        return np.asarray(np.where(steepest > 0, self.law(at.w, None, loads), law))
 
     def _linear(self, at: Instant, sides: Sides, share: Floats) -> tuple[Floats, Floats]:
         """q'' (..., k, 1 + a) and t (..., m, 1 + a): of loads, and of a unit in each that slips.
@@ -102,11 +102,11 @@ class JointFriction(PairFriction):
         t = np.zeros((*at.rate.shape[:-1], len(sides), 1 + len(slips)))
         if stuck:
             weights = self.weights[stuck][:, None]
-            held = weights * S[..., stuck, :]
-            back = inverse @ np.swapaxes(held, -1, -2)
-            drift = held @ qdd
+            weighted_rows = weights * S[..., stuck, :]
+            back = inverse @ np.swapaxes(weighted_rows, -1, -2)
+            drift = weighted_rows @ qdd
             drift[..., 0] += weights[:, 0] * at.b[..., stuck]
-            force = -np.linalg.pinv(held @ back, rcond=DEPENDENT, hermitian=True) @ drift
+            force = -np.linalg.pinv(weighted_rows @ back, rcond=DEPENDENT, hermitian=True) @ drift
             qdd = qdd + back @ force
             t[..., stuck, :] = weights * force
         t[..., 0] += share
@@ -140,29 +140,29 @@ class JointFriction(PairFriction):
         qdd, t = self._linear(at, sides, share)
         F = at.G @ qdd + at.R @ t
         F[..., 0] += at.f
-        along = np.array([sides[j] for j in slips])
+        senses = np.array([sides[j] for j in slips])
 
         def laws(loads: Any = None) -> tuple[Any, Any]:
             """Signed factors and drags of what slips, (..., a); ``loads`` are those on it."""
             tangents = law
             if loads is not None:
-                whole = np.zeros(at.w.shape)
-                whole[..., slips] = loads
-                tangents = self._tangents(at, law, whole)
-            drag = -along * tangents[..., [m + j for j in slips]] if self.program.drags else ()
-            return -along * tangents[..., slips], drag
+                all_loads = np.zeros(at.w.shape)
+                all_loads[..., slips] = loads
+                tangents = self._tangents(at, law, all_loads)
+            drag = -senses * tangents[..., [m + j for j in slips]] if self.program.drags else ()
+            return -senses * tangents[..., slips], drag
 
-        one = np.ones((*at.rate.shape[:-1], 1))
+        multipliers = np.ones((*at.rate.shape[:-1], 1))
         solution: Any = None
         if slips:
-            most = [self.program.steepest[j] for j in slips] if self.program.steepest else ()
+            steepest = [self.program.steepest[j] for j in slips] if self.program.steepest else ()
             guides = [self.guides[j] for j in slips]
-            solution = self._solved(laws, most, guides, F[..., slips, :])
-            one = np.concatenate([one, np.stack(solution.t, axis=-1)], axis=-1)
-        qdd, t, F = ((x @ one[..., None])[..., 0] for x in (qdd, t, F))
+            solution = self._solved(laws, steepest, guides, F[..., slips, :])
+            multipliers = np.concatenate([multipliers, np.stack(solution.t, axis=-1)], axis=-1)
+        qdd, t, F = ((x @ multipliers[..., None])[..., 0] for x in (qdd, t, F))
         if len(slips) < m:  # what stands has no acceleration
-            stands = self.fixed(at, sides) & ~at.b.any(axis=-1)
-            qdd = np.where(stands[..., None], 0.0, qdd)
+            at_rest = self.fixed(at, sides) & ~at.b.any(axis=-1)
+            qdd = np.where(at_rest[..., None], 0.0, qdd)
         if solution is None:
             return Response(at, qdd, t, F)
         misfit = left_undone(solution.residual, solution.contraction)
@@ -190,25 +190,27 @@ class JointFriction(PairFriction):
             balance = self.balance if single else self.balance_all
             return balance(terms, steepest, tuple(guides), base, rows)
 
-    def kept(self, at: Instant, sides: Sides) -> Floats:
+    def sticking_rates(self, at: Instant, sides: Sides) -> Floats:
         """Rates (..., k) of drivers with which what sticks does not move, the nearest by M."""
-        return at.of_drivers(self._kept(at, sides), shifted=False)
+        return at.of_drivers(self._free_rates(at, sides), shifted=False)
 
-    def _kept(self, at: Instant, sides: Sides) -> Floats:
+    def _free_rates(self, at: Instant, sides: Sides) -> Floats:
         """Those (..., z) of what is free."""
         stuck = [j for j, s in enumerate(sides) if s == 0]
         if not stuck:
             return at.freedoms
-        held = self.weights[stuck][:, None] * at.S[..., stuck, :]
-        back = np.linalg.inv(at.M) @ np.swapaxes(held, -1, -2)
-        off = held @ at.freedoms[..., None]
+        weighted_rows = self.weights[stuck][:, None] * at.S[..., stuck, :]
+        back = np.linalg.inv(at.M) @ np.swapaxes(weighted_rows, -1, -2)
+        off = weighted_rows @ at.freedoms[..., None]
         if at.contact is not None:
             off = off + (self.weights * (at.carried + np.zeros(at.b.shape)))[..., stuck, None]
-        step = back @ (np.linalg.pinv(held @ back, rcond=DEPENDENT, hermitian=True) @ off)
+        step = back @ (np.linalg.pinv(weighted_rows @ back, rcond=DEPENDENT, hermitian=True) @ off)
         rate = at.freedoms - step[..., 0]
         # where nothing is left but rounding, nothing is left
-        left = np.abs(rate).max(axis=-1, keepdims=True, initial=0.0)
-        return np.where(left <= DEPENDENT * np.abs(at.rate).max(axis=-1, keepdims=True), 0.0, rate)
+        largest_rate = np.abs(rate).max(axis=-1, keepdims=True, initial=0.0)
+        return np.where(
+            largest_rate <= DEPENDENT * np.abs(at.rate).max(axis=-1, keepdims=True), 0.0, rate
+        )
 
     def fixed(self, at: Instant, sides: Sides) -> Any:
         """Whether what sticks leaves no freedom (...)."""
@@ -257,39 +259,45 @@ class JointFriction(PairFriction):
         that the shares are of follow from the friction, so both are iterated).
         """
         S, t, m = at.S, response.t.copy(), len(sides)
-        way = np.array(signs(S[stuck], v))
-        moved, others = np.array(stuck)[way != 0], np.array(stuck)[way == 0]
-        way, work = way[way != 0], np.abs(S[moved] @ v)
+        senses = np.array(signs(S[stuck], v))
+        moved, unmoved = np.array(stuck)[senses != 0], np.array(stuck)[senses == 0]
+        senses, work = senses[senses != 0], np.abs(S[moved] @ v)
         slips = [j for j, s in enumerate(sides) if s]
         side = np.array([sides[j] for j in slips])
-        wanted = at.M @ response.free - at.push
-        weights = self.weights[others][:, None]
-        back = np.linalg.pinv((weights * S[others]).T, rcond=DEPENDENT)
+        required = at.M @ response.free - at.push
+        weights = self.weights[unmoved][:, None]
+        back = np.linalg.pinv((weights * S[unmoved]).T, rcond=DEPENDENT)
         share, loads = 0.0, response.loads
         for _ in range(BALANCED):
-            last, held = t.copy(), self._breakaway(at, loads)
+            last, capacity = t.copy(), self._breakaway(at, loads)
             if slips:
                 g = at.norms(loads, self.guides)
                 law = self._tangents(at, at.law, g)
                 t[slips] = -side * (law[slips] * g[slips] + law[[m + j for j in slips]])
-            need = wanted - t[slips] @ S[slips]
-            share = float(need @ v) / max(float(work @ held[moved]), np.finfo(float).tiny)
+            need = required - t[slips] @ S[slips]
+            share = float(need @ v) / max(float(work @ capacity[moved]), np.finfo(float).tiny)
             if not share > 0:
                 return 0.0, math.inf, response.t
-            t[moved] = share * way * held[moved]
-            t[others] = weights[:, 0] * (back @ (need - t[moved] @ S[moved]))
+            t[moved] = share * senses * capacity[moved]
+            t[unmoved] = weights[:, 0] * (back @ (need - t[moved] @ S[moved]))
             loads = at.f + at.G @ response.free + at.R @ t
             if np.abs(t - last).max() <= 4 * EPS * np.abs(t).max():
                 break
-        return share, _largest(np.abs(t[others]), self._breakaway(at, loads)[others]), t
+        return share, _largest(np.abs(t[unmoved]), self._breakaway(at, loads)[unmoved]), t
 
     # -- at a state --------------------------------------------------------------
 
     def at(
-        self, q: Floats, qd: Floats, t: float, sides: Sides, x: Any = None, held: Held | None = None
+        self,
+        q: Floats,
+        qd: Floats,
+        t: float,
+        sides: Sides,
+        x: Any = None,
+        constraint: Constraints | None = None,
     ) -> Response:
         """One state, while it lies against stops that are held."""
-        return self.respond(self.instant(q, qd, t, x, held), sides)
+        return self.respond(self.instant(q, qd, t, x, constraint), sides)
 
     def power(self, response: Response, sides: Sides) -> float:
         """[W] that friction takes at an instant, less what laws with a state store."""
@@ -310,9 +318,9 @@ class JointFriction(PairFriction):
         if x is not None:
             law = np.where(np.tile(self.signed, 2), at.law, law)
         at = at._replace(M=np.ones(at.M.shape), G=0 * at.G, law=law)
-        starts, taken = np.full((2, len(q)), [[-math.inf], [math.inf]]), np.zeros(len(q))
-        for way, start in zip((-1, 1), starts, strict=True):
-            senses = self.senses(way * np.nan_to_num(at.S[..., 0])).reshape(len(q), -1)
+        starts, friction_sizes = np.full((2, len(q)), [[-math.inf], [math.inf]]), np.zeros(len(q))
+        for sense, start in zip((-1, 1), starts, strict=True):
+            senses = self.senses(sense * np.nan_to_num(at.S[..., 0])).reshape(len(q), -1)
             for sides in {tuple(row) for row in senses.astype(int).tolist()}:
                 some = np.flatnonzero((senses == sides).all(axis=1))
                 part = at if len(q) == 1 else at.part(some)
@@ -320,31 +328,31 @@ class JointFriction(PairFriction):
                 efforts, good = 0.0 - response.free[..., 0], np.isfinite(response.free[..., 0])
                 start[some] = np.where(good, efforts, start[some])
                 rubs = np.abs(response.t * part.S[..., 0]).sum(axis=-1)
-                taken[some] += np.where(good, rubs, 0.0)
+                friction_sizes[some] += np.where(good, rubs, 0.0)
         low, high = starts
-        return Holding(low, high, self._rounding(q)[:, 0] + 8 * EPS * taken)
+        return Holding(low, high, self._rounding(q)[:, 0] + 8 * EPS * friction_sizes)
 
     def from_state(
-        self, q: Floats, qd: Floats, t: float, held: Held | None, x: Any = None
+        self, q: Floats, qd: Floats, t: float, constraint: Constraints | None, x: Any = None
     ) -> tuple[Settled, Floats, Floats]:
         """What a motion begins with; accelerations of the drivers (k,), and pushes of stops."""
-        at = self.instant(q, qd, t, x, held)
-        begun = self.settled(at, self.without_slip(at, ()))
-        response = begun.response or self.respond(at, begun.sides)
-        return begun, response.qdd, response.pushes
+        at = self.instant(q, qd, t, x, constraint)
+        start = self.settled(at, self.sticking_pairs(at, ()))
+        response = start.response or self.respond(at, start.sides)
+        return start, response.qdd, response.pushes
 
-    def each(self, at: Instant, sides: Sides) -> Response:
+    def responses(self, at: Instant, sides: Sides) -> Response:
         """What n states respond with."""
         states = [at.part(i) for i in range(len(at.q))]
         if not states or not self._surplus(states[0], sides):
             return self.respond(at, sides)
-        known: dict[bytes, Response] = {}  # where all stands, one state is as the other
+        responses: dict[bytes, Response] = {}  # where all stands, one state is as the other
         rows = []
         for state in states:
             key = state.f.tobytes() + state.push.tobytes()
-            if key not in known:
-                known[key] = self.respond(state, sides)
-            rows.append(known[key])
+            if key not in responses:
+                responses[key] = self.respond(state, sides)
+            rows.append(responses[key])
         free, t = (np.array([getattr(x, part) for x in rows]) for part in ("free", "t"))
         return rows[0]._replace(at=at, free=free, t=t)
 
@@ -368,9 +376,9 @@ class JointFriction(PairFriction):
                 S[j] = 0.0
         return at._replace(S=S)
 
-    def without_slip(self, at: Instant, some: Sequence[int]) -> list[int]:
+    def sticking_pairs(self, at: Instant, some: Sequence[int]) -> list[int]:
         """Pairs without relative rate where ``some`` have none: those, and what goes with them."""
-        rate = self._kept(at, tuple(0 if j in some else 1 for j in range(len(self.names))))
+        rate = self._free_rates(at, tuple(0 if j in some else 1 for j in range(len(self.names))))
         off = np.abs(at.S @ rate + at.carried)
         size = np.abs(at.S) @ np.abs(rate) + np.abs(at.carried)
         return [
@@ -435,11 +443,11 @@ class JointFriction(PairFriction):
 
     def _beyond_place(self, at: Instant, settled: Settled) -> Sides:
         """The sides; of pairs that no driver moves at this place, those just beyond it."""
-        held = () if at.contact is None else at.contact.of_t  # nor do stops hold it
+        of_friction = () if at.contact is None else at.contact.of_t  # nor do stops hold it
         nowhere = [
             j
             for j, side in enumerate(settled.sides)
-            if side == 0 and not at.S[j].any() and not any(row[j] for row in held)
+            if side == 0 and not at.S[j].any() and not any(row[j] for row in of_friction)
         ]
         if not nowhere:
             return settled.sides
@@ -475,7 +483,7 @@ class JointFriction(PairFriction):
         return float(max(share * (1.0 - min(unknown, 1.0)) - 1.0, *wrong, 0.0))
 
 
-def _largest(need: Floats, held: Floats) -> float:
+def _largest(need: Floats, capacity: Floats) -> float:
     """The largest share; infinite where nothing holds what is needed."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.nanmax(np.where(need > 0, need / held, 0.0), initial=0.0))
+        return float(np.nanmax(np.where(need > 0, need / capacity, 0.0), initial=0.0))

@@ -58,22 +58,25 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
     Raises `RequestError` for names of nothing, stops in the wrong order, or a start that is
     not between them.
     """
-    given, scene = pairs_of("stops", stops, STOPS, mechanism._coordinate_units), mechanism.scene
-    bounds = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
+    call_stops, scene = (
+        pairs_of("stops", stops, STOPS, mechanism._coordinate_units),
+        mechanism.scene,
+    )
+    bounds = {d: s.bounds for d, s in scene.stops.items()} if call_stops is None else call_stops
     problems: list[Problem] = []
     stops_by_name: dict[str, Between] = {}
     driver, several = next(iter(starts)), len(starts) > 1
     for name in dict.fromkeys((*starts, *bounds)):
         low, high = map(float, bounds.get(name, (-math.inf, math.inf)))
-        where = scene.address("stops", name) if given is None else f"stops.{name}"
+        where = scene.address("stops", name) if call_stops is None else f"stops.{name}"
         e = scene.stops[name].restitution if name in scene.stops else None
         between = Stop(name, low, e), Stop(name, high, e)
         if name in starts or several:
             stops_by_name[name] = between
         if name not in starts and not _is_coordinate(mechanism, name):
-            none, known = f'no driver "{name}"', [n for n in mechanism.outputs if _ends_so(n)]
-            valid = f"drivers: {listed(starts)}; coordinates of pairs: {listed(known, 8)}"
-            remedy = close_match(name, [*starts, *known])
+            none, coordinates = f'no driver "{name}"', [n for n in mechanism.outputs if _ends_so(n)]
+            valid = f"drivers: {listed(starts)}; coordinates of pairs: {listed(coordinates, 8)}"
+            remedy = close_match(name, [*starts, *coordinates])
             problems.append(Problem("unknown-driver", where, none, valid, remedy))
         elif not low < high:
             order = f"the lowest must be below the highest, got {low:.9g} and {high:.9g}"
@@ -82,8 +85,8 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
             problems.append(_outside(where, f"{name}.q", q, low, high))
         elif name not in stops_by_name:
             try:
-                own = _of_pair(mechanism, name, between, starts, where)
-                stops_by_name[driver] = _narrower(stops_by_name[driver], own)
+                of_driver = _of_pair(mechanism, name, between, starts, where)
+                stops_by_name[driver] = _narrower(stops_by_name[driver], of_driver)
             except RequestError as error:
                 problems += error.problems
     if problems:
@@ -105,15 +108,15 @@ def _is_coordinate(mechanism: Compiled, name: str) -> bool:
     return _ends_so(name) and name in mechanism.outputs
 
 
-def _narrower(between: Between, more: Between) -> Between:
-    pairs = tuple(zip(between, more, strict=True))
+def _narrower(between: Between, second: Between) -> Between:
+    pairs = tuple(zip(between, second, strict=True))
     return max(pairs[0], key=lambda stop: stop.q), min(pairs[1], key=lambda stop: stop.q)
 
 
-def _turns(place: float, low: float, high: float, rotary: bool) -> float:
+def _turns(coordinate: float, low: float, high: float, rotary: bool) -> float:
     """Whole turns [rad] that a place is counted with: stops say how many, where it is an angle."""
-    nearest = min(max(place, low), high)
-    return math.tau * round((nearest - place) / math.tau) if rotary else 0.0
+    nearest = min(max(coordinate, low), high)
+    return math.tau * round((nearest - coordinate) / math.tau) if rotary else 0.0
 
 
 def counted_pairs(mechanism: Compiled, starts: Pairs, stops: tuple[Between, ...]) -> Counted | None:
@@ -125,12 +128,14 @@ def counted_pairs(mechanism: Compiled, starts: Pairs, stops: tuple[Between, ...]
     if not pairs.names:
         return None
     q = np.array([q for q, _ in starts.values()])
-    places, turns = pairs.state(q, 0 * q)[0], []
-    for (low, high), place, rotary in zip(stops[len(starts) :], places, pairs.rotary, strict=True):
-        turns.append(_turns(place, low.q, high.q, rotary))
-        if not low.q <= place + turns[-1] <= high.q:  # nor does a start that does not close
+    coordinates, turns = pairs.state(q, 0 * q)[0], []
+    for (low, high), coordinate, rotary in zip(
+        stops[len(starts) :], coordinates, pairs.rotary, strict=True
+    ):
+        turns.append(_turns(coordinate, low.q, high.q, rotary))
+        if not low.q <= coordinate + turns[-1] <= high.q:  # nor does a start that does not close
             where = mechanism.scene.address("stops", low.name)
-            start = (float(place + turns[-1]), low.q, high.q)
+            start = (float(coordinate + turns[-1]), low.q, high.q)
             raise RequestError(_outside(where, low.name, *start))
     return Counted(pairs, q, np.array(turns))
 
@@ -144,8 +149,8 @@ def _of_pair(
     phi.shift = _turns(phi.start, low, high, phi.rotary)
     if not low <= phi.start + phi.shift <= high:
         raise RequestError(_outside(where, name, phi.start + phi.shift, low, high))
-    places = [phi.reaches(low, high, way) for way in (-1, 1)]
-    first, last = (between[0]._replace(q=q, slope=phi.slope(q)) for q in places)
+    limits = [phi.reaches(low, high, direction) for direction in (-1, 1)]
+    first, last = (between[0]._replace(q=q, slope=phi.slope(q)) for q in limits)
     return first, last
 
 
@@ -158,9 +163,9 @@ class _Coordinate:
         self.mechanism, self.driver, self.name, self.q0 = mechanism, driver, name, q0
         self.rotary = mechanism.outputs[name].unit == "rad"
         self.turns = mechanism.structure.driver_joint(driver).rotary
-        self.start = float(self.along(np.array([q0]))[0])
+        self.start = float(self.values_at(np.array([q0]))[0])
 
-    def along(self, q: Any) -> Any:
+    def values_at(self, q: Any) -> Any:
         """Values (n,) at places (n,) in a row; NaN where the mechanism does not close."""
         run = self.mechanism.run(at={self.driver: q}, want=[self.name], on_gap="mark")
         values = np.asarray(run[self.name], dtype=float)
@@ -169,15 +174,15 @@ class _Coordinate:
             values[good] = np.unwrap(values[good])
         return values + self.shift
 
-    def reaches(self, low: float, high: float, way: int) -> float:
+    def reaches(self, low: float, high: float, direction: int) -> float:
         """The first place in a direction at which it gets to a bound; infinite for none."""
         from scipy.optimize import brentq
 
         size = math.tau if self.turns else REACH * largest_length(self.mechanism.structure)
         q, before = self.q0, self.start + self.shift
         for _ in range(TURNS if self.turns else 1):
-            places = q + way * np.linspace(0.0, size, SCANNED + 1)
-            values = self.along(places)
+            coordinates = q + direction * np.linspace(0.0, size, SCANNED + 1)
+            values = self.values_at(coordinates)
             if self.rotary:
                 values += math.tau * np.round((before - values[0]) / math.tau)
             out = np.flatnonzero(~((values >= low) & (values <= high)))
@@ -185,22 +190,22 @@ class _Coordinate:
             if out.size:
                 i = int(out[0])
                 if math.isnan(values[i]):  # a dead centre comes before
-                    return way * math.inf
+                    return direction * math.inf
                 bound = high if values[i] > high else low
-                near = values[i - 1] - bound
+                offset = values[i - 1] - bound
 
-                def beyond(x: float, near: float = near, bound: float = bound) -> float:
-                    value = float(self.along(np.array([x]))[0]) - bound
+                def beyond(x: float, offset: float = offset, bound: float = bound) -> float:
+                    value = float(self.values_at(np.array([x]))[0]) - bound
                     return value + (
-                        math.tau * round((near - value) / math.tau) if self.rotary else 0
+                        math.tau * round((offset - value) / math.tau) if self.rotary else 0
                     )
 
-                ends = sorted((places[i - 1], places[i]))
+                ends = sorted((coordinates[i - 1], coordinates[i]))
                 return float(brentq(beyond, *ends, xtol=1e-15, rtol=1e-15 * 4))
             if not self.rotary or abs(values[-1] - before) < math.pi:  # it comes back every turn
                 break
-            q, before = float(places[-1]), float(values[-1])
-        return way * math.inf
+            q, before = float(coordinates[-1]), float(values[-1])
+        return direction * math.inf
 
     def slope(self, q: float) -> float:
         """Its derivative by the driver's coordinate, at a place if there is one."""

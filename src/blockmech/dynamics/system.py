@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.contacts import Held, constrained
-from blockmech.dynamics.friction import least
+from blockmech.dynamics.contacts import Constraints, constrained
+from blockmech.dynamics.friction import smallest
 from blockmech.dynamics.pair_program import margins, pair_program
 from blockmech.dynamics.pair_stops import Counted, PairStops
 from blockmech.dynamics.roles import Roles
@@ -89,7 +89,7 @@ class Sample(NamedTuple):
         return np.asarray((self.margin > 0) & np.isfinite(self.J) & np.isfinite(self.tau))
 
 
-class One(NamedTuple):
+class ScalarTerms(NamedTuple):
     """What one state of one driver yields; floats."""
 
     J: float
@@ -139,9 +139,9 @@ def _equation(compiled: Source, deflections: bool) -> SingleEvaluator:
     Q = [s.ask(reduction.reduced_load, k) for k in drivers]
     rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
     c = [s.ask(rule, k) for k in drivers]
-    more = [*signals.rates(s), *(friction.deflection_rates(s) if deflections else ())]
-    more += signals.kinks(s)
-    return SingleEvaluator(s.program([*M, *Q, *c, *more, *margins(s)]))
+    signal_rates = [*signals.rates(s), *(friction.deflection_rates(s) if deflections else ())]
+    signal_rates += signals.kinks(s)
+    return SingleEvaluator(s.program([*M, *Q, *c, *signal_rates, *margins(s)]))
 
 
 def load_inputs(compiled: Source) -> tuple[str, ...]:
@@ -151,7 +151,7 @@ def load_inputs(compiled: Source) -> tuple[str, ...]:
     return s.program(loads).inputs
 
 
-def kept(compiled: Source) -> dict[Any, Any]:
+def run_cache(compiled: Source) -> dict[Any, Any]:
     """What methods keep of a mechanism from one run to the next."""
     return {}
 
@@ -168,7 +168,7 @@ class System:
     method : how joint friction is solved; None where it is left out or there is none
     engine : of single states: "scalar", "llvm" (machine code), or "auto": machine code once
         the mechanism was asked for so many, in all its runs, that compiling pays
-    held : place among ``stops`` of one that it lies against -> +1 the highest, -1 the lowest
+    contacts : place among ``stops`` of one that it lies against -> +1 the highest, -1 the lowest
     roles : of the drivers at an instant, None where all are free at all times
     begin : states from which signal blocks and friction laws go on; empty: their own
     """
@@ -179,7 +179,7 @@ class System:
     progress: Progress | None = None
     engine: str = "auto"
     signals: SignalProgram = field(init=False, default=NO_SIGNALS)
-    held: Mapping[int, int] = field(default_factory=dict)
+    contacts: Mapping[int, int] = field(default_factory=dict)
     counted: Counted | None = None
     roles: Roles | None = None
     begin: tuple[float, ...] = ()
@@ -228,7 +228,7 @@ class System:
             return variables
         of = {"qd": "rate", "t": "time", "x": "state"}
         inputs = {name.partition("_")[0] for name in self.compiled._once(load_inputs)}
-        return variables | {what for name, what in of.items() if name in inputs}
+        return variables | {variable for name, variable in of.items() if name in inputs}
 
     @cached_property
     def period(self) -> float | None:
@@ -241,9 +241,9 @@ class System:
 
     def keep(self, key: Any, make: Callable[[], T]) -> T:
         """What is made of the mechanism once, for all its runs."""
-        if key not in self.kept:
-            self.kept[key] = make()
-        value: T = self.kept[key]
+        if key not in self.cache:
+            self.cache[key] = make()
+        value: T = self.cache[key]
         return value
 
     @property
@@ -260,8 +260,8 @@ class System:
     def spans(self) -> list[float]:
         """Those of the coordinates of all drivers."""
         length = loads.largest_length
-        others = (math.tau if t else length(self.compiled.structure) for t in self.rotary[1:])
-        return [self.span, *others]
+        rest = (math.tau if t else length(self.compiled.structure) for t in self.rotary[1:])
+        return [self.span, *rest]
 
     @cached_property
     def lossless(self) -> bool:
@@ -289,16 +289,16 @@ class System:
         return self.compiled._once(equation_with_deflections if self.remembers else equation)
 
     @property
-    def kept(self) -> dict[Any, Any]:
+    def cache(self) -> dict[Any, Any]:
         """What methods keep of the mechanism from one run to the next."""
-        return self.compiled._once(kept)
+        return self.compiled._once(run_cache)
 
     def load_size(self, q: Floats, rate: float = 0.0) -> Any:
         """Sums (n,) of the magnitudes of the contributions to tau [N m or N] at a rate."""
         evaluator = self.compiled._once(reduced)
-        known = {"q_0": q, "qd_0": rate + 0.0 * q}
-        given = {name: known.get(name, 0.0 * q) for name in evaluator.program.inputs}
-        return evaluator.run(given, q.size)[2]
+        by_name = {"q_0": q, "qd_0": rate + 0.0 * q}
+        inputs = {name: by_name.get(name, 0.0 * q) for name in evaluator.program.inputs}
+        return evaluator.run(inputs, q.size)[2]
 
     def rounding(self, q: Any) -> Any:
         """What rounding leaves unknown of tau at rest [N m or N]: a sum of some ten efforts.
@@ -313,12 +313,13 @@ class System:
         """The same of the efforts on all drivers (..., k), at places (..., k)."""
 
         def sizes() -> Floats:
-            evaluator, places = self.compiled._once(load_sizes), np.atleast_2d(q)
-            by_name = {f"q_{i}": x for i, x in enumerate(places.T)}
+            evaluator, coordinates = self.compiled._once(load_sizes), np.atleast_2d(q)
+            by_name = {f"q_{i}": x for i, x in enumerate(coordinates.T)}
             inputs = {
-                name: by_name.get(name, 0.0 * places[:, 0]) for name in evaluator.program.inputs
+                name: by_name.get(name, 0.0 * coordinates[:, 0])
+                for name in evaluator.program.inputs
             }
-            return np.transpose(evaluator.run(inputs, len(places)))
+            return np.transpose(evaluator.run(inputs, len(coordinates)))
 
         return 8 * EPS * self._once("roundings", q.tobytes(), sizes).reshape(q.shape)
 
@@ -358,13 +359,13 @@ class System:
         """Rows (n, k) of all that has stops over the drivers, and drifts (n,): see `pair_stops`."""
         return self.pairs.rows(q, rate)
 
-    def against(self, q: Any, rate: Any, t: float, lead: float = 0.0) -> Held | None:
+    def against(self, q: Any, rate: Any, t: float, lead: float = 0.0) -> Constraints | None:
         """The stops that it lies against at a state, then drivers that are not free.
 
         None where there is none of both. ``lead`` as of `Roles.constraint`.
         """
-        stops = self.pairs.held(q, rate, sorted(self.held)) if self.held else None
-        return stops if self.roles is None else self.roles.beside(stops, t, lead)
+        stops = self.pairs.constraints(q, rate, sorted(self.contacts)) if self.contacts else None
+        return stops if self.roles is None else self.roles.extend(stops, t, lead)
 
     def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
         """What the stops push with (a,) that it lies against; x are states of signal blocks.
@@ -377,16 +378,20 @@ class System:
         M, c, Q, _ = self.terms_of(q, rate, t, x)[0]
         return self.accelerations(M, Q - c, q, rate, t)[1]
 
-    def places(self, q: Any) -> Floats:
+    def coordinates(self, q: Any) -> Floats:
         """Coordinates (n,) of all that has stops."""
-        own = np.atleast_1d(np.asarray(q, dtype=np.float64))
-        return own if self.counted is None else np.append(own, self.counted.at(own))
+        of_drivers = np.atleast_1d(np.asarray(q, dtype=np.float64))
+        return (
+            of_drivers
+            if self.counted is None
+            else np.append(of_drivers, self.counted.at(of_drivers))
+        )
 
-    def at_stop(self, i: int, place: float) -> int:
+    def at_stop(self, i: int, coordinate: float) -> int:
         """Which end stop a coordinate is at: +1 the highest, -1 the lowest, 0 none."""
-        for way, stop in zip((-1, 1), self.stops[i], strict=True):
-            if math.isfinite(stop) and abs(place - stop) <= loads.SAME * max(1.0, abs(stop)):
-                return way
+        for side, stop in zip((-1, 1), self.stops[i], strict=True):
+            if math.isfinite(stop) and abs(coordinate - stop) <= loads.SAME * max(1.0, abs(stop)):
+                return side
         return 0
 
     def pair_name(self, j: int) -> str:
@@ -417,32 +422,32 @@ class System:
         """Values (n,) of a program at states of one driver, flat."""
         self._count(q.size, True)
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
-        given = {"q_0": q.ravel(), "qd_0": rates, "qdd_0": 0.0 * rates, "t": np.full(q.size, t)}
+        inputs = {"q_0": q.ravel(), "qd_0": rates, "qdd_0": 0.0 * rates, "t": np.full(q.size, t)}
         states = zip(self.signals.names, self.signals.initial, strict=True)
-        given |= {name: np.full(q.size, x) for name, x in states}
+        inputs |= {name: np.full(q.size, x) for name, x in states}
         with np.errstate(all="ignore"):
-            return engine.run({n: given[n] for n in engine.program.inputs}, q.size)
+            return engine.run({n: inputs[n] for n in engine.program.inputs}, q.size)
 
-    def one(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
+    def scalar_terms(self, q: float, qd: float = 0.0, t: float = 0.0) -> ScalarTerms:
         """One state of one driver, signal blocks where they begin."""
-        return self.one_of(q, qd, t)[0]
+        return self.scalar_terms_of(q, qd, t)[0]
 
-    def one_of(
+    def scalar_terms_of(
         self, q: float, qd: float, t: float, x: Any = None, qdd: float | None = None
-    ) -> tuple[One, Any]:
+    ) -> tuple[ScalarTerms, Any]:
         """One state of one driver, and what signal blocks make of it: see `SignalProgram`.
 
         x are their states, by default the initial ones. Where signals follow the acceleration,
         and it is not given, the program is asked once more with that of the loads.
         """
-        given = {"q_0": q, "qd_0": qd, "qdd_0": 0.0 if qdd is None else qdd, "t": t}
-        values = self._single(given, x)
+        inputs = {"q_0": q, "qd_0": qd, "qdd_0": 0.0 if qdd is None else qdd, "t": t}
+        values = self._single(inputs, x)
         J, tau, dJ = values[:3]
         n = 3 + self.signals.values
         if qdd is None and self.follows_acceleration:
-            given["qdd_0"] = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
-            values = self._single(given, x)
-        return One(J, tau, dJ, least(values[n:])), values[3:n]
+            inputs["qdd_0"] = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
+            values = self._single(inputs, x)
+        return ScalarTerms(J, tau, dJ, smallest(values[n:])), values[3:n]
 
     @cached_property
     def follows_acceleration(self) -> bool:
@@ -457,35 +462,37 @@ class System:
     def terms_of(
         self, q: Any, qd: Any, t: float, x: Any = None, qdd: Any = None
     ) -> tuple[Terms, Any]:
-        """The equation of motion at one state, and the rest as of `one_of`.
+        """The equation of motion at one state, and the rest as of `scalar_terms_of`.
 
         Coordinates, rates and accelerations are numbers of one driver, else arrays (k,).
         """
         k = len(self.drivers)
         if k == 1:
             q, qd = float(np.ravel(q)[0]), float(np.ravel(qd)[0])
-            more: Any = ()
+            signal_values: Any = ()
             if self.signals.values:
-                one, more = self.one_of(
+                scalar, signal_values = self.scalar_terms_of(
                     q, qd, t, x, None if qdd is None else float(np.ravel(qdd)[0])
                 )
             else:
-                one = self.one(q, qd, t)
-            bias = np.array([0.5 * one.dJ * qd * qd])
-            return Terms(np.array([[one.J]]), bias, np.array([one.tau]), one.margin), more
-        given: dict[str, float] = {"t": t}
+                scalar = self.scalar_terms(q, qd, t)
+            bias = np.array([0.5 * scalar.dJ * qd * qd])
+            return Terms(
+                np.array([[scalar.J]]), bias, np.array([scalar.tau]), scalar.margin
+            ), signal_values
+        inputs: dict[str, float] = {"t": t}
         for i in range(k):
-            given[f"q_{i}"], given[f"qd_{i}"] = float(q[i]), float(qd[i])
-            given[f"qdd_{i}"] = 0.0 if qdd is None else float(qdd[i])
-        values = self._single(given, x)
+            inputs[f"q_{i}"], inputs[f"qd_{i}"] = float(q[i]), float(qd[i])
+            inputs[f"qdd_{i}"] = 0.0 if qdd is None else float(qdd[i])
+        values = self._single(inputs, x)
         M = np.array(values[: k * k]).reshape(k, k)
         Q, c = np.array(values[k * k : k * k + k]), np.array(values[k * k + k : k * k + 2 * k])
         first = k * k + 2 * k
         last = first + self.signals.values
         if qdd is None and self.follows_acceleration:
             qdd, _ = self.accelerations(M, Q - c, q, qd, t)
-            values = self._single(given | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
-        return Terms(M, c, Q, least(values[last:])), values[first:last]
+            values = self._single(inputs | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
+        return Terms(M, c, Q, smallest(values[last:])), values[first:last]
 
     def accelerations(
         self, M: Floats, Q: Floats, q: Any, rate: Any, t: float
@@ -503,13 +510,13 @@ class System:
 
         return self._once("typical", q, usual)
 
-    def _once(self, what: str, at: Any, make: Callable[[], T]) -> T:
+    def _once(self, quantity: str, at: Any, make: Callable[[], T]) -> T:
         """What is asked of a place or a state; of many runs that start there the first asks."""
-        known: tuple[Any, Any] = self.kept.get((what, type(self)), (None, None))
-        if known[0] != at:
-            known = self.kept[what, type(self)] = at, make()
-        made: T = known[1]
-        return made
+        cached: tuple[Any, Any] = self.cache.get((quantity, type(self)), (None, None))
+        if cached[0] != at:
+            cached = self.cache[quantity, type(self)] = at, make()
+        value: T = cached[1]
+        return value
 
     def inertia_rounding(self, q: float) -> float:
         """How many times the rounding of the inertia of the only driver at a place is its own.
@@ -523,19 +530,19 @@ class System:
         """Relative rounding of the effort by which the only driver starts from rest."""
         if self.friction is not None:
             x = np.array(self.signals.initial) if self.signals.initial else None
-            held = self.friction.holding(np.array([q]), t, x)
-            start = max(float(held.low[0]), -float(held.high[0]))
-            return float(held.rounding[0]) / start if start > held.rounding[0] else 0.0
+            holding = self.friction.holding(np.array([q]), t, x)
+            start = max(float(holding.low[0]), -float(holding.high[0]))
+            return float(holding.rounding[0]) / start if start > holding.rounding[0] else 0.0
         tau = abs(float(self.at(q, 0.0, t).tau[0]))
         return self.rounding(q) / tau if tau > 0 else 0.0
 
-    def _single(self, given: Mapping[str, float], x: Any = None) -> tuple[Any, ...]:
+    def _single(self, inputs: Mapping[str, float], x: Any = None) -> tuple[Any, ...]:
         """Values of the program of the equation of motion at one state."""
         self._count(1, False)
         if self.signals.names:
             states = self.signals.initial if x is None else x
-            given = {**given, **dict(zip(self.signals.names, states, strict=True))}
-        return self.engine_of_states.one([given[name] for name in self.equation_program.inputs])
+            inputs = {**inputs, **dict(zip(self.signals.names, states, strict=True))}
+        return self.engine_of_states.one([inputs[name] for name in self.equation_program.inputs])
 
     @property
     def engine_of_states(self) -> ScalarEngine | LlvmEngine:
@@ -547,7 +554,7 @@ class System:
         """Whether machine code is asked for single states, where there can be some."""
         if self.engine != "auto":
             return self.engine == "llvm"
-        program, before = self.equation_program, self.kept.get("states", 0)
+        program, before = self.equation_program, self.cache.get("states", 0)
         return account(program).states_pay(program, before + self.singles + self.states)
 
     def routes(self, motion: Any) -> Routes:
@@ -557,12 +564,14 @@ class System:
     @property
     def quick_states(self) -> bool:
         """Whether machine code says single states, once many of them are asked for."""
-        alone = len(self.drivers) == 1 and type(self).one is System.one  # no series
+        alone = (
+            len(self.drivers) == 1 and type(self).scalar_terms is System.scalar_terms
+        )  # no series
         return alone and self.engine != "scalar"
 
     def idle_steppers(self, method: Any) -> list[CompiledStepper]:
         """Those of a method that runs of the mechanism have left behind."""
-        idle: list[CompiledStepper] = self.kept.setdefault(("steppers", self.method, method), [])
+        idle: list[CompiledStepper] = self.cache.setdefault(("steppers", self.method, method), [])
         return idle
 
     def remember(self) -> None:
@@ -570,7 +579,7 @@ class System:
         for (*_, method), stepper in self.steppers.items():
             self.idle_steppers(method).append(stepper)
         self.steppers.clear()
-        self.kept["states"] = self.kept.get("states", 0) + self.singles + self.states
+        self.cache["states"] = self.cache.get("states", 0) + self.singles + self.states
 
     def _count(self, samples: int, batch: bool) -> None:
         before = self.samples + self.singles

@@ -72,15 +72,15 @@ def tangents(
     engine = compiled._once(_with_friction if friction else _without)
     k = len(compiled.structure.drivers)
     q = np.asarray(q, float).reshape(-1, k)
-    given: Arguments = {"t": np.broadcast_to(np.asarray(t, float), len(q))}
+    columns_by_name: Arguments = {"t": np.broadcast_to(np.asarray(t, float), len(q))}
     for which, (name, x) in enumerate(zip(INPUTS, (q, qd, qdd), strict=True)):
         columns = np.broadcast_to(np.asarray(x, float), q.shape)
         for i in range(k):
             seed = np.zeros((3 * k, len(q)))
             seed[which * k + i] = 1.0
-            given[f"{name}_{i}"] = Dual(columns[:, i], seed)
+            columns_by_name[f"{name}_{i}"] = Dual(columns[:, i], seed)
     program = engine.program
-    inputs = {name: given[name] for name in program.inputs}
+    inputs = {name: columns_by_name[name] for name in program.inputs}
     values = engine.run(inputs, tuple(program.parameters.values()), len(q), 3 * k)
     u, rest = values[:k], values[k:]
     slopes = np.array([x.d for x in u]).transpose(2, 0, 1)  # (n, k, 3k)
@@ -92,16 +92,16 @@ def tangents(
 def refuse_signals(compiled: Any) -> None:
     """Raise `RequestError` where loads follow signals, whose states are no coordinates."""
     if compiled.structure.signals:
-        found = "loads follow signals, whose states stand beside the coordinates"
-        raise refused("signals", found, "take the signals out, or simulate the motion")
+        fault = "loads follow signals, whose states stand beside the coordinates"
+        raise refused("signals", fault, "take the signals out, or simulate the motion")
 
 
 def refuse_friction_states(compiled: Any) -> None:
     """Raise `RequestError` where a joint has a friction law that remembers."""
     if compiled.structure.remembering:
-        found = "it has a friction law with a state, which stands beside the coordinates"
+        fault = "it has a friction law with a state, which stands beside the coordinates"
         remedy = 'leave joint friction out with friction="none", or simulate the motion'
-        raise refused(str(compiled.structure.remembering[0]), found, remedy)
+        raise refused(str(compiled.structure.remembering[0]), fault, remedy)
 
 
 def _without(compiled: Any) -> DualEngine:

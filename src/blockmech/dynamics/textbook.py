@@ -15,7 +15,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import FINER, TARGET, difference, judged, stopped, with_rounding
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import EVALUATIONS
-from blockmech.dynamics.time import TimeIntegration, in_time
+from blockmech.dynamics.time import TimeIntegration, integrate
 from blockmech.ground.errors import refused
 from blockmech.result.motion import Motion
 
@@ -38,7 +38,7 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
     if motion.status == "failed" or motion.end in ends.STOPPED:
         return motion
     finest = TARGET if target is None else min(TARGET, target / FINER)
-    exact = in_time(system, replace(request, accuracy=finest), "dop853")
+    exact = integrate(system, replace(request, accuracy=finest), "dop853")
     if exact.end in ends.STOPPED:
         return stopped(exact, motion)
     while True:
@@ -63,16 +63,16 @@ def _stepping(
     Refused where that makes more of them than can be made.
     """
     if method == "rk4":
-        whole = request.span
-        step = request.step or 5 * STEP * (whole if math.isfinite(whole) else 1.0)
+        total = request.span
+        step = request.step or 5 * STEP * (total if math.isfinite(total) else 1.0)
         unit = "time_step"
     else:
-        whole = max((abs(q - request.start.q) for q in request.places), default=math.inf)
+        total = max((abs(q - request.start.q) for q in request.goals), default=math.inf)
         step = request.step or STEP * (1.0 if system.rotary[0] else system.span)
         unit = "coordinate_step"
-    if math.isfinite(whole) and whole / step > EVALUATIONS:
-        found = f"{step:.3g} makes {whole / step:.3g} steps, at most {EVALUATIONS:,} can be made"
-        raise refused("step", found, "give a larger one")
+    if math.isfinite(total) and total / step > EVALUATIONS:
+        fault = f"{step:.3g} makes {total / step:.3g} steps, at most {EVALUATIONS:,} can be made"
+        raise refused("step", fault, "give a larger one")
 
     def run(h: float) -> Motion:
         motion = TimeIntegration(system, request, method, TARGET, method, 0.0, step=h).motion()

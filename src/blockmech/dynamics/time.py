@@ -83,8 +83,8 @@ class TimeIntegration(Integration):
         self.system.roles = self.request.roles
         if self.request.roles is not None:
             self.roles.append((self.t, self.request.roles))
-        how = self.equation.closeness, self.equation.stop_force
-        self.general = general_rules(self.system, self.request, *how)
+        measures = self.equation.closeness, self.equation.stop_force
+        self.general = general_rules(self.system, self.request, *measures)
         if self.system.counted is not None:
             self.system.counted.again()
         self.switched = self.request.switched  # when discrete signal blocks switched last
@@ -107,9 +107,9 @@ class TimeIntegration(Integration):
         if self.method != self.method_asked and status == "reached":
             self.notes.append(f"{self.method_asked} gave up on the way, {self.method} went on")
         fixed = self.method_asked in STEPPERS
-        if not (fixed or self.stands):
+        if not (fixed or self.is_rest):
             self.facts["tolerance"] = self.tolerance
-        rests = end == ends.REST or self.stands
+        rests = end == ends.REST or self.is_rest
         motion = self.result(
             method=self.method_asked,
             regime="fixed steps" if fixed else "rest" if rests else "integrated",
@@ -125,7 +125,7 @@ class TimeIntegration(Integration):
             cost=self.system.cost,
             engine=self.system.engine_of_states.name,
         )
-        return motion.but(error=0.0) if self.stands else motion
+        return motion.but(error=0.0) if self.is_rest else motion
 
     @property
     def silent(self) -> frozenset[str]:
@@ -133,7 +133,7 @@ class TimeIntegration(Integration):
         return SILENT | self.pairs.silent
 
     @property
-    def stands(self) -> bool:
+    def is_rest(self) -> bool:
         """Whether it is over without any step: at a finer tolerance it is the same."""
         return not self.moves and self.end not in UNFINISHED
 
@@ -144,14 +144,14 @@ class TimeIntegration(Integration):
 
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
-        worked, *more = self.y[self.layout.works].tolist()
-        taken = math.fsum(jolt.loss for jolt in self.jolts)
+        worked, *works = self.y[self.layout.works].tolist()
+        dissipated = math.fsum(jolt.loss for jolt in self.jolts)
         if self.layout.rubs:
-            self.facts["friction_work"] = more[0]
-            taken += more[0]
+            self.facts["friction_work"] = works[0]
+            dissipated += works[0]
         if self.layout.driven:
-            self.facts["drive_work"] = more[-1]
-            taken -= more[-1]
+            self.facts["drive_work"] = works[-1]
+            dissipated -= works[-1]
         if self.jolts:
             self.facts["impact_loss"] = math.fsum(jolt.loss for jolt in self.jolts)
         if self.pieces:
@@ -159,8 +159,8 @@ class TimeIntegration(Integration):
             if self.energy is None:
                 self.energy = self.equation.kinetic(start)
             before = self.energy
-            whole = max(before, after, self.turned)
-            balance = abs(after - before - worked + taken) / whole if whole > 0 else 0.0
+            scale = max(before, after, self.turned)
+            balance = abs(after - before - worked + dissipated) / scale if scale > 0 else 0.0
             if math.isfinite(balance):
                 self.facts["energy_balance"] = balance
 
@@ -199,7 +199,7 @@ class TimeIntegration(Integration):
         equation, system = self.equation, self.system
         signals = signal_rules(equation.kinks, system.signals.kinks)
         rules = self.general.copy()
-        if equation.drivers == 1 and not equation.held:
+        if equation.drivers == 1 and not equation.is_fixed:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
             rules += self._turn_rules()
         return [*rules, *signals, *self.pairs.rules()]
@@ -207,8 +207,8 @@ class TimeIntegration(Integration):
     def _turn_rules(self) -> list[EventFunction]:
         if self.turns is None or self.system.period is None:
             return []
-        way, place = self.turns.many * self.system.period, self.turns.place
-        return [driver_at(ends.WHOLE_TURN, q) for q in (place - way, place + way)]
+        travel, coordinate = self.turns.many * self.system.period, self.turns.coordinate
+        return [driver_at(ends.WHOLE_TURN, q) for q in (coordinate - travel, coordinate + travel)]
 
     def _turned(self) -> RunEnd | None:
         """Go on over a whole turn, if the goal may still be ahead."""
@@ -216,20 +216,20 @@ class TimeIntegration(Integration):
         q, rate = float(self.y[0]), float(self.y[1])
         assert self.turns is not None
         over = self.turns.turned(self.t, q, rate, self.request.accuracy or TARGET)
-        ahead = any(rate * (place - q) > 0 for place in self.request.places)
-        return None if ahead else over
+        may_be_met = any(rate * (goal - q) > 0 for goal in self.request.goals)
+        return None if may_be_met else over
 
     def segment(self) -> RunEnd | None:
         """Go on with one smooth right-hand side to whatever ends it."""
         if self.t_max - self.t <= 2 * EPS * abs(self.t_max):
             self.t = self.t_max
             return RunEnd("time", "reached")
-        structure, held = self.system.compiled.structure, self.system.held
+        structure, stops = self.system.compiled.structure, self.system.contacts
         self._switch()
         self._follow()
         if self.system.roles is not None and self.system.roles.over(self.t):
             return RunEnd(ends.LAW_ENDS)
-        if any(way * self.equation.stop_force(i, self.t, self.y) > 0 for i, way in held.items()):
+        if any(side * self.equation.stop_force(i, self.t, self.y) > 0 for i, side in stops.items()):
             return RunEnd(ends.LEAVES_STOP)  # what has just switched pulls
         if (pressed := self._pressed()) is not None:
             return RunEnd(pressed)
@@ -247,11 +247,14 @@ class TimeIntegration(Integration):
             self.t = bound
             return None
         parts = 1 if self.method in STEPPERS else PARTS
-        known = self.pairs.known(self._now)
+        past_events = self.pairs.coincident_events(self._now)
         if self.fired is not None and self.fired.kind != ends.RELEASED:
-            known.add((self.fired.kind, self.fired.index))
-        rules, here = self._rules(), (parts, self.system.spans, self.t, known)
-        lookouts = [EventDetector([r for r in rules if r.own is x], *here) for x in (False, True)]
+            past_events.add((self.fired.kind, self.fired.index))
+        rules, detector_options = self._rules(), (parts, self.system.spans, self.t, past_events)
+        lookouts = [
+            EventDetector([r for r in rules if r.by_user is x], *detector_options)
+            for x in (False, True)
+        ]
         self.fired = None
         hit = self.integrate(bound, *lookouts)
         if isinstance(hit, RunEnd):
@@ -305,15 +308,15 @@ class TimeIntegration(Integration):
             return None
         for i in range(self.equation.drivers):
             q, qd = self.y[self.layout.q][i], self.y[self.layout.rate][i]
-            way = self.system.at_stop(i, q)
-            if qd or not way or i in self.system.held:
+            side = self.system.at_stop(i, q)
+            if qd or not side or i in self.system.contacts:
                 continue
             y, push = self.y.copy(), 0.0
             for _ in range(CHAIN):
                 slope = np.asarray(self.equation(self.t, y), dtype=np.float64)
                 push = push or slope[self.layout.rate][i]
                 y[self.layout.signals] += CREEP * slope[self.layout.signals]
-            if push * way > 0:
+            if push * side > 0:
                 kind = self.system.end_at(i)
                 self.happened(kind, *self.layout.motion(self.y))
                 return kind
@@ -325,7 +328,7 @@ class TimeIntegration(Integration):
         """Why the run is over by the event that ended a segment, or None."""
         rule = self.fired = hit.rule
         kind, request = rule.kind, self.request
-        changes = (w for w in request.watch if w.then and rule.own and w.name == kind)
+        changes = (w for w in request.watch if w.then and rule.by_user and w.name == kind)
         if (watch := next(changes, None)) is not None:
             return self._change_roles(watch)
         if kind == ends.REVERSAL:
@@ -344,8 +347,8 @@ class TimeIntegration(Integration):
             self._past_contact(rule)
         if kind == ends.GOAL:
             return RunEnd(request.until.goal, "reached")
-        own = any(kind == w.name and w.terminal for w in request.watch)
-        return RunEnd(kind, "reached" if own else "ended")
+        by_user = any(kind == w.name and w.terminal for w in request.watch)
+        return RunEnd(kind, "reached" if by_user else "ended")
 
     def _stood(self) -> RunEnd | None:
         self.y[1] = 0.0
@@ -366,24 +369,24 @@ class TimeIntegration(Integration):
         as a turn does that begins on a kink, is on one side or the other, and is met here.
         """
         q, rate = float(self.y[0]), float(self.y[1])
-        way = PAST * max(1.0, abs(q))
-        if not abs(rate) * (self.t_max - self.t) > way:
+        offset = PAST * max(1.0, abs(q))
+        if not abs(rate) * (self.t_max - self.t) > offset:
             return None
-        short, there, late = self.y.copy(), self.y.copy(), way / abs(rate)
-        short[0], there[0] = q - math.copysign(way, rate), q + math.copysign(way, rate)
+        short, beyond, late = self.y.copy(), self.y.copy(), offset / abs(rate)
+        short[0], beyond[0] = q - math.copysign(offset, rate), q + math.copysign(offset, rate)
         same = [
             EventHit(rule, self.t)
             for rule in self._rules()
             if rule.terminal
-            and (rule.own or (rule.component == 0 and rule.kind != ends.KINK))
+            and (rule.by_user or (rule.component == 0 and rule.kind != ends.KINK))
             and turned(
-                rule.value(self.t - late, short), rule.value(self.t + late, there), rule.direction
+                rule.value(self.t - late, short), rule.value(self.t + late, beyond), rule.direction
             )
         ]
         if same and same[0].rule.kind == ends.GOAL:
             return self._met(same[0])
-        if np.isfinite(self.equation(self.t + late, there)).all():
-            self.y, self.t = there, self.t + late
+        if np.isfinite(self.equation(self.t + late, beyond)).all():
+            self.y, self.t = beyond, self.t + late
         if not same:
             return None
         self.note(same[:1], lambda t: self.y)
@@ -396,7 +399,7 @@ class TimeIntegration(Integration):
             self.t, self.y, late = self.t + late, self.y + late * slope, 2 * late
 
 
-def in_time(
+def integrate(
     system: System, request: SimulationRequest, method: str, patient: bool = True
 ) -> Motion:
     """The motion by an integrator, with its estimated error; see `TimeIntegration.patient`."""

@@ -30,7 +30,7 @@ class RepeatedSegment:
     gain : [J] by which the kinetic energy grows in one
     mirrored : whether every other one runs backwards: a swing and the swing back
     starts : (n + 1,) [s] since t0 of the repetitions, where they do not last equally long
-    known : repetitions with their energies, the last one or two that were asked for
+    cache : repetitions with their energies, the last one or two that were asked for
     """
 
     t0: float
@@ -39,7 +39,7 @@ class RepeatedSegment:
     gain: float = 0.0
     mirrored: bool = False
     starts: Floats | None = None
-    known: dict[int, Panels] = field(default_factory=dict, repr=False, compare=False)
+    cache: dict[int, Panels] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def duration(self) -> float:
@@ -51,22 +51,22 @@ class RepeatedSegment:
         since = k * self.duration if self.starts is None else float(self.starts[k])
         return self.t0 + since
 
-    def compared_in(self, other: RepeatedSegment, t_end: float) -> list[int]:
+    def compared_in(self, second: RepeatedSegment, t_end: float) -> list[int]:
         """Repetitions that begin before a time [s] and are compared: ends, and the worst."""
-        if self.starts is None or other.starts is None:
+        if self.starts is None or second.starts is None:
             return sorted({0, max(math.ceil((t_end - self.t0) / self.duration) - 1, 0)})
-        most = min(max(int(np.searchsorted(self.starts, t_end - self.t0)), 1), len(self.starts))
-        worst = int(np.abs(self.starts[:most] - other.starts[:most]).argmax())
-        return sorted({0, most - 1, worst})
+        count = min(max(int(np.searchsorted(self.starts, t_end - self.t0)), 1), len(self.starts))
+        worst = int(np.abs(self.starts[:count] - second.starts[:count]).argmax())
+        return sorted({0, count - 1, worst})
 
     def repetition(self, k: int) -> Panels:
         """Its panels, with its energy; times and places as in the first."""
         if not (self.gain and k):
             return self.panels
-        if k not in self.known:
-            self.known.clear()
-            self.known[k] = self.panels.taken_from(0.0, k * self.gain)
-        return self.known[k]
+        if k not in self.cache:
+            self.cache.clear()
+            self.cache[k] = self.panels.started_at(0.0, k * self.gain)
+        return self.cache[k]
 
     def at(self, t: float) -> tuple[float, float]:
         """Driver coordinate and rate at a time [s]."""
@@ -98,17 +98,17 @@ class RepeatedSegment:
         else:
             numbers, which = np.unique(k, return_inverse=True)
             durations = panels.durations_with(numbers * self.gain)
-            ends, each = np.cumsum(durations, axis=1)[which], np.arange(rest.size)
+            ends, indices = np.cumsum(durations, axis=1)[which], np.arange(rest.size)
             i = np.minimum((ends <= rest[:, None]).sum(axis=1), durations.shape[1] - 1)
-            left = ends[each, i] - rest
-            since = np.where(panels.backward[i], left, durations[which, i] - left)
-            q, qd = panels.some(i, k * self.gain).state_in(each, since)
+            remaining = ends[indices, i] - rest
+            since = np.where(panels.backward[i], remaining, durations[which, i] - remaining)
+            q, qd = panels.some(i, k * self.gain).state_in(indices, since)
         return q + k * self.step, np.where(back, -qd, qd)
 
-    def at_way(self, way: float) -> float:
+    def time_at_travel(self, travel: float) -> float:
         """Time [s] at which the driver has advanced by so much since t0."""
-        k = math.floor(way / self.step)
-        q = self.panels.begin + (way - k * self.step)
+        k = math.floor(travel / self.step)
+        q = self.panels.begin + (travel - k * self.step)
         return self.begins(k) + self.repetition(k).at_place(q)
 
     def durations(self, energies: Floats) -> Floats:
@@ -126,12 +126,12 @@ def second_run(run: Sequence[Leg]) -> list[Leg]:
     legs, t = list[Leg](), 0.0
     for leg, following in zip(run, [*run[1:], None], strict=True):
         if isinstance(leg, Panels):
-            panels = leg.other.taken_from(t)
+            panels = leg.second.started_at(t)
             legs.append(panels)
             t = panels.t1
             continue
-        panels = leg.panels.other.taken_from(0.0)
-        segment = replace(leg, t0=t, panels=panels, gain=panels.gain if leg.gain else 0.0, known={})
+        panels = leg.panels.second.started_at(0.0)
+        segment = replace(leg, t0=t, panels=panels, gain=panels.gain if leg.gain else 0.0, cache={})
         if leg.starts is not None:
             energies = np.arange(len(leg.starts) - 1) * np.float64(segment.gain)
             starts = np.append(0.0, np.cumsum(segment.durations(energies)))
@@ -143,7 +143,7 @@ def second_run(run: Sequence[Leg]) -> list[Leg]:
 
 
 def compared(
-    run: Sequence[Leg], other: Sequence[Leg], t_end: float
+    run: Sequence[Leg], second: Sequence[Leg], t_end: float
 ) -> Iterator[tuple[Panels, Panels, int, float, float, float]]:
     """Panels of two runs over the same ones, until a time [s] since their start, in its order.
 
@@ -151,14 +151,14 @@ def compared(
     backwards, beside their own times; and what is added to places. Of what repeats the first and
     the last repetition count, and the one that is most apart.
     """
-    for leg, there, end in zip(run, other, [*(x.t0 for x in run[1:]), t_end], strict=True):
-        if isinstance(leg, Panels) or isinstance(there, Panels):
-            yield leg, there, 1, 0.0, 0.0, 0.0  # type: ignore[misc]
+    for leg, second_leg, end in zip(run, second, [*(x.t0 for x in run[1:]), t_end], strict=True):
+        if isinstance(leg, Panels) or isinstance(second_leg, Panels):
+            yield leg, second_leg, 1, 0.0, 0.0, 0.0  # type: ignore[misc]
             continue
-        for k in leg.compared_in(there, end):
+        for k in leg.compared_in(second_leg, end):
             back = leg.mirrored and k % 2
-            begins = leg.begins(k + back), there.begins(k + back)
-            yield leg.repetition(k), there.repetition(k), 1 - 2 * back, *begins, k * leg.step
+            begins = leg.begins(k + back), second_leg.begins(k + back)
+            yield leg.repetition(k), second_leg.repetition(k), 1 - 2 * back, *begins, k * leg.step
 
 
 class Apart(NamedTuple):
@@ -183,7 +183,7 @@ class Apart(NamedTuple):
 def apart(
     code: PathCode,
     run: Sequence[Leg],
-    other: Sequence[Leg],
+    second: Sequence[Leg],
     t_start: float,
     t_end: float,
     share: float,
@@ -193,14 +193,16 @@ def apart(
     ``share``: what rounding leaves unknown of times, relative.
     """
     at = np.array([0.0, 0.0, 0.0, t_end, t_start, share, ROUNDING])
-    found = np.zeros(len(Apart._fields))
-    found[LOWEST], found[HIGHEST] = math.inf, -math.inf
-    for one, there, sign, begin, begin_there, step in compared(run, other, t_end - t_start):
-        time, late = begin + sign * one.before, begin_there + sign * there.before
+    totals = np.zeros(len(Apart._fields))
+    totals[LOWEST], totals[HIGHEST] = math.inf, -math.inf
+    for panels, second_panels, sign, begin, second_begin, step in compared(
+        run, second, t_end - t_start
+    ):
+        time, late = begin + sign * panels.before, second_begin + sign * second_panels.before
         at[: STEP + 1] = t_start + time, t_start + late, step
-        many, back = len(one.records), int(sign < 0)
-        code.beside(one.records, there.records, many, back, at, found)
-    return Apart(*found.tolist())
+        many, back = len(panels.records), int(sign < 0)
+        code.compare(panels.records, second_panels.records, many, back, at, totals)
+    return Apart(*totals.tolist())
 
 
 @dataclass(frozen=True)
@@ -209,27 +211,27 @@ class PathTrack:
 
     legs: tuple[Leg, ...]
     t_start: float = 0.0
-    _kept: list[Floats] = field(default_factory=list, repr=False, compare=False)
+    _cache: list[Floats] = field(default_factory=list, repr=False, compare=False)
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]; that at many is kept, as runs are compared where they end."""
         if t.size <= FEW:
             return self._state(t)
-        if not (self._kept and np.array_equal(t, self._kept[0])):
-            self._kept[:] = t.copy(), *self._state(t)
-        _, q, qd = self._kept
+        if not (self._cache and np.array_equal(t, self._cache[0])):
+            self._cache[:] = t.copy(), *self._state(t)
+        _, q, qd = self._cache
         return State(q.copy(), qd.copy())
 
     def _state(self, t: Floats) -> State:
         since, begins = t - self.t_start, [leg.t0 for leg in self.legs[1:]]
         if since.size <= FEW:
-            each = [self.legs[bisect_right(begins, x)].at(x) for x in since.tolist()]
-            return State(*np.array(each).reshape(-1, 2).T)
+            states = [self.legs[bisect_right(begins, x)].at(x) for x in since.tolist()]
+            return State(*np.array(states).reshape(-1, 2).T)
         which = np.searchsorted(begins, since, "right")
         q, qd = np.empty_like(since), np.empty_like(since)
         for i in set(which.tolist()):
-            here = np.flatnonzero(which == i)
-            for k in range(0, here.size, AT_ONCE):
-                some = here[k : k + AT_ONCE]
+            indices = np.flatnonzero(which == i)
+            for k in range(0, indices.size, AT_ONCE):
+                some = indices[k : k + AT_ONCE]
                 q[some], qd[some] = self.legs[i].state(since[some])
         return State(q, qd)

@@ -16,33 +16,33 @@ class TurnsInTime:
     slower in it. So turns that gain ever more never come to a standstill; nor do those whose
     changes fade out before they count.
 
-    place, t : [rad], [s] where the last one ended; square : [1/s2] of the rate there
+    coordinate, t : [rad], [s] where the last one ended; square : [1/s2] of the rate there
     change : [1/s2] of the square in the last one, if that was looked at
-    many, done : turns to the next place to look at, and those before
+    many, passed : turns to the next place to look at, and those before
     """
 
-    place: float
+    coordinate: float
     t: float
     square: float
     change: float = math.nan
     many: int = 1
-    done: int = 0
+    passed: int = 0
 
     def turned(self, t: float, q: float, rate: float, target: float) -> RunEnd | None:
         """Go on to that place; why the run is over where more of the kind follow for ever.
 
         target : [rad] by which changes may move what follows a turn later
         """
-        way, last, duration = abs(q - self.place), self.change, t - self.t
-        change, small = rate**2 - self.square, 2 * way * target / duration**2
-        self.done += self.many
-        self.place, self.t, self.square = q, t, rate**2
+        travel, last, duration = abs(q - self.coordinate), self.change, t - self.t
+        change, small = rate**2 - self.square, 2 * travel * target / duration**2
+        self.passed += self.many
+        self.coordinate, self.t, self.square = q, t, rate**2
         if self.many > 1 or math.isnan(last):  # two in a row tell
             self.change, self.many = math.nan if self.many > 1 else change, 1
             return None
-        self.change, self.many = math.nan, self.done  # and others ever more rarely
+        self.change, self.many = math.nan, self.passed  # and others ever more rarely
         if change**2 <= (abs(last) - abs(change)) * small:  # all that follow, a geometric series
-            facts = {"period": duration, "mean_speed": way / duration}
+            facts = {"period": duration, "mean_speed": travel / duration}
             return RunEnd("never reached: rotation", facts=facts)
         secular = change >= last > 0 and change > small
         return RunEnd("never reached: secular") if secular else None

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.batch import moved, rates_for
+from blockmech.dynamics.batch import choose_rates, moved
 from blockmech.dynamics.batch_motions import Motions
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.request import (
@@ -89,9 +89,9 @@ OF_BATCH: Mapping[str, Callable[[Motions], Array]] = {
     "rate_end": lambda m: m.rate,
     "error": lambda m: m.error,
     "time_error": lambda m: m.time_error,
-    "standstills": lambda m: m.stands,
+    "standstills": lambda m: m.standstills,
     "time_to_rest": lambda m: m.rest,
-    "friction_work": lambda m: m.taken,
+    "friction_work": lambda m: m.friction_work,
 }
 """Numbers that motions side by side know."""
 
@@ -293,7 +293,7 @@ class Together:
             return None  # where a pair's stop is, each design says for itself
         how = friction_asked(runner.settings["friction"])
         system = System(runner.family.general, method=how, engine=runner.engine)
-        rates, method = rates_for(system, request), request.method
+        rates, method = choose_rates(system, request), request.method
         numbers = all(w.how == MOTION for w in runner.want)
         swings = None
         if rates is not None and numbers and method != "dop853":

@@ -60,7 +60,7 @@ from blockmech.dynamics.path_loops import (
     Records,
     Rows,
     Runs,
-    beside,
+    compare,
     ending,
     through,
 )
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-T_END, Q_END, LATER, KNOWN = range(8, 12)  # of what is found, after what `beside` finds
+T_END, Q_END, LATER, KNOWN = range(8, 12)  # of what is found, after what `compare` finds
 
 
 def sampled(
@@ -121,7 +121,7 @@ def both_sampled(
         else:
             piece[1, J, 0] += rounding * bounds[LARGEST_J]
         for j in range(2):
-            values[j] = piece[r, j] @ nodes.known
+            values[j] = piece[r, j] @ nodes.values
             for i in range((of.n + 2) >> 1 if sign < 0.0 else 0):  # the nodes lie alike
                 there = values[j, of.n + 1 - i]
                 values[j, of.n + 1 - i] = values[j, i]
@@ -141,7 +141,7 @@ def swings(
     places, pieces : of the pieces ahead with the coordinate, and behind them against it
     start : coordinate and rate, the least effort that moves it, `ROUNDING` of work and of time
     room, panels, T : a piece, the panels of a design, and what `through` needs
-    found : (designs, 12) what `beside` says, then time and place of the end, difference of the
+    found : (designs, 12) what `compare` says, then time and place of the end, difference of the
         ends, and 1 where all that is known
     """
     for d in range(designs):
@@ -169,7 +169,7 @@ def swings(
             if how != GOES_ON or runs[0, PLACE] != far:
                 break
         if how == STANDS:
-            beside(of, nodes, T, panels, panels, counts[0], 0, start[4:], found[d])
+            compare(of, nodes, T, panels, panels, counts[0], 0, start[4:], found[d])
             found[d, KNOWN] = 1.0 - found[d, ROUGHLY]
         found[d, T_END], found[d, Q_END] = runs[0, CLOCK], runs[0, PLACE]
         found[d, LATER] = abs(runs[1, CLOCK] - runs[0, CLOCK])
@@ -208,14 +208,14 @@ class FirstSwings(NamedTuple):
             return None
         mesh, places, pieces = PathMesh(system, q, FINE, RESOLVED), [], []
         for sign in (1, -1):
-            ahead = mesh.ahead(q, sign)
-            if isinstance(ahead, str) or ahead[0].places[0, LIMIT]:
+            ahead = mesh.course(q, sign)
+            if isinstance(ahead, str) or ahead[0].bounds[0, LIMIT]:
                 return None
-            places.append(ahead[0].places.copy())
+            places.append(ahead[0].bounds.copy())
             places[-1][:, [LOW, HIGH]] += ahead[1]
             pieces.append(len(places[-1]))
         share = share_of_all(system, request)
-        at = 0.0, 0.0, 0.0, np.inf, 0.0, share, ROUNDING  # as `beside` takes it
+        at = 0.0, 0.0, 0.0, np.inf, 0.0, share, ROUNDING  # as `compare` takes it
         start = np.array([q, rate, system.rounding(q) / SETTLED, ROUNDING, *at])
         arrays = np.concatenate(places), np.array(pieces, np.int64), start
         return cls(compiled(rates.dimension), rates, *arrays, request)
