@@ -180,6 +180,15 @@ def test_below_the_floor_of_rounding_the_smaller_error_is_stated_and_the_floor_i
     assert found.notes[-1].endswith("the floor of rounding")
 
 
+def test_errors_that_cancel_by_chance_are_not_stated_where_finer_runs_tell():
+    """Both runs of the first pair are 3e-6 off, and 1e-12 apart."""
+    system = mechanism("watt_sixbar")._once(System)
+    pairs = 3e-6 + 1e-12, 3e-6, 1e-7, 0.0, 1e-9, 0.0
+    motion = refined(pairs_of(*pairs), system, 1e-15, (), 1 / 16)
+    assert motion.q_end == 1.0
+    assert motion.error == pytest.approx(1e-9 / 16, rel=1e-3)
+
+
 SCALAR = ["hammer", "motions/clock", "motions/pin_pendulum"]
 FALLING = ["watt_sixbar", "pump", "motions/shaken_slider", "stribeck_slider_crank"]
 SAME = 1 + 1e-6  # of a floor of rounding, which is told by states on the way

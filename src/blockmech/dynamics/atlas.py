@@ -150,6 +150,7 @@ class Atlas:
     runs : of each leg, whose steps the walk by half of them halves
     systems : of all walks
     rounded : roundings by which a walk is off where the state is handed over
+    offset : [rad or m] and relative, what that is in coordinates and rates
     """
 
     home: Chart
@@ -163,6 +164,7 @@ class Atlas:
     runs: list[TimeIntegration] = field(default_factory=list)
     systems: list[System] = field(default_factory=list)
     rounded: int = 0
+    offset: float = 0.0
 
     def walk(self, tolerance: float, halves: bool = False) -> Motion:
         """Go on from chart to chart until something else than a dead centre ends the motion.
@@ -173,6 +175,7 @@ class Atlas:
         cycle_options = max(tolerance, self.target), self.request.goals, self.conserves
         legs, cycle = list[Leg](), Cycle(*cycle_options) if self.repeats else None
         chart, request, users = self.home, self.request, np.atleast_1d(self.request.start.q)
+        energy = math.nan  # [J] kinetic, where a leg begins by another joint's coordinate
         while True:
             events = [e for leg in legs for e in leg.motion.events]
             request = replace(request, until=self.request.remaining_goal(request.start.t, events))
@@ -183,6 +186,7 @@ class Atlas:
             chart_request = self._chart_request(chart, request, counted)
             same = before[len(legs) : len(legs) + 1]
             run = self._run(chart, chart_request, tolerance, same, planned)
+            energy = self._keep_energy(run, energy)
             leg = Leg(chart, run.motion(), counted)
             self.runs.append(run)
             if cycle is not None and (over := cycle.closed(leg, bool(legs))) is not None:
@@ -200,6 +204,7 @@ class Atlas:
             users = np.atleast_1d(leg.state(np.array([leg.motion.t_end])).q[0])
             chart, starts = entry.chart, self._states(leg, entry.chart.joints, entry.starts)
             start = start_of(starts)._replace(t=entry.t)
+            energy += run.net_work(entry.t)
             roles = run.roles[-1][1] if run.roles else None
             request = replace(self.request, start=start, roles=roles)
 
@@ -280,7 +285,7 @@ class Atlas:
         turns = {joint: x for joint, (x, _) in references.items()}
         turns |= dict(zip(chart.users, users.tolist(), strict=True))
         weakest = chart.singular_values(chart.poses(q), chart.joints)[-1]
-        offset = self.rounded * EPS / weakest
+        self.offset = self.rounded * EPS / weakest
         leads = dict(zip(chart.joints, zip(q.tolist(), qd.tolist(), strict=True), strict=True))
         at, states = chart.states(q, qd), dict[str, tuple[float, float]]()
         for joint in joints:
@@ -288,10 +293,23 @@ class Atlas:
             if joint in turns and chart.layout.pairs[joint].kind == "R":
                 x += math.tau * round((turns[joint] - x) / math.tau)
             coordinate, _ = on = leads.get(joint, (math.inf, 0.0))
-            states[joint] = (
-                on if abs(coordinate - x) < SAME else (x + offset, rate * (1.0 + offset))
-            )
+            states[joint] = on if abs(coordinate - x) < SAME else (x + self.offset, rate)
         return states
+
+    def _keep_energy(self, run: TimeIntegration, energy: float) -> float:
+        """Kinetic energy [J] with which a leg begins: after the first, that at the end before it.
+
+        Poses near a dead centre are known to EPS / s, with s the least singular value, and so is
+        the energy by work; rates that follow from such poses are known to EPS / s^2 alone.
+        """
+        present = run.equation.kinetic(run.y)
+        if math.isnan(energy):
+            return present
+        roles, scale = run.request.roles, 1.0 + self.offset
+        if present > 0 and energy > 0 and (roles is None or not roles.prescribed):
+            scale *= math.sqrt(energy / present)
+        run.y[run.layout.rate] *= scale
+        return present * scale**2
 
     def _joined(self, legs: Sequence[Leg]) -> Motion:
         """The motion of all legs, in the coordinates of the user's drivers."""

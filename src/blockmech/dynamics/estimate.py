@@ -243,7 +243,7 @@ def refined(
         nothing moves
     remainder : of the difference of two runs the finer one is off by no more
 
-    Targets below `LEAST` go down one ladder of tolerances, none states more than a looser one.
+    Targets below `LEAST` go down one ladder of tolerances, so that errors fall with the request.
     """
     tolerance, best = max(target, LEAST), None
     while True:
@@ -259,9 +259,10 @@ def refined(
         steps = judged(coarse, fine, apart, requested, remainder)
         states = fine.cost.states - coarse.cost.states
         motion = with_rounding(system, steps, None, apart, states)
-        smaller = best is not None and apart.agree and motion.error < best.error
-        if best is None or best.end == ends.UNDECIDED or smaller:
+        if best is None or best.end == ends.UNDECIDED:
             best = motion
+        elif apart.agree:
+            best = confirmed(best, motion, system.rotary, requested)
         if apart.agree and motion.error <= target:
             return best
         floor = apart.agree and 2 * steps.error <= motion.error
@@ -270,6 +271,20 @@ def refined(
         share = 0.3 * target / motion.error if apart.agree else 0.0
         share = min(share, 0.5) if target >= LEAST and share > 0 else 1 / FINER
         tolerance = max(tolerance * share, FLOOR)
+
+
+def confirmed(
+    before: Motion, motion: Motion, rotary: tuple[bool, ...], requested: tuple[float, ...]
+) -> Motion:
+    """The motion of two pairs of runs whose error is the smaller.
+
+    Where that is not the finer one rounding is at work, and errors of a pair may cancel by chance:
+    it is off by no less than it is from the finer one.
+    """
+    if motion.error < before.error:
+        return motion
+    apart = difference(before, motion, rotary, requested)
+    return before.but(error=max(before.error, apart.q)) if apart.agree else before
 
 
 def judged(

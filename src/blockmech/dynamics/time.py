@@ -142,16 +142,23 @@ class TimeIntegration(Integration):
         dense = Dense.joined(self.times, self.pieces)
         return TimeTrack(self.layout, dense, tuple(self.roles), tuple(self.jolts), standstills)
 
+    def net_work(self, t: float) -> float:
+        """[J] since the start of loads and drives, less what friction and jolts took until then."""
+        if not self.pieces:
+            return 0.0
+        y = self.y if t == self.t else Dense.joined(self.times, self.pieces)(np.array([t]))[:, 0]
+        loads, *works = map(float, y[self.layout.works])
+        friction = works[0] if self.layout.rubs else 0.0
+        drives = works[-1] if self.layout.driven else 0.0
+        return loads + drives - friction - math.fsum(x.loss for x in self.jolts if x.t <= t)
+
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
-        worked, *works = self.y[self.layout.works].tolist()
-        dissipated = math.fsum(jolt.loss for jolt in self.jolts)
+        _, *works = self.y[self.layout.works].tolist()
         if self.layout.rubs:
             self.facts["friction_work"] = works[0]
-            dissipated += works[0]
         if self.layout.driven:
             self.facts["drive_work"] = works[-1]
-            dissipated -= works[-1]
         if self.jolts:
             self.facts["impact_loss"] = math.fsum(jolt.loss for jolt in self.jolts)
         if self.pieces:
@@ -160,7 +167,7 @@ class TimeIntegration(Integration):
                 self.energy = self.equation.kinetic(start)
             before = self.energy
             scale = max(before, after, self.turned)
-            balance = abs(after - before - worked + dissipated) / scale if scale > 0 else 0.0
+            balance = abs(after - before - self.net_work(self.t)) / scale if scale > 0 else 0.0
             if math.isfinite(balance):
                 self.facts["energy_balance"] = balance
 
