@@ -84,5 +84,5 @@ def test_auto_is_near_the_best_method() -> None:
         f"most {', '.join(f'{ratios[name]:.2f} ({name})' for name in worst)}"
     )
     print(NOTES[-1])
-    assert len(missed) <= 0.01 * compared, missed
-    assert max(missed.values(), default=0.0) <= 3, missed  # of what is stated, in none
+    assert compared
+    assert not missed

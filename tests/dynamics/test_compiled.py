@@ -54,10 +54,10 @@ def test_a_motion_with_friction_is_the_same(monkeypatch, engine):
     monkeypatch.setattr(Account, "states_pay", lambda self, program, states: states > 700)
     request = {"until": "time=0.8", "start": {"crank": (1.0, 0.0)}, "method": "dop853"}
     request["accuracy"] = 1e-7
-    one, other = both(rubbing, engine, **request)
-    assert_one_motion(one, other)
-    assert other.facts["energy_balance"] < 1e-7
-    assert other.facts["friction_work"] == pytest.approx(one.facts["friction_work"], rel=1e-7)
+    first, second = both(rubbing, engine, **request)
+    assert_one_motion(first, second)
+    assert second.facts["energy_balance"] < 1e-7
+    assert second.facts["friction_work"] == pytest.approx(first.facts["friction_work"], rel=1e-7)
 
 
 @pytest.fixture(scope="module")
@@ -87,23 +87,23 @@ def to_rest():
 def test_many_swings_with_friction_are_followed_in_time(request_of, to_rest):
     request = {"start": {"crank": (0.5, 0.0)}, "want": []} | request_of
     motion = pendulum(radius=ROUGH).simulate(**request).motion
-    other = to_rest(request["start"]["crank"])
+    stepwise = to_rest(request["start"]["crank"])
     assert motion.method == "dop853"
     assert motion.engine == request.get("engine", "llvm")
     kinds = [e.kind for e in motion.events]
-    assert kinds == [e.kind for e in other.events][: len(kinds)]
-    assert (kinds[-1] == "rest") == (len(kinds) == len(other.events))
-    there = float(other.at(min(motion.t_end, other.t_end)).q)
-    off = motion.error + other.error + abs(motion.qd_end) * motion.time_error
-    assert abs(motion.q_end - there) <= off
+    assert kinds == [e.kind for e in stepwise.events][: len(kinds)]
+    assert (kinds[-1] == "rest") == (len(kinds) == len(stepwise.events))
+    last_q = float(stepwise.at(min(motion.t_end, stepwise.t_end)).q)
+    off = motion.error + stepwise.error + abs(motion.qd_end) * motion.time_error
+    assert abs(motion.q_end - last_q) <= off
     assert motion.error <= request.get("accuracy", 1e-9)
 
 
 def test_friction_that_no_certificate_covers_is_left_to_continuation():
     request = {"until": "time=1", "start": {"crank": (0.5, 1.0)}, "method": "dop853"}
-    one, other = both(lambda: pendulum(coefficient=1.0, radius=1.2), **request)
-    assert_one_motion(one, other)
-    assert other.end == "self-locking in motion"
+    first, second = both(lambda: pendulum(coefficient=1.0, radius=1.2), **request)
+    assert_one_motion(first, second)
+    assert second.end == "self-locking in motion"
 
 
 @pytest.mark.parametrize("make", [rubbing, lambda: mechanism("watt_sixbar")])
@@ -117,9 +117,9 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
             if system.friction is not None:
                 one.sides = system.friction.slipping(np.array([q]), np.array([rate]))
         y = np.array([q, rate, 0.0, 0.0][:sizes])
-        wanted = np.array(plain(0.1, y))
-        assert np.isfinite(wanted).all()
-        np.testing.assert_allclose(fast(0.1, y), wanted, rtol=1e-11)
+        expected = np.array(plain(0.1, y))
+        assert np.isfinite(expected).all()
+        np.testing.assert_allclose(fast(0.1, y), expected, rtol=1e-11)
         margin, inertia = system.scalar_terms(q).margin, system.scalar_terms(q).J / fast.typical
         assert fast.closeness(y) == pytest.approx((margin, inertia), rel=1e-11)
         if system.friction is not None:
@@ -210,8 +210,8 @@ def test_in_steps_that_machine_code_calls_calm_nothing_happens(monkeypatch, make
         return steps(self, free_range, every)
 
     def in_doubt(self, free_range=ANYWHERE, every=True):
-        found = alone(self, free_range, every)
-        return found and found._replace(calm=0, turns=())
+        steps = alone(self, free_range, every)
+        return steps and steps._replace(calm=0, turns=())
 
     monkeypatch.setattr(AdaptiveSolver, "steps", alone)
     passed = make().simulate(watch=[PASSES], **request).motion

@@ -32,10 +32,10 @@ def truth(system, q, rate, times):
         J, tau, dJ, _ = system.scalar_terms(y[0], y[1], t)
         return [y[1], (tau - dJ * y[1] ** 2 / 2) / J]
 
-    found = solve_ivp(
+    solution = solve_ivp(
         right, (0, times[-1]), [q, rate], "DOP853", t_eval=times, rtol=2.3e-14, atol=1e-15
     )
-    return found.y
+    return solution.y
 
 
 # -- the pendulum, exactly -------------------------------------------------------------------
@@ -59,8 +59,8 @@ PENDULA = [
 @pytest.mark.parametrize(("q", "rate", "t"), PENDULA)
 def test_pendulum_is_exact_and_its_estimate_honest(q, rate, t):
     motion = run(pendulum(), q, f"time={t!r}", rate)
-    place, speed = exact.pendulum(q, rate, t)
-    error = abs(float(place - mp.mpf(motion.q_end)))
+    angle, speed = exact.pendulum(q, rate, t)
+    error = abs(float(angle - mp.mpf(motion.q_end)))
     assert error <= motion.error
     if (q, rate, t) in PENDULA[:7]:  # away from separatrices
         assert error <= 1e-15 * max(20.0, t, abs(motion.q_end))
@@ -175,8 +175,8 @@ def test_free_fall_and_spring_on_a_guide():
     assert run(guided(2.0, lambda q: 0 * q), 0.0, "time=7", -3.0).q_end == pytest.approx(-21)
     spring = guided(1.0, lambda q: -q)
     for amplitude in (1e-3, 1.0, 1e4):
-        found = run(spring, amplitude, "time=10").q_end / amplitude
-        assert abs(found - math.cos(10)) <= 1e-12
+        ratio = run(spring, amplitude, "time=10").q_end / amplitude
+        assert abs(ratio - math.cos(10)) <= 1e-12
 
 
 @pytest.mark.parametrize("knots", [(0.0,), ()])

@@ -39,17 +39,17 @@ def pendulum(coefficient=0.2, radius=0.1, law=None, mass=1.0, length=1.0):
 # At 1e-12 the pairs of runs that dop853 estimates its error by leave 3e-12 over 27 half swings.
 @pytest.mark.parametrize(("method", "accuracy"), [("auto", 1e-11), ("dop853", 1e-7)])
 def test_a_pendulum_on_a_pin_stands_still_where_the_closed_form_says(method, accuracy):
-    wanted = np.array([float(end) for _, _, end in pin_swings()])
+    expected = np.array([float(end) for _, _, end in pin_swings()])
     mech = pendulum()
     motion = mech.simulate(
         "time=100", start={"crank": (PIN_START, 0.0)}, method=method, accuracy=accuracy
     ).motion
     stood = [e.q - LOWEST for e in motion.events if e.kind == "standstill"]
-    assert len(stood) == wanted.size == 27
-    assert np.abs(stood - wanted).max() <= motion.error + 4 * np.spacing(1.5)
+    assert len(stood) == expected.size == 27
+    assert np.abs(stood - expected).max() <= motion.error + 4 * np.spacing(1.5)
     assert motion.reached
     assert motion.events[-1].kind == "rest"
-    lost = G * (math.cos(wanted[-1]) - math.cos(1.5))
+    lost = G * (math.cos(expected[-1]) - math.cos(1.5))
     assert motion.facts["friction_work"] == pytest.approx(lost, rel=10 * accuracy)
     low, high = motion.facts["holding_low"], motion.facts["holding_high"]
     assert low < 0 < high
@@ -62,10 +62,10 @@ def test_a_rubbing_pendulum_moves_alike_at_any_mass_and_length(mass, length):
     time = 10 * math.sqrt(length)
     request = {"start": {"crank": (0.0, 0.0)}, "accuracy": 1e-10}
     motion = mech.simulate(f"time={time!r}", **request).motion
-    wanted = pendulum().simulate("time=10", **request).motion
-    assert abs(motion.q_end - wanted.q_end) <= 1e-12
+    reference = pendulum().simulate("time=10", **request).motion
+    assert abs(motion.q_end - reference.q_end) <= 1e-12
     assert motion.reached
-    assert wanted.reached
+    assert reference.reached
 
 
 def test_before_a_dead_centre_friction_ends_the_motion_by_both_integrators():
@@ -114,8 +114,8 @@ def test_the_papers_linkage_swings_out_where_the_prototype_said(method, accuracy
 def test_what_friction_holds_stays_where_it_is(method):
     mech = pendulum()
     start = {"crank": (LOWEST + 0.5 * 0.02, 0.0)}
-    held = mech.simulate("standstill", start=start, method=method).motion
-    assert (held.status, held.end, held.t_end) == ("rest", "rest", 0.0)
+    motion = mech.simulate("standstill", start=start, method=method).motion
+    assert (motion.status, motion.end, motion.t_end) == ("rest", "rest", 0.0)
     swung = mech.simulate("swings=9", start={"crank": (LOWEST + 0.1, 0.0)}, method=method).motion
     assert (swung.status, swung.end) == ("ended", "rest")
     timed = mech.simulate("time=1", start=start, method=method).motion
@@ -123,7 +123,7 @@ def test_what_friction_holds_stays_where_it_is(method):
     assert timed.q_end == start["crank"][0]
     # no run at another tolerance would say anything else
     assert (timed.regime, timed.error, timed.cost.states) == ("rest", 0.0, 0)
-    assert timed.cost == held.cost
+    assert timed.cost == motion.cost
 
 
 @pytest.mark.parametrize("method", ["auto", "dop853"])
@@ -212,9 +212,9 @@ def pistons(number):
 def test_pairs_that_reverse_at_one_place_reverse_once(method, accuracy):
     """Two halves of a piston move as the whole: the second event turned its friction back."""
     request = {"start": {"crank": (1.0, 0.0)}, "method": method, "accuracy": accuracy}
-    whole, halves = (pistons(n).simulate("time=1", **request).motion for n in (1, 2))
-    assert [e.kind for e in halves.events] == [e.kind for e in whole.events] == ["joint reverses"]
-    assert abs(halves.q_end - whole.q_end) <= halves.error + whole.error
+    full, halves = (pistons(n).simulate("time=1", **request).motion for n in (1, 2))
+    assert [e.kind for e in halves.events] == [e.kind for e in full.events] == ["joint reverses"]
+    assert abs(halves.q_end - full.q_end) <= halves.error + full.error
 
 
 def test_outputs_along_a_motion_with_friction_need_no_drive():
@@ -243,8 +243,8 @@ def test_what_friction_takes_is_what_energy_misses_wherever_the_run_ends(coeffic
     motion = mechanism.simulate(f"time={time}", start={"crank": start}, accuracy=1e-12).motion
     energy = start[1] ** 2 / 2 - motion.qd_end**2 / 2 - G * (math.sin(motion.q_end) + 1)
     assert motion.facts["friction_work"] == pytest.approx(energy, rel=1e-12)
-    other = mechanism.simulate(f"time={time}", start={"crank": start}, method="radau").motion
-    assert abs(motion.q_end - other.q_end) <= motion.error + other.error
+    implicit = mechanism.simulate(f"time={time}", start={"crank": start}, method="radau").motion
+    assert abs(motion.q_end - implicit.q_end) <= motion.error + implicit.error
 
 
 def test_a_balanced_wheel_slows_down_evenly():
@@ -272,11 +272,11 @@ def test_of_several_solutions_a_motion_gives_the_one_that_moves_it():
     pin = {"law": "coulomb", "coefficient": 0.2, "radius": 0.02}
     graph = bm.Graph("two solutions", gravity=(0.0, -9.8))
     ground = {"A": ((0.2, 0.1), -1.6), "B": ((0.6, 0.8), 0.0), "S": ((-0.6, 1.1), -2.2)}
-    places = {name: bm.Marker(at=at, angle=angle) for name, (at, angle) in ground.items()}
-    graph.add("frame", bm.Frame(markers=places))
+    markers = {name: bm.Marker(at=at, angle=angle) for name, (at, angle) in ground.items()}
+    graph.add("frame", bm.Frame(markers=markers))
     guide = bm.Marker(at=(-0.6, -0.9), angle=-0.6)
-    other = bm.Marker(at=(-0.9, 0.7), angle=-1.2)
-    arm = bm.Link(markers={"one": guide, "two": other})
+    marker = bm.Marker(at=(-0.9, 0.7), angle=-1.2)
+    arm = bm.Link(markers={"one": guide, "two": marker})
     graph.add("crank", bm.Crank(length=1.3, links={"crank": arm}))
     bar = bm.Link(mass=1.1, inertia=0.4, cm=(0.5, -0.1))
     rrp = {"l": 2.1, "h": -0.2, "branch": -1, "x_S": 0.1, "slider": "later"}

@@ -61,8 +61,8 @@ def test_stribecks_pendulum_is_where_another_formulation_has_it(method, engine):
         accuracy=1e-11,
         want=["crank.q"],
     )
-    wanted = np.array([REFERENCE[t] for t in times]) + HANGING
-    assert np.abs(moved["crank.q"] - wanted).max() <= 6e-12 + moved.motion.error
+    expected = np.array([REFERENCE[t] for t in times]) + HANGING
+    assert np.abs(moved["crank.q"] - expected).max() <= 6e-12 + moved.motion.error
     assert moved.motion.error <= 1e-10
 
 
@@ -91,9 +91,11 @@ def test_the_first_acceleration_is_the_root_of_the_quadratic(q):
     moved = pendulum(law()).simulate(
         "time=0.1", start={"crank": (q + HANGING, w)}, times=[0.0], want=["*.acceleration"]
     )
-    found = moved["crank.acceleration"][0]
-    Rr, Rt = 0.5 * w**2 + G * math.cos(q), 0.5 * found + G * math.sin(q)
-    assert found / 3 + 0.5 * G * math.sin(q) == pytest.approx(-f * math.hypot(Rr, Rt), rel=1e-13)
+    acceleration = moved["crank.acceleration"][0]
+    Rr, Rt = 0.5 * w**2 + G * math.cos(q), 0.5 * acceleration + G * math.sin(q)
+    assert acceleration / 3 + 0.5 * G * math.sin(q) == pytest.approx(
+        -f * math.hypot(Rr, Rt), rel=1e-13
+    )
 
 
 # -- closed forms ----------------------------------------------------------------------------
@@ -106,10 +108,10 @@ def test_a_wheel_on_a_viscous_pin_slows_down_exponentially(method, engine):
         f"time={t[-1]}", start={"crank": (0.3, 5.0)}, times=t, method=method, engine=engine,
         accuracy=1e-11, want=["crank.q", "crank.rate"],
     )  # fmt: skip
-    left = np.exp(-0.2 * 3 * t)
-    assert np.abs(moved["crank.rate"] - 5 * left).max() <= 1e-10
-    assert np.abs(moved["crank.q"] - 0.3 - 5 * (1 - left) / 0.6).max() <= 1e-10
-    lost = (1 - left[-1] ** 2) * 25 / 6
+    decay = np.exp(-0.2 * 3 * t)
+    assert np.abs(moved["crank.rate"] - 5 * decay).max() <= 1e-10
+    assert np.abs(moved["crank.q"] - 0.3 - 5 * (1 - decay) / 0.6).max() <= 1e-10
+    lost = (1 - decay[-1] ** 2) * 25 / 6
     assert moved.motion.facts["friction_work"] == pytest.approx(lost, rel=1e-9)
 
 
@@ -178,12 +180,12 @@ def slider():
 
 def sticking_and_slipping(t_end):
     """[t, x] of every start and stop, by solve_ivp between them."""
-    t, x, found = 0.0, 0.0, []
+    t, x, events = 0.0, 0.0, []
     while True:
         t = (CURVE.static * MASS * G / STIFF + x) / PULLED  # the spring wins
         if t > t_end:
-            return found
-        found.append((t, x))
+            return events
+        events.append((t, x))
 
         def rates(s, y):
             friction = CURVE.at(max(y[1], 0.0)).factor * MASS * G
@@ -200,17 +202,17 @@ def sticking_and_slipping(t_end):
         )
         t, x = float(leg.t[-1]), float(leg.y[0, -1])
         if t > t_end:
-            return found
-        found.append((t, x))
+            return events
+        events.append((t, x))
 
 
 def test_a_slider_on_a_pulled_spring_sticks_and_slips():
     t_end = 20.0
     motion = slider().simulate(f"time={t_end}", start={"block": (0.0, 0.0)}, want=()).motion
     stops = [(e.t, e.q) for e in motion.events if e.kind == "standstill"]
-    wanted = sticking_and_slipping(t_end)
-    assert len(wanted) >= 6
-    assert np.abs(np.array(stops) - wanted[1::2]).max() <= 1e-9
+    expected = sticking_and_slipping(t_end)
+    assert len(expected) >= 6
+    assert np.abs(np.array(stops) - expected[1::2]).max() <= 1e-9
     assert motion.reached
 
 

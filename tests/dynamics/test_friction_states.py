@@ -82,8 +82,11 @@ def rubbed(law, mu, slipping, t_end, z0=0.0, stop=-math.inf, restitution=0.0):
     struck.terminal, struck.direction = True, -1
     t, y, watch = 0.0, np.array([2.0, 0.0, z0]), struck if stop > -math.inf else None
     while t < t_end:
-        found = solve_ivp(slope, (t, t_end), y, "Radau", rtol=1e-11, atol=1e-14, events=watch)
-        t, y = found.t[-1], found.y[:, -1] * (1.0, -restitution if found.status else 1.0, 1.0)
+        solution = solve_ivp(slope, (t, t_end), y, "Radau", rtol=1e-11, atol=1e-14, events=watch)
+        t, y = (
+            solution.t[-1],
+            solution.y[:, -1] * (1.0, -restitution if solution.status else 1.0, 1.0),
+        )
     return y
 
 
@@ -97,19 +100,19 @@ def by_dahl(t_end, *stop):
 
 
 def test_dahls_pendulum():
-    wanted = by_dahl(1.5)
+    expected = by_dahl(1.5)
     moved = pendulum(DAHL).simulate(
         "time=1.5", start={"crank": (2.0 + HANGING, 0.0)}, times=[1.5],
         want=["crank.q", "crank.rate", "crank.A.deflection"],
     )  # fmt: skip
-    assert moved["crank.q"][0] - HANGING == pytest.approx(wanted[0], abs=1e-8)
-    assert moved["crank.rate"][0] == pytest.approx(wanted[1], abs=1e-7)
-    assert moved["crank.A.deflection"][0] == pytest.approx(wanted[2], abs=1e-10)
+    assert moved["crank.q"][0] - HANGING == pytest.approx(expected[0], abs=1e-8)
+    assert moved["crank.rate"][0] == pytest.approx(expected[1], abs=1e-7)
+    assert moved["crank.A.deflection"][0] == pytest.approx(expected[2], abs=1e-10)
 
 
 @pytest.mark.parametrize("method", ["dop853", "radau"])
 def test_a_deflection_goes_on_through_blows(method):
-    wanted = by_dahl(2.0, -0.3, 0.5)
+    expected = by_dahl(2.0, -0.3, 0.5)
     g = wheel(DAHL, cm=0.5, gravity=G)
     g.stop("crank", low=HANGING - 0.3, restitution=0.5)
     moved = g.compile().simulate(
@@ -117,9 +120,9 @@ def test_a_deflection_goes_on_through_blows(method):
         want=["crank.q", "crank.rate", "crank.A.deflection"],
     )  # fmt: skip
     assert len(moved.motion.impacts) >= 2
-    assert moved["crank.q"][0] - HANGING == pytest.approx(wanted[0], abs=1e-8)
-    assert moved["crank.rate"][0] == pytest.approx(wanted[1], abs=1e-7)
-    assert moved["crank.A.deflection"][0] == pytest.approx(wanted[2], abs=1e-10)
+    assert moved["crank.q"][0] - HANGING == pytest.approx(expected[0], abs=1e-8)
+    assert moved["crank.rate"][0] == pytest.approx(expected[1], abs=1e-7)
+    assert moved["crank.A.deflection"][0] == pytest.approx(expected[2], abs=1e-10)
 
 
 ELASTO_PLASTIC = bm.friction.ElastoPlastic(
@@ -146,13 +149,13 @@ def by_elasto_plastic_bristles(t_end):
 
 
 def test_an_elasto_plastic_pendulum():
-    wanted = by_elasto_plastic_bristles(1.5)
+    expected = by_elasto_plastic_bristles(1.5)
     moved = pendulum(ELASTO_PLASTIC).simulate(
         "time=1.5", start={"crank": (2.0 + HANGING, 0.0)}, times=[1.5],
         want=["crank.q", "crank.A.deflection"],
     )  # fmt: skip
-    assert moved["crank.q"][0] - HANGING == pytest.approx(wanted[0], abs=1e-8)
-    assert moved["crank.A.deflection"][0] == pytest.approx(wanted[2], abs=1e-9)
+    assert moved["crank.q"][0] - HANGING == pytest.approx(expected[0], abs=1e-8)
+    assert moved["crank.A.deflection"][0] == pytest.approx(expected[2], abs=1e-9)
 
 
 def test_stiff_bristles_are_integrated_by_a_stiff_method_and_tend_to_stribecks_law():
@@ -285,8 +288,8 @@ def test_a_harmonic_motion_has_the_periodic_deflection():
         def slip(t, amplitude=amplitude):
             return amplitude * math.pi * math.cos(math.pi * t)
 
-        for a, b, one, other in zip(times, times[1:], z, z[1:], strict=False):
-            assert by_hand(law, slip, a, b, one) == pytest.approx(other, rel=1e-7, abs=1e-12)
+        for a, b, z_begin, z_end in zip(times, times[1:], z, z[1:], strict=False):
+            assert by_hand(law, slip, a, b, z_begin) == pytest.approx(z_end, rel=1e-7, abs=1e-12)
 
 
 def driven(law, motion):
@@ -308,8 +311,8 @@ def test_a_motion_that_does_not_repeat_itself_begins_with_straight_bristles():
     def slip(t):
         return 1e-3 * (1 - math.cos(2 * math.pi * t))
 
-    wanted = [by_hand(law, slip, 0.0, end, 0.0) for end in t[:3]]
-    assert z[:3] == pytest.approx(wanted, rel=1e-7)
+    expected = [by_hand(law, slip, 0.0, end, 0.0) for end in t[:3]]
+    assert z[:3] == pytest.approx(expected, rel=1e-7)
     assert z[3] == pytest.approx(z[2], rel=1e-9)  # in the dwell they stay as they are
 
 
@@ -321,8 +324,8 @@ def test_slip_at_one_rate_is_on_the_steady_curve():
     assert crank.run(samples=9, want=want)[want] == pytest.approx(
         same.run(samples=9, want=want)[want], rel=1e-9
     )
-    given = {"at": [0.1, 2.0], "rates": [0.7, -1.2], "want": want}
-    assert crank.run(**given)[want] == pytest.approx(same.run(**given)[want], rel=1e-13)
+    request = {"at": [0.1, 2.0], "rates": [0.7, -1.2], "want": want}
+    assert crank.run(**request)[want] == pytest.approx(same.run(**request)[want], rel=1e-13)
 
 
 def four_bar():
@@ -336,8 +339,8 @@ def test_a_turning_linkage_comes_back_to_the_same_friction():
     mech = four_bar()
     run = mech.run(samples=25, want=["dyad.*.friction", "dyad.*.deflection", "dyad.*.slip"])
     for joint in "BCD":
-        for what in ("deflection", "friction"):
-            row = run[f"dyad.{joint}.{what}"]
+        for quantity in ("deflection", "friction"):
+            row = run[f"dyad.{joint}.{quantity}"]
             assert row[0] == pytest.approx(row[-1], rel=1e-9)
     assert mech.run(at=1.0)["dyad.C.friction"][0] == mech.run(at=[1.0])["dyad.C.friction"][0]
     assert mech.verify(samples=9).ok
@@ -345,8 +348,10 @@ def test_a_turning_linkage_comes_back_to_the_same_friction():
 
 def test_a_pair_at_rest_is_held_up_to_static_friction():
     run = four_bar().run(at=1.0, rates=0.0)
-    held = {f.where: f.interval for f in run.quality.flags if f.code == "zero-relative-speed"}
-    assert held["dyad.C"][1] == pytest.approx(0.3 * PIN * abs(run["dyad.C.reaction"][0]), rel=1e-12)
+    intervals = {f.where: f.interval for f in run.quality.flags if f.code == "zero-relative-speed"}
+    assert intervals["dyad.C"][1] == pytest.approx(
+        0.3 * PIN * abs(run["dyad.C.reaction"][0]), rel=1e-12
+    )
     assert run["dyad.C.friction"][0] == 0.0
 
 
@@ -378,18 +383,18 @@ def test_derivatives_and_studies_of_a_given_motion_follow_its_deflections():
         f = [drive(name, x + k * h) for k in (-2, -1, 1, 2)]
         slope = np.dot([1, -8, 8, -1], f) / (12 * h)
         assert np.abs(exact["crank.drive", name] - slope).max() <= 1e-6 * np.abs(slope).max() > 0
-    kept = mech.study({names[1]: [2.5, 9.0]}, want="poses(crank.drive)", times=times)
-    for row, x in zip(kept["poses(crank.drive)"], (2.5, 9.0), strict=True):
+    study = mech.study({names[1]: [2.5, 9.0]}, want="poses(crank.drive)", times=times)
+    for row, x in zip(study["poses(crank.drive)"], (2.5, 9.0), strict=True):
         assert row == pytest.approx(drive(names[1], x), rel=1e-12)
 
 
 def test_all_solutions_have_the_friction_of_the_run():
     mech = four_bar()
     run = mech.run(at=[1.0, 2.0, 4.0], want="dyad.*.friction")
-    found = mech.friction_solutions([1.0, 2.0, 4.0], want="dyad.*.friction")
-    assert len(found) == 3
+    solutions = mech.friction_solutions([1.0, 2.0, 4.0], want="dyad.*.friction")
+    assert len(solutions) == 3
     for name in run:
-        assert found[name] == pytest.approx(run[name], rel=1e-12)
+        assert solutions[name] == pytest.approx(run[name], rel=1e-12)
 
 
 def test_ways_of_trade_keep_the_states_and_newton_is_exact():
@@ -400,14 +405,14 @@ def test_ways_of_trade_keep_the_states_and_newton_is_exact():
 
 
 def test_designs_that_move_have_bristles_of_their_own():
-    how = {"until": "time=0.5", "start": {"crank": (2.0 + HANGING, 0.0)}}
+    settings = {"until": "time=0.5", "start": {"crank": (2.0 + HANGING, 0.0)}}
     mech = pendulum(lugre(200.0))
     address = "crank.friction.A.stiffness"
-    found = mech.study({address: [200.0, 400.0]}, want="motion.q_end", simulate=how)
-    ends = [pendulum(lugre(200.0)).simulate(want=(), **how).motion.q_end]
+    study = mech.study({address: [200.0, 400.0]}, want="motion.q_end", simulate=settings)
+    ends = [pendulum(lugre(200.0)).simulate(want=(), **settings).motion.q_end]
     stiffer = lugre(200.0).model_copy(update={"stiffness": 400.0})
-    ends.append(pendulum(stiffer).simulate(want=(), **how).motion.q_end)
-    assert found["motion.q_end"].tolist() == pytest.approx(ends, rel=1e-11)
+    ends.append(pendulum(stiffer).simulate(want=(), **settings).motion.q_end)
+    assert study["motion.q_end"].tolist() == pytest.approx(ends, rel=1e-11)
     assert ends[0] != ends[1]
 
 
@@ -416,12 +421,12 @@ def test_a_stepper_carries_the_deflection_on():
     start = {"crank": (2.0 + HANGING, 0.0)}
     stepper = mech.stepper(["crank.q", "crank.A.deflection"], start=start)
     for _ in range(10):
-        found = stepper.step(0.05)
+        outputs = stepper.step(0.05)
     moved = mech.simulate(
         "time=0.5", start=start, times=[0.5], want=["crank.q", "crank.A.deflection"]
     )
-    for name in found:
-        assert found[name] == pytest.approx(moved[name], rel=1e-7)
+    for name in outputs:
+        assert outputs[name] == pytest.approx(moved[name], rel=1e-7)
 
 
 def test_soft_bristles_have_the_deflection_that_a_turn_leaves_as_it_is():

@@ -87,11 +87,11 @@ def test_the_time_of_a_dead_centre_is_honest():
     for q, rate in ((0.1, 1.0), (-0.2829, -5.29), (0.3, 0.0)):
         exact = _until_dead_centre(q, rate)
         for method, target in (("energy", 1e-12), ("dop853", 1e-6)):
-            found = in_one_chart(
+            motion = in_one_chart(
                 mech, "standstill", method=method, accuracy=target, start={"shoe": (q, rate)}
             )
-            assert found.end == "dead centre"
-            assert abs(found.t_end - exact) <= found.time_error
+            assert motion.end == "dead centre"
+            assert abs(motion.t_end - exact) <= motion.time_error
 
 
 def _until_dead_centre(q, rate):
@@ -102,10 +102,10 @@ def _until_dead_centre(q, rate):
     def parts(a):
         """J and V for the angle a of the bar at the shoe."""
         c, s = np.cos(a), np.sin(a)
-        along, across = 0.05, 0.02  # [m] centre of mass in the bar's axes
-        x, y = -l * s + along * s - across * c, along * c + across * s
+        lengthwise, across = 0.05, 0.02  # [m] centre of mass in the bar's axes
+        x, y = -l * s + lengthwise * s - across * c, lengthwise * c + across * s
         J = shoe * (l * s) ** 2 + end * (l * c) ** 2 + bar * (x**2 + y**2) + 0.01
-        return J, g * (bar * (along * s - across * c) + end * l * s)
+        return J, g * (bar * (lengthwise * s - across * c) + end * l * s)
 
     start = math.acos(q / l)
     aim = 0.0 if rate > 0 or (rate == 0 and q > 0) else math.pi
@@ -135,11 +135,11 @@ def test_steps_that_an_event_cuts_do_not_hide_the_error_of_a_second_run():
     mech = bm.Graph.load(GRAPHS / "motions" / "sticking_slider.json").compile()
     request = {"start": {"slider": (0.2623050323647527, 3.3383364705564734e-05)}}
     times = np.linspace(0.0, 0.3504485484886209, REQUESTED + 1)[1:]
-    found, exact = (
+    motion, exact = (
         mech.simulate(times=times, method="dop853", accuracy=a, **request).motion
         for a in (1e-3, 1e-13)
     )
-    assert_honest(found, exact)
+    assert_honest(motion, exact)
 
 
 def test_steps_that_agree_by_chance_in_front_of_a_dead_centre_are_not_believed():
@@ -147,37 +147,37 @@ def test_steps_that_agree_by_chance_in_front_of_a_dead_centre_are_not_believed()
     _, mech, start, span = scene(958_000_005)
     exact = in_one_chart(mech, f"time={span!r}", method="energy", accuracy=1e-13, start=start)
     step = 0.000162587825116848
-    found = mech.simulate(f"time={span!r}", method=bm.FixedStep("rk4", step), start=start).motion
-    assert_honest(found, exact)
-    assert found.error < 1e-5
+    motion = mech.simulate(f"time={span!r}", method=bm.FixedStep("rk4", step), start=start).motion
+    assert_honest(motion, exact)
+    assert motion.error < 1e-5
 
 
 def pairs_of(*offs):
     """Pairs of runs of q = 1 + t that are so far off, as `refined` asks for them."""
-    left = iter(offs)
+    offsets = iter(offs)
 
     def run(off, states):
         track = SimpleNamespace(state=lambda t: State(t * (1 + off), 1 + off + 0 * t))
         cost = Cost(states=states)
         return Motion("any", "", 0.0, 1.0, 1 + off, 1 + off, track, None, error=math.inf, cost=cost)
 
-    return lambda _, halves: run(next(left), 100 if halves else 0)
+    return lambda _, halves: run(next(offsets), 100 if halves else 0)
 
 
 @pytest.mark.parametrize(("offs", "off"), [((4e-4, 0.0, 4e-6, 1e-7), 1e-7), ((4e-6, 0.0), 0.0)])
 def test_pairs_are_refined_until_one_meets_the_target(offs, off):
     system = mechanism("watt_sixbar")._once(System)
-    found = refined(pairs_of(*offs), system, 1e-6, (), 1 / 16)
-    assert found.q_end == 1 + off
-    assert found.error == pytest.approx((4e-6 - off) / 16, rel=1e-6)
+    motion = refined(pairs_of(*offs), system, 1e-6, (), 1 / 16)
+    assert motion.q_end == 1 + off
+    assert motion.error == pytest.approx((4e-6 - off) / 16, rel=1e-6)
 
 
 def test_below_the_floor_of_rounding_the_smaller_error_is_stated_and_the_floor_is_named():
     system = mechanism("watt_sixbar")._once(System)
     pairs = 1e-11, 0.0, 1e-14, 3e-14  # half the steps of the last pair are further off
-    found = refined(pairs_of(*pairs), system, 1e-15, (), 1 / 16)
-    assert 1e-15 < found.error < 1e-12
-    assert found.notes[-1].endswith("the floor of rounding")
+    motion = refined(pairs_of(*pairs), system, 1e-15, (), 1 / 16)
+    assert 1e-15 < motion.error < 1e-12
+    assert motion.notes[-1].endswith("the floor of rounding")
 
 
 def test_errors_that_cancel_by_chance_are_not_stated_where_finer_runs_tell():

@@ -127,14 +127,14 @@ def test_what_a_scene_says_is_kept_and_what_cannot_be_is_refused():
 
 
 def test_a_mirrored_wheel_bounces_as_its_image():
-    one = flywheel().compile().simulate("time=2").motion
+    single = flywheel().compile().simulate("time=2").motion
     g = flywheel(moment=-TAU)
     g.scene = g.scene.model_copy(update={"stops": {}})
     g.stop("crank", low=-2.0, restitution=E)
     g.start("crank", q=-2.0, rate=W)
     two = g.compile().simulate("time=2").motion
-    assert [i.t for i in one.impacts] == [i.t for i in two.impacts]
-    assert [i.impulse for i in one.impacts] == [-i.impulse for i in two.impacts]
+    assert [i.t for i in single.impacts] == [i.t for i in two.impacts]
+    assert [i.impulse for i in single.impacts] == [-i.impulse for i in two.impacts]
 
 
 # -- impulses in all joints --------------------------------------------------------------------
@@ -184,14 +184,14 @@ def unit_jump(q, k, h=1e-6):
     step = np.zeros(2)
     step[k] = h
     ends = [poses(q + s * step) for s in (-2, -1, 1, 2)]
-    found = {}
+    accelerations = {}
     for name, c in CENTRES.items():
-        places = [e[name][0] + e[name][1] * c for e in ends]
+        points = [e[name][0] + e[name][1] * c for e in ends]
         turned = [np.angle(e[name][1] / poses(q)[name][1]) for e in ends]
-        found[name] = tuple(
-            (x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h) for x in (places, turned)
+        accelerations[name] = tuple(
+            (x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h) for x in (points, turned)
         )
-    return found
+    return accelerations
 
 
 def test_impulses_of_a_five_bar_are_those_of_newtons_laws():
@@ -201,28 +201,28 @@ def test_impulses_of_a_five_bar_are_those_of_newtons_laws():
     assert impact.driver == "right"
     q = impact.q
     assert q[1] == 2.6
-    found = []
+    reactions = []
     pushes = newton.pin("frame", "left", 0j, "A") | newton.pin("frame", "right", 2.0 + 0j, "E")
-    here = poses(q)
-    places = {"B": here["i"][0], "D": here["j"][0], "C": here["i"][0] + 2 * here["i"][1]}
-    pushes |= newton.pin("left", "i", places["B"], "B") | newton.pin("i", "j", places["C"], "C")
-    pushes |= newton.pin("right", "j", places["D"], "D")
+    pose = poses(q)
+    points = {"B": pose["i"][0], "D": pose["j"][0], "C": pose["i"][0] + 2 * pose["i"][1]}
+    pushes |= newton.pin("left", "i", points["B"], "B") | newton.pin("i", "j", points["C"], "C")
+    pushes |= newton.pin("right", "j", points["D"], "D")
     pushes |= {"left": newton.Push("frame", "left"), "right": newton.Push("frame", "right")}
     for k in (0, 1):
         jump = unit_jump(q, k)
         bodies = {
             name: newton.Body(
                 *((1.0, 0.1) if name in ("left", "right") else (1.5, 0.5)),
-                here[name][0] + here[name][1] * CENTRES[name], *jump[name],
+                pose[name][0] + pose[name][1] * CENTRES[name], *jump[name],
             )
             for name in CENTRES
         }  # fmt: skip
-        found.append(newton.solved(bodies, pushes))
+        reactions.append(newton.solved(bodies, pushes))
     # The left drive gives nothing, the right rate goes back by the restitution.
     jump = -1.4 * impact.before[1]
-    other = -found[1]["left"] / found[0]["left"] * jump
-    assert impact.after - impact.before == pytest.approx([other, jump], rel=1e-9)
-    total = {n: other * found[0][n] + jump * found[1][n] for n in pushes}
+    expected = -reactions[1]["left"] / reactions[0]["left"] * jump
+    assert impact.after - impact.before == pytest.approx([expected, jump], rel=1e-9)
+    total = {n: expected * reactions[0][n] + jump * reactions[1][n] for n in pushes}
     assert impact.impulse == pytest.approx(total["right"], rel=1e-9)
     run = mech.impulses(impact)
     assert run["right.drive"] == pytest.approx(impact.impulse, rel=1e-12)
@@ -254,18 +254,20 @@ def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
     g.stop("right", high=2.6, restitution=0.0)
     mech = g.compile()
     ask = {"want": ["left.q", "right.q", "right.drive", "left.drive", "right.acceleration"]}
-    one, two = (mech.simulate("time=0.9", method=m, **ask) for m in ("dop853", "radau"))
-    assert one["left.q"][-1] == pytest.approx(two["left.q"][-1], rel=1e-6)
-    rest = one.time > one.motion.facts["rest_time"] + 1e-9
-    lying = [e.t for e in one.motion.events if e.kind == "leaves its stop"] or [one.motion.t_end]
-    rest &= one.time < lying[0] - 1e-9
+    explicit, implicit = (mech.simulate("time=0.9", method=m, **ask) for m in ("dop853", "radau"))
+    assert explicit["left.q"][-1] == pytest.approx(implicit["left.q"][-1], rel=1e-6)
+    rest = explicit.time > explicit.motion.facts["rest_time"] + 1e-9
+    lying = [e.t for e in explicit.motion.events if e.kind == "leaves its stop"] or [
+        explicit.motion.t_end
+    ]
+    rest &= explicit.time < lying[0] - 1e-9
     assert rest.sum() > 5
-    np.testing.assert_allclose(one["right.q"][rest], 2.6, rtol=1e-12)
-    assert not one["right.acceleration"][rest].any()
-    assert (one["right.drive"][rest] < 0).all()  # the stop pushes back
-    assert np.abs(one["left.drive"]).max() < 1e-9
+    np.testing.assert_allclose(explicit["right.q"][rest], 2.6, rtol=1e-12)
+    assert not explicit["right.acceleration"][rest].any()
+    assert (explicit["right.drive"][rest] < 0).all()  # the stop pushes back
+    assert np.abs(explicit["left.drive"]).max() < 1e-9
     # With the right crank as part of the frame the rest is a four-bar, from its own start.
-    first = float(one.time[rest][0])
+    first = float(explicit.time[rest][0])
     fixed = bm.Graph("four", gravity=(0.0, -9.81))
     pivot = 2.0 + np.exp(2.6j)
     fixed.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (pivot.real, pivot.imag)}))
@@ -273,12 +275,12 @@ def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
     fixed.add("dyad", g.blocks["dyad"])
     for source, end in (("frame.A", "left.A"), ("left.B", "dyad.B"), ("frame.D", "dyad.D")):
         fixed.connect(source, end)
-    state = one.motion.at(first)
-    last = float(one.time[rest][-1])
+    state = explicit.motion.at(first)
+    last = float(explicit.time[rest][-1])
     four = fixed.compile().simulate(
         f"time={last - first!r}", start={"left": (float(state.q[0]), float(state.qd[0]))}
     )
-    assert four["left.q"][-1] == pytest.approx(float(one.motion.at(last).q[0]), rel=1e-8)
+    assert four["left.q"][-1] == pytest.approx(float(explicit.motion.at(last).q[0]), rel=1e-8)
 
 
 def test_joint_friction_is_followed_through_a_blow_in_which_slips_reverse():
@@ -312,9 +314,9 @@ def test_joint_friction_of_a_blow_that_stops_all_follows_its_impulses():
     shock = mech.impulses(blow)
     pin = mass * d * w
     assert abs(shock["rod.A.reaction"]) == pytest.approx(pin, rel=1e-9)
-    wanted = -(inertia + mass * d * d) * w + mu * r * pin
-    assert shock["rod.drive"] == pytest.approx(wanted, rel=1e-9)
-    assert blow.impulse == pytest.approx(wanted, rel=1e-9)
+    expected = -(inertia + mass * d * d) * w + mu * r * pin
+    assert shock["rod.drive"] == pytest.approx(expected, rel=1e-9)
+    assert blow.impulse == pytest.approx(expected, rel=1e-9)
     assert blow.friction == {"rod.A": pytest.approx(-mu * r * pin, rel=1e-9)}
 
 

@@ -83,9 +83,9 @@ def double_pendulum():
 def test_two_drivers_keep_their_energy_and_agree_with_another_method():
     q0, qd0 = [1.0, -0.5], [0.3, 0.0]
     motion = move(double_pendulum(), (q0, qd0), "time=10", "auto", 1e-9)
-    other = move(double_pendulum(), (q0, qd0), "time=10", "radau", 1e-6)
+    implicit = move(double_pendulum(), (q0, qd0), "time=10", "radau", 1e-6)
     assert motion.method == "dop853"
-    assert np.abs(motion.q_end - other.q_end).max() <= motion.error + other.error
+    assert np.abs(motion.q_end - implicit.q_end).max() <= motion.error + implicit.error
 
     def energy(q, qd):
         a, b = q.T
@@ -123,9 +123,9 @@ def test_a_knot_met_at_the_time_asked_ends_the_run_there(method, knot):
     """No leg could follow, or SciPy found no root between ends of steps that both said zero."""
     level = guided(1.0, lambda q: 0 * q, knots=(knot,))
     for rate in (1.0, 2.0, 3.0):
-        found = move(level, Start(0.0, rate), Until("time", knot / rate), method, 1e-6)
-        assert (found.end, found.t_end) == ("time", knot / rate)
-        assert abs(found.q_end - knot) <= found.error
+        motion = move(level, Start(0.0, rate), Until("time", knot / rate), method, 1e-6)
+        assert (motion.end, motion.t_end) == ("time", knot / rate)
+        assert abs(motion.q_end - knot) <= motion.error
 
 
 def test_between_a_step_and_the_kink_that_cuts_it_the_motion_is_as_exact():
@@ -143,12 +143,15 @@ def test_the_papers_scheme_updates_loads_of_rate_and_time_and_is_of_order_1(load
     """[D14] step v; held against ``rk4`` at small steps."""
     shaken = loads == "rate and time"
     system = shaken_motor() if shaken else motored()
-    wanted, steps = move(system, Start(0.5, 4.0), "time=0.2", "rk4", step=1e-3), (4e-3, 2e-3, 1e-3)
+    reference, steps = (
+        move(system, Start(0.5, 4.0), "time=0.2", "rk4", step=1e-3),
+        (4e-3, 2e-3, 1e-3),
+    )
     runs = [move(system, Start(0.5, 4.0), "time=0.2", "euler_q", step=h) for h in steps]
-    errors = np.abs([run.q_end - wanted.q_end for run in runs])
+    errors = np.abs([run.q_end - reference.q_end for run in runs])
     assert (errors <= [run.error for run in runs]).all()
     assert np.abs(np.log2(errors[:-1] / errors[1:]) - 1).max() < 0.05  # of the next order
-    assert errors[-1] > 100 * wanted.error
+    assert errors[-1] > 100 * reference.error
 
 
 def shaken_motor():
@@ -180,5 +183,5 @@ def test_an_event_that_stops_being_a_number_inside_a_step_is_where_it_does():
     def value(t):
         return -1.0 if t < 0.25 else math.nan if t < 0.75 else 1.0
 
-    (found,) = crossings(1, np.array([0.0, 1.0]), [-1.0, 1.0], value)
-    assert found == pytest.approx(0.25, rel=1e-14)
+    (crossing,) = crossings(1, np.array([0.0, 1.0]), [-1.0, 1.0], value)
+    assert crossing == pytest.approx(0.25, rel=1e-14)

@@ -66,9 +66,9 @@ def test_a_motion_by_machine_code_is_that_by_arrays(llvm, name, start, until):
     assert arrays.error / 3 <= code.error <= 3 * arrays.error
     assert abs(code.t_end - arrays.t_end) <= arrays.time_error + 4e-16 * arrays.t_end
     t = np.linspace(0.0, min(code.t_end, arrays.t_end), 501)
-    one, other = arrays.at(t), code.at(t)
-    assert np.abs(one.q - other.q).max() <= arrays.error
-    assert np.abs(one.qd - other.qd).max() <= 1e-10 * np.abs(one.qd).max()
+    by_arrays, by_code = arrays.at(t), code.at(t)
+    assert np.abs(by_arrays.q - by_code.q).max() <= arrays.error
+    assert np.abs(by_arrays.qd - by_code.qd).max() <= 1e-10 * np.abs(by_arrays.qd).max()
 
 
 @pytest.mark.parametrize(
@@ -126,11 +126,11 @@ def test_one_time_is_read_as_many_are(llvm, engine, name, start, until):
     panels = getattr(leg, "panels", leg)
     times = np.append(np.linspace(0.0, motion.t_end, 23), leg.t0 + panels.times)
     times = times[times <= motion.t_end]
-    many, each = motion.at(times), [motion.at(t) for t in times]
+    many, singles = motion.at(times), [motion.at(t) for t in times]
     scale = np.abs(many.qd).max()
-    for t, q, qd, one in zip(times, *many, each, strict=True):
-        assert abs(one.q - q) <= 4e-15 * (1.0 + abs(q) + t * scale)
-        assert abs(one.qd - qd) <= 1e-12 * scale
+    for t, q, qd, single in zip(times, *many, singles, strict=True):
+        assert abs(single.q - q) <= 4e-15 * (1.0 + abs(q) + t * scale)
+        assert abs(single.qd - qd) <= 1e-12 * scale
 
 
 def test_a_clock_that_stands_still_is_halved_to_its_end():
@@ -152,20 +152,20 @@ def test_machine_code_says_what_its_python_says(llvm, K):
     for code in (PathCode.interpreted(), PathCode.compiled()):
         records, counts = np.zeros((99, PANEL, 2, FINE + 2)), np.zeros(2, np.int64)
         runs = np.array([[1.0, K, 0.0, 0.0, 0.0], [1.0 + 4e-16, K, 0.0, 0.0, 1e-14]])
-        at, found = np.array([0.0, 0.0, 0.0, 9.0, 0.0, 1e-15, 3e-15]), np.zeros(8)
+        at, totals = np.array([0.0, 0.0, 0.0, 9.0, 0.0, 1e-15, 3e-15]), np.zeros(8)
         numbers = shift, goal, len(course.which), float(sign), RESOLVED
         pieces = course.blocks, course.which, course.bounds
-        ended = code.over_pieces(*pieces, *numbers, runs, records, counts)
-        assert ended == (1 if K else 2)
+        outcome = code.over_pieces(*pieces, *numbers, runs, records, counts)
+        assert outcome == (1 if K else 2)
         n = int(counts[0])
-        code.compare(records, records, n, 1, at, found)
-        more = records.copy()
-        code.again(more, n, 0, 1.0)
-        code.again(more, n, 1, 1.25)
+        code.compare(records, records, n, 1, at, totals)
+        copies = records.copy()
+        code.again(copies, n, 0, 1.0)
+        code.again(copies, n, 1, 1.25)
         states = Panels(records[:n], 1, compiled=code.engine == "llvm").state(times)
-        answers.append((runs, records[:n], found[2:7], more[:n], *states))
-        assert 1e-16 < found[0] < 1e-12
-        assert 1e-16 < found[1] < 1e-13
+        answers.append((runs, records[:n], totals[2:7], copies[:n], *states))
+        assert 1e-16 < totals[0] < 1e-12
+        assert 1e-16 < totals[1] < 1e-13
     for by_python, by_code in zip(*answers, strict=True):
         size = np.abs(by_python).max()
         np.testing.assert_allclose(by_code, by_python, rtol=1e-11, atol=1e-13 * size)
@@ -177,12 +177,12 @@ def test_series_of_a_piece_are_read_as_numpy_reads_them(kind):
     rng = np.random.default_rng(2)
     series = rng.normal(size=(2, FINE + 2)) * 0.5 ** np.arange(FINE + 2)
     series[:, FINE:] = 0.0
-    rows, room, ahead = np.zeros((2, FINE + 2)), np.zeros((FINE + 2, FINE + 2)), np.zeros(6)
-    ahead[:2] = 0.25, 2.25
-    path_loops.over(of, some, ahead, 0.5, 1.75, kind, series, rows, 0, room)
+    rows, room, bounds = np.zeros((2, FINE + 2)), np.zeros((FINE + 2, FINE + 2)), np.zeros(6)
+    bounds[:2] = 0.25, 2.25
+    path_loops.over(of, some, bounds, 0.5, 1.75, kind, series, rows, 0, room)
     v = rule(FINE).v if kind == PLAIN else rule(FINE).v ** 2
-    places = 1.75 - 1.25 * v if kind == TO_REST else 0.5 + 1.25 * v
-    exact = chebyshev.chebval(places - 0.25 - 1.0, series[0, :FINE])
+    coordinates = 1.75 - 1.25 * v if kind == TO_REST else 0.5 + 1.25 * v
+    exact = chebyshev.chebval(coordinates - 0.25 - 1.0, series[0, :FINE])
     np.testing.assert_allclose(rows[0, 1:-1], exact, atol=1e-13)
     for c in (series[0, :FINE], rng.normal(size=FINE), np.zeros(FINE)):
         padded = np.append(c, [0.0, 0.0])[None]

@@ -36,10 +36,10 @@ def energy(r):
     """Kinetic and potential energy (n,) [J] of the arms."""
     a, b, wa, wb = (r[n] for n in ("a.q", "b.q", "a.rate", "b.rate"))
     elbow, w = np.exp(1j * a), wa + wb
-    own = 0.5 * np.exp(1j * (a + b))
-    v = 1j * wa * elbow + 1j * w * own
+    half = 0.5 * np.exp(1j * (a + b))
+    v = 1j * wa * elbow + 1j * w * half
     kinetic = 0.5 * (0.1 + 0.25) * wa**2 + 0.5 * np.abs(v) ** 2 + 0.05 * w**2
-    return kinetic + 9.81 * (0.5 * elbow.imag + (elbow + own).imag)
+    return kinetic + 9.81 * (0.5 * elbow.imag + (elbow + half).imag)
 
 
 def inertia(b):
@@ -90,10 +90,10 @@ def test_roles_that_are_all_free_change_no_bit(friction):
     plain = g.compile().simulate("time=0.5", want=WANT)
     g.drive("a", SINE)
     g.prescribe("a")
-    other = g.compile().simulate("time=0.5", want=WANT, roles={})
-    assert all(np.array_equal(plain[n], other[n], equal_nan=True) for n in plain)
-    assert plain.motion.roles == other.motion.roles == ()
-    assert plain.motion.facts == other.motion.facts
+    single = g.compile().simulate("time=0.5", want=WANT, roles={})
+    assert all(np.array_equal(plain[n], single[n], equal_nan=True) for n in plain)
+    assert plain.motion.roles == single.motion.roles == ()
+    assert plain.motion.facts == single.motion.facts
 
 
 def test_places_of_locks_and_stops_may_have_units():
@@ -190,13 +190,13 @@ def test_a_latch_takes_along_what_it_holds_and_lets_it_go():
     roles = [(x.begin, x.of["b"]) for x in r.motion.roles]
     assert [role for _, role in roles] == ["free", "locked", "free"]
     assert [begin for begin, _ in roles] == pytest.approx([0.0, 0.4, 0.8], abs=1e-12)
-    held = (t > 0.4) & (t < 0.8)
-    b = r["b.q"][held]
+    locked = (t > 0.4) & (t < 0.8)
+    b = r["b.q"][locked]
     assert np.ptp(b) == 0.0
     # the moment at the elbow of a bar that turns with the upper arm at 5 rad/s
-    right = 9.81 * 0.5 * np.cos(5 * t[held] + b) + 12.5 * np.sin(b)
-    assert r["b.drive"][held] == pytest.approx(right, abs=1e-9)
-    assert np.abs(r["b.drive"][~held & (t != 0.4) & (t != 0.8)]).max() < 1e-12
+    right = 9.81 * 0.5 * np.cos(5 * t[locked] + b) + 12.5 * np.sin(b)
+    assert r["b.drive"][locked] == pytest.approx(right, abs=1e-9)
+    assert np.abs(r["b.drive"][~locked & (t != 0.4) & (t != 0.8)]).max() < 1e-12
     (jolt,) = r.motion.impacts
     assert jolt.driver == "b"
     jump = jolt.after - jolt.before
@@ -222,11 +222,11 @@ def test_a_change_of_role_leaves_the_momentum_of_the_others(friction):
     r = g.compile().simulate("time=1", watch=watch, want=WANT, accuracy=1e-10)
     (jolt,) = r.motion.impacts
     M, jump = inertia(jolt.q[1]), jolt.after - jolt.before
-    taken = jolt.friction.get("a.A", 0.0), jolt.friction.get("b.A", 0.0)
-    assert (M @ jump)[0] == pytest.approx(taken[0], abs=1e-11)
-    assert (M @ jump)[1] == pytest.approx(taken[1] + jolt.pushes["b"], abs=1e-11)
+    friction_impulses = jolt.friction.get("a.A", 0.0), jolt.friction.get("b.A", 0.0)
+    assert (M @ jump)[0] == pytest.approx(friction_impulses[0], abs=1e-11)
+    assert (M @ jump)[1] == pytest.approx(friction_impulses[1] + jolt.pushes["b"], abs=1e-11)
     if friction[0]:  # against its slip
-        assert taken[0] * jolt.after[0] < 0
+        assert friction_impulses[0] * jolt.after[0] < 0
     assert np.abs(r["a.drive"]).max() < 1e-12
     f = r.motion.facts
     gained = energy(r)[-1] - energy(r)[0]
@@ -291,10 +291,10 @@ def test_a_pin_that_a_law_alone_moves_rubs_while_that_moves():
     assert (r["a.A.friction"][moves] != 0).all()
     assert (r["a.A.friction"][FINE > 1] == 0).all()
     assert "sticking of a.A" in [e.kind for e in r.motion.events]
-    given = m.simulate(times=FINE, roles={"a": "prescribed", "b": 0.3}, want=WANT)
-    assert given["a.q"] == pytest.approx(r["a.q"], abs=0)
-    f = given.motion.facts
-    gained = energy(given)[-1] - energy(given)[0]
+    prescribed = m.simulate(times=FINE, roles={"a": "prescribed", "b": 0.3}, want=WANT)
+    assert prescribed["a.q"] == pytest.approx(r["a.q"], abs=0)
+    f = prescribed.motion.facts
+    gained = energy(prescribed)[-1] - energy(prescribed)[0]
     assert gained == pytest.approx(f["drive_work"] - f["friction_work"], abs=1e-10)
 
 
@@ -349,22 +349,22 @@ def test_a_stepper_knows_the_roles_of_the_scene():
     env = m.stepper(copies=2)
     for _ in range(4):
         env.step(0.1, {"moment": [0.0, 0.0]})
-    whole = m.simulate("time=0.4", want=["*.q", "*.rate"])
+    reference = m.simulate("time=0.4", want=["*.q", "*.rate"])
     for name, x in env.observe().items():
-        assert x == pytest.approx(whole[name][-1], abs=1e-7), name
+        assert x == pytest.approx(reference[name][-1], abs=1e-7), name
     assert env.observe()["a.q"] == pytest.approx(math.sin(0.56 * math.pi), abs=1e-14)
-    held = m.stepper(roles={"a": "prescribed", "b": "locked"}).step(0.3, {"moment": 5.0})
-    assert held["b.q"] == [0.3]
+    outputs = m.stepper(roles={"a": "prescribed", "b": "locked"}).step(0.3, {"moment": 5.0})
+    assert outputs["b.q"] == [0.3]
 
 
 def test_a_study_moves_designs_by_their_roles():
     m = arm(SINE).compile()
-    how = {"until": "time=0.3", "roles": {"a": "prescribed"}}
+    settings = {"until": "time=0.3", "roles": {"a": "prescribed"}}
     want = ["final(b.q)", "motion.drive_work"]
-    found = m.study({"b.links.crank.mass": [1.0, 2.0]}, want=want, simulate=how)
+    study = m.study({"b.links.crank.mass": [1.0, 2.0]}, want=want, simulate=settings)
     alone = m.simulate("time=0.3", roles={"a": "prescribed"}, want=["b.q"])
-    assert found["final(b.q)"][0] == pytest.approx(alone["b.q"][-1], abs=1e-12)
-    work = found["motion.drive_work"]
+    assert study["final(b.q)"][0] == pytest.approx(alone["b.q"][-1], abs=1e-12)
+    work = study["motion.drive_work"]
     assert work[0] == pytest.approx(alone.motion.facts["drive_work"], rel=1e-12)
     assert work[1] != work[0]
 
@@ -429,12 +429,12 @@ MISTAKES = {
 
 @pytest.mark.parametrize("case", MISTAKES)
 def test_roles_that_cannot_be_are_refused(case):
-    given, law, found = MISTAKES[case]
+    arguments, law, fault = MISTAKES[case]
     g = arm(law, stop=(-1.0, 1.0))
     if case == "role":
         g.start("a")
-    with pytest.raises(bm.RequestError, match=found):
-        g.compile().simulate(**{"until": "time=1", **given})
+    with pytest.raises(bm.RequestError, match=fault):
+        g.compile().simulate(**{"until": "time=1", **arguments})
 
 
 def test_a_mechanism_whose_only_driver_is_given_is_told_to_run():

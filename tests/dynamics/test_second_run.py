@@ -57,10 +57,10 @@ def ended(system: System, request: SimulationRequest, n: int = FINE, **more: obj
 def test_it_differs_as_much_as_a_run_of_its_own(name, start, until):
     system = System(mechanism(name))
     request = SimulationRequest(start, until, method="energy")
-    fine, own = ended(system, request), ended(system, request, COARSE, perturbed=True)
+    fine, perturbed = ended(system, request), ended(system, request, COARSE, perturbed=True)
     motion = fine.motion()
     by = apart(LOOPS, fine.all_legs, second_run(fine.all_legs), 0.0, motion.t_end, 0.0)
-    usual = difference(own.motion(), motion, system.rotary)
+    usual = difference(perturbed.motion(), motion, system.rotary)
     assert usual.agree
     assert usual.q / 10 <= by.q <= 10 * usual.q
     assert by.t >= motion.t_end * (1 - 1e-12)
@@ -88,17 +88,19 @@ def test_a_motion_that_hardly_gets_over_the_top_has_nothing_beside_it_that_does(
 @pytest.mark.parametrize("kind", [PLAIN, TO_REST])
 def test_late_by_dt_is_ahead_by_the_way_in_dt(begin, end, kind):
     """The same panels later are no other motion, and panels elsewhere are by as much."""
-    one = panel(begin, end, kind)
-    same = apart(LOOPS, [one], [one.second.started_at(3e-9)], 0.5, 0.5 + one.t1, 1e-10)
-    t = np.linspace(0.0, one.t1, 2001)
-    rates = one.state(t)[1]
+    panels = panel(begin, end, kind)
+    same = apart(LOOPS, [panels], [panels.second.started_at(3e-9)], 0.5, 0.5 + panels.t1, 1e-10)
+    t = np.linspace(0.0, panels.t1, 2001)
+    rates = panels.state(t)[1]
     assert same.q == pytest.approx(3e-9 * np.abs(rates).max(), rel=1e-6)
     assert same.late == pytest.approx(3e-9, rel=1e-6)
     assert (same.low, same.high) == pytest.approx((0.7, 2.0))
     unknown = 1e-10 * (0.5 + t) * np.abs(rates)
     assert same.rounding == pytest.approx(float(unknown.max()), rel=1e-3)
-    there = panel(begin + 4e-12, end + 4e-12, kind).second
-    assert apart(LOOPS, [one], [there], 0.0, one.t1, 0.0).q == pytest.approx(4e-12, rel=1e-3)
+    shifted = panel(begin + 4e-12, end + 4e-12, kind).second
+    assert apart(LOOPS, [panels], [shifted], 0.0, panels.t1, 0.0).q == pytest.approx(
+        4e-12, rel=1e-3
+    )
 
 
 def panel(begin: float, end: float, kind: int) -> Panels:
@@ -106,8 +108,8 @@ def panel(begin: float, end: float, kind: int) -> Panels:
     records = np.zeros((1, PANEL, 2, FINE + 2))
     records[:, :2, J] = 1.0
     records[0, GAINS] = np.concatenate([[0.0], rule(FINE).v, [1.0]]) * (kind == TO_REST)
-    for place, value in ((BEGIN, begin), (END, end), (ENERGY, 2.0), (KIND, kind)):
-        records[:, SPAN, :, place] = value
+    for column, value in ((BEGIN, begin), (END, end), (ENERGY, 2.0), (KIND, kind)):
+        records[:, SPAN, :, column] = value
     for run in range(2):
         LOOPS.again(records, 1, run, 0.0)
     return Panels(records)

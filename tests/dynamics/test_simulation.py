@@ -49,17 +49,17 @@ def off(found, wanted):
 @pytest.mark.parametrize("case", ["from_0", "from_60_degrees"])
 @pytest.mark.parametrize(("method", "tolerance"), [("energy", ANGLE), ("dop853", INTEGRATED)])
 def test_watt_stands_still_where_and_when_it_must(case, method, tolerance):
-    wanted = WATT[case]
+    expected = WATT[case]
     motion = simulated(
         "watt_sixbar",
         "standstill",
         method=method,
         accuracy=tolerance,
-        start=from_angle(wanted["theta0"]),
+        start=from_angle(expected["theta0"]),
     ).motion
     assert motion.end == "standstill"
-    assert motion.q_end == pytest.approx(wanted["theta_standstill"], abs=tolerance)
-    assert motion.t_end == pytest.approx(wanted["time_until_standstill"], abs=tolerance)
+    assert motion.q_end == pytest.approx(expected["theta_standstill"], abs=tolerance)
+    assert motion.t_end == pytest.approx(expected["time_until_standstill"], abs=tolerance)
 
 
 @pytest.mark.parametrize(
@@ -71,11 +71,11 @@ def test_watt_stands_still_where_and_when_it_must(case, method, tolerance):
     ],
 )
 def test_watt_from_60_degrees_swings_past_its_standstill(method, angle, rate):
-    wanted = WATT["from_60_degrees"]
-    start = from_angle(wanted["theta0"])
+    expected = WATT["from_60_degrees"]
+    start = from_angle(expected["theta0"])
     r = simulated("watt_sixbar", "time=2", method=method, accuracy=angle, times=[2.0], start=start)
-    assert r["crank.q"][0] == pytest.approx(wanted["theta_at_2s"], abs=angle)
-    assert r["crank.rate"][0] == pytest.approx(wanted["omega_at_2s"], abs=rate)
+    assert r["crank.q"][0] == pytest.approx(expected["theta_at_2s"], abs=angle)
+    assert r["crank.rate"][0] == pytest.approx(expected["omega_at_2s"], abs=rate)
 
 
 TOP = math.pi / 2  # 4.5 degrees past the top
@@ -94,10 +94,10 @@ def from_the_top():
     ("method", "angle", "rate"), [("energy", ANGLE, RATE), ("dop853", INTEGRATED, INTEGRATED)]
 )
 def test_watt_from_the_top_follows_extended_precision(method, angle, rate):
-    wanted = from_the_top()
+    expected = from_the_top()
     r = simulated("watt_sixbar", method=method, times=TOP_TIMES, start=from_angle(TOP))
-    assert off(r["crank.q"], wanted[:, 0]) < min(angle, r.motion.error + ANGLE)
-    assert off(r["crank.rate"], wanted[:, 1]) < rate * np.abs(wanted[:, 1]).max()
+    assert off(r["crank.q"], expected[:, 0]) < min(angle, r.motion.error + ANGLE)
+    assert off(r["crank.rate"], expected[:, 1]) < rate * np.abs(expected[:, 1]).max()
 
 
 EULER = {  # step [rad] -> error of the standstill's time [s], and of its place [rad]
@@ -110,21 +110,21 @@ EULER = {  # step [rad] -> error of the standstill's time [s], and of its place 
 def test_the_papers_scheme_reproduces_its_error(step):
     motion = simulated("watt_sixbar", "standstill", method=bm.FixedStep("euler_q", step)).motion
     error = motion.t_end - WATT["from_0"]["time_until_standstill"]
-    time, place = EULER[step]
+    time, coordinate = EULER[step]
     assert error == pytest.approx(time, rel=1e-3)
     assert abs(error) <= motion.time_error
     off_place = motion.q_end - WATT["from_0"]["theta_standstill"]
-    assert off_place == pytest.approx(place, rel=1e-3)
+    assert off_place == pytest.approx(coordinate, rel=1e-3)
     assert abs(off_place) <= motion.error
 
 
 def test_rk4_is_of_order_4():
     steps = [0.02, 0.01, 0.005]
-    wanted = simulated("watt_sixbar", times=[1.0])["crank.q"][0]
+    expected = simulated("watt_sixbar", times=[1.0])["crank.q"][0]
     errors = [
         abs(
             simulated("watt_sixbar", method=bm.FixedStep("rk4", h), times=[1.0])["crank.q"][0]
-            - wanted
+            - expected
         )
         for h in steps
     ]
@@ -177,11 +177,11 @@ def test_the_multiplier_of_the_pump_is_its_observed_decay():
 
 def test_a_thousand_swings_of_the_watt_six_bar_take_a_thousand_times_one():
     swings = 1000
-    one = simulated("watt_sixbar", "swings=2").motion
+    single = simulated("watt_sixbar", "swings=2").motion
     period = 2 * WATT["from_0"]["time_until_standstill"]
     r = simulated("watt_sixbar", f"swings={2 * swings}")
     assert r.motion.t_end == pytest.approx(swings * period, abs=INTEGRATED)
-    assert r.motion.cost.evaluations <= one.cost.evaluations
+    assert r.motion.cost.evaluations <= single.cost.evaluations
     times = np.linspace(0, swings * period, 2 * swings + 1)[:-1]
     q = simulated("watt_sixbar", f"swings={2 * swings}", times=times)["crank.q"]
     # near a standstill the angle forgives an error of the time

@@ -48,8 +48,8 @@ def test_forced_oscillator_has_the_amplitude_phase_and_multipliers_of_the_textbo
     r = slide(M, K, c, wave(T, F)).simulate("steady", start=at_rest(0.0, "slider"), times=times)
     motion, w = r.motion, TURN / T
     response = F / (K - M * w**2 + 1j * c * w)
-    wanted = (response * np.exp(1j * w * times)).real
-    assert np.abs(r["slider.q"] - wanted).max() <= min(motion.error, LONG * abs(response))
+    expected = (response * np.exp(1j * w * times)).real
+    assert np.abs(r["slider.q"] - expected).max() <= min(motion.error, LONG * abs(response))
     roots = [(-c + sign * cmath.sqrt(c * c - 4 * M * K)) / (2 * M) for sign in (1, -1)]
     multipliers = [cmath.exp(root * T) for root in roots]
     facts = motion.facts
@@ -57,8 +57,8 @@ def test_forced_oscillator_has_the_amplitude_phase_and_multipliers_of_the_textbo
     assert facts["multiplier"] == pytest.approx(abs(multipliers[0]), abs=MULTIPLIER)
     assert facts["multiplier_2"] == pytest.approx(abs(multipliers[1]), abs=MULTIPLIER)
     if multipliers[0].imag:
-        found = facts["multiplier_angle"]
-        assert math.cos(found) == pytest.approx(math.cos(cmath.phase(multipliers[0])), abs=1e-9)
+        angle = facts["multiplier_angle"]
+        assert math.cos(angle) == pytest.approx(math.cos(cmath.phase(multipliers[0])), abs=1e-9)
 
 
 def test_without_damping_the_forced_oscillator_is_neutral_and_at_resonance_there_is_none(
@@ -119,8 +119,8 @@ def test_a_forced_pendulum_settles_to_it_at_the_rate_of_its_multipliers():
         for e in np.eye(2)
     ]
     observed = sorted(np.abs(np.linalg.eigvals(np.column_stack(columns))), reverse=True)
-    found = [motion.facts["multiplier"], motion.facts["multiplier_2"]]
-    assert np.abs(np.abs(found) - observed).max() <= OBSERVED
+    multipliers = [motion.facts["multiplier"], motion.facts["multiplier_2"]]
+    assert np.abs(np.abs(multipliers) - observed).max() <= OBSERVED
 
 
 @cache
@@ -166,8 +166,8 @@ def test_several_drivers_under_loads_of_the_time():
     def terms(q, qd, t):
         drag = np.array([2 * qd[0] - 0.6 * qd[1], 1.2 * qd[1] - 0.6 * qd[0]])
         push = np.array([0.6 * math.cos(TURN * t / period), 0.0])
-        found = plain.terms(q, qd, t)
-        return found._replace(Q=found.Q - drag + push)
+        terms = plain.terms(q, qd, t)
+        return terms._replace(Q=terms.Q - drag + push)
 
     scene = plain.but(terms=terms, depends_on=frozenset({"q", "rate", "time"}))
     motion = move(scene, ([1.0, -0.5], [0.3, 0.0]), f"steady={period}")
@@ -181,9 +181,9 @@ def test_several_drivers_under_loads_of_the_time():
 
 
 def test_loads_without_a_common_period_are_named():
-    said = refused(rod(wave(1.3, 2.0), wave(math.sqrt(2), 2.0)), start=at_rest(1.0))
-    assert "load0 and load1" in said
-    assert "no common multiple" in said
+    message = refused(rod(wave(1.3, 2.0), wave(math.sqrt(2), 2.0)), start=at_rest(1.0))
+    assert "load0 and load1" in message
+    assert "no common multiple" in message
 
 
 def test_a_load_that_never_repeats_is_named():
@@ -198,9 +198,9 @@ def push(time):
 def test_a_function_of_the_time_needs_its_period_and_then_is_as_good_as_data():
     scene, start = slide(M, K, 3.0, push), at_rest(0.0, "slider")
     assert 'give the period of the loads: "steady=<s>"' in refused(scene, start=start)
-    found = scene.simulate(f"steady={T}", start=start).motion
-    wanted = slide(M, K, 3.0, wave(T, F)).simulate("steady", start=start).motion
-    assert abs(found.q_end - wanted.q_end) <= found.error + wanted.error
+    motion = scene.simulate(f"steady={T}", start=start).motion
+    reference = slide(M, K, 3.0, wave(T, F)).simulate("steady", start=start).motion
+    assert abs(motion.q_end - reference.q_end) <= motion.error + reference.error
     with pytest.raises(RequestError, match="not the same again after"):
         scene.simulate("steady=0.6", start=start)
 
@@ -246,17 +246,17 @@ def test_a_target_that_is_missed_is_said_to_be_missed():
 
 
 def test_a_search_that_is_stopped_says_so_and_a_long_one_tells_how_far_it_is():
-    told = []
+    reports = []
 
     def stop(what, done, whole):
-        told.append(what)
-        if len(told) > 5:
+        reports.append(what)
+        if len(reports) > 5:
             raise KeyboardInterrupt
 
     r = rod(wave(1.3, 2.0), of_rate(-1.5)).simulate("steady", start=at_rest(1.0), progress=stop)
     assert r.motion.end == "interrupted"
     assert r.motion.notes == ("interrupted before a steady state was found",)
-    assert "stroboscopic map" in told
+    assert "stroboscopic map" in reports
 
 
 def test_user_events_happen_on_a_steady_motion():
@@ -281,9 +281,9 @@ def test_a_balanced_flywheel_under_a_motor_and_a_pulsating_moment_repeats_its_ra
     c, w = STALL / IDLE, TURN / BEAT
     pulse = SWING / (c + 1j * J * w)
     rate = (STALL + MEAN) / c + (pulse * np.exp(1j * w * times)).real
-    way = (STALL + MEAN) / c * times + (pulse * (np.exp(1j * w * times) - 1) / (1j * w)).real
+    expected = (STALL + MEAN) / c * times + (pulse * (np.exp(1j * w * times) - 1) / (1j * w)).real
     assert np.abs(r["crank.rate"] - rate).max() <= LONG * IDLE
-    assert np.abs(r["crank.q"] - 0.3 - way).max() <= r.motion.error < LONG
+    assert np.abs(r["crank.q"] - 0.3 - expected).max() <= r.motion.error < LONG
     assert r.motion.facts["multiplier"] == pytest.approx(math.exp(-c * BEAT / J), rel=MULTIPLIER)
     assert "multiplier_2" not in r.motion.facts
     assert any("nothing depends on the coordinate" in note for note in r.motion.notes)
@@ -292,8 +292,8 @@ def test_a_balanced_flywheel_under_a_motor_and_a_pulsating_moment_repeats_its_ra
 def test_a_slide_without_a_spring_is_shaken_about_the_place_where_it_starts():
     r = slide(M, 0.0, 3.0, wave(T, F)).simulate("steady", start=at_rest(0.2, "slider"))
     swing = F / (-M * (TURN / T) ** 2 + 3.0j * TURN / T)
-    wanted = 0.2 + ((np.exp(1j * TURN / T * r.time) - 1) * swing).real
-    assert np.abs(r["slider.q"] - wanted).max() <= r.motion.error < LONG
+    expected = 0.2 + ((np.exp(1j * TURN / T * r.time) - 1) * swing).real
+    assert np.abs(r["slider.q"] - expected).max() <= r.motion.error < LONG
     assert "mean_speed" not in r.motion.facts
 
 
@@ -304,17 +304,17 @@ def test_a_flywheel_that_nothing_brakes_repeats_from_every_start_if_the_moment_h
     assert motion.facts["multiplier"] == pytest.approx(1.0, abs=MULTIPLIER)
     assert abs(motion.q_end - 4.0 * BEAT) <= motion.error
     scene = rod(wave(BEAT, SWING, mean=MEAN), gravity=0.0)
-    said = refused(scene, start=at_rest(0.0))
-    assert f"change the rate by {MEAN * BEAT / J:.6g}" in said
+    message = refused(scene, start=at_rest(0.0))
+    assert f"change the rate by {MEAN * BEAT / J:.6g}" in message
 
 
 def test_a_cyclic_driver_that_goes_on_comes_to_its_end_stop():
     scene = slide(M, 0.0, 3.0, wave(T, F, mean=0.05))
-    said = refused(scene, start=at_rest(0.0, "slider"), stops={"slider": (-5.0, 50.0)})
-    assert "advances by" in said
-    assert "end stop" in said
-    near = refused(scene, start=at_rest(0.0, "slider"), stops={"slider": (-5.0, 0.06)})
-    assert "s: end stop" in near
+    message = refused(scene, start=at_rest(0.0, "slider"), stops={"slider": (-5.0, 50.0)})
+    assert "advances by" in message
+    assert "end stop" in message
+    message_near_stop = refused(scene, start=at_rest(0.0, "slider"), stops={"slider": (-5.0, 0.06)})
+    assert "s: end stop" in message_near_stop
 
 
 def test_an_unbalanced_flywheel_is_not_cyclic():

@@ -81,14 +81,14 @@ def test_van_der_pol_swings_are_those_of_an_independent_integration():
 
     stands.direction = 1  # it turns back from the left
     long = solve_ivp(slope, (0, 60), [0.1, 0.0], events=stands, **JUDGE)
-    times, places = long.t_events[0], long.y_events[0][:, 0]
+    times, coordinates = long.t_events[0], long.y_events[0][:, 0]
     assert motion.facts["period"] == pytest.approx(times[-1] - times[-2], abs=LONG)
-    assert np.ptp(motion.at(motion.times(401)).q) / 2 == pytest.approx(-places[-1], rel=1e-4)
+    assert np.ptp(motion.at(motion.times(401)).q) / 2 == pytest.approx(-coordinates[-1], rel=1e-4)
     # disturbances fade by the integral of d(force)/d(rate)/m over a period
     orbit = solve_ivp(
         lambda t, y: [*slope(t, y[:2]), (1 - 3 * y[1] ** 2) / M],
         (0, motion.facts["period"]),
-        [places[-1], 0.0, 0.0],
+        [coordinates[-1], 0.0, 0.0],
         **JUDGE,
     )
     assert motion.facts["multiplier"] == pytest.approx(math.exp(orbit.y[2, -1]), abs=1e-8)
@@ -169,8 +169,8 @@ def test_several_drivers_come_to_rest():
     plain = double_pendulum()
 
     def terms(q, qd, t):
-        found = plain.terms(q, qd, t)
-        return found._replace(Q=found.Q - 0.5 * np.asarray(qd))
+        terms = plain.terms(q, qd, t)
+        return terms._replace(Q=terms.Q - 0.5 * np.asarray(qd))
 
     scene = plain.but(terms=terms, depends_on=frozenset({"q", "rate"}))
     motion = move(scene, ([1.0, -0.5], [0.3, 0.0]), "steady")

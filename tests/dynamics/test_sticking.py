@@ -63,10 +63,10 @@ def everywhere(length):
 @pytest.mark.parametrize(("m", "k", "count"), [(5, 2, 21), (6, 3, 123), (4, 1, 3), (7, 2, 29)])
 def test_patterns_of_general_rows_are_as_many_as_their_hyperplanes_cut(m, k, count):
     rows = np.random.default_rng(m).normal(size=(m, k))
-    found = patterns(rows)
-    assert len(found) == count
+    sign_patterns = patterns(rows)
+    assert len(sign_patterns) == count
     for x in np.random.default_rng(0).normal(size=(2000, k)):
-        assert tuple(np.sign(rows @ x).astype(int)) in found
+        assert tuple(np.sign(rows @ x).astype(int)) in sign_patterns
 
 
 def test_patterns_of_rows_that_depend_on_one_another_are_those_that_can_be():
@@ -94,9 +94,9 @@ def test_two_pendulums_side_by_side_move_and_rest_as_each_alone():
     motion = g.compile().simulate("time=6", start=start, accuracy=1e-7, want=()).motion
     single = alone.compile().simulate("time=6", start={"one": start["one"]}, want=()).motion
     stood = [e.q[0] for e in motion.events if e.kind.endswith("one.A")]
-    wanted = [e.q for e in single.events if e.kind == "standstill"]
-    assert len(wanted) == 4
-    assert np.abs(np.array(stood) - wanted).max() <= motion.error + single.error
+    expected = [e.q for e in single.events if e.kind == "standstill"]
+    assert len(expected) == 4
+    assert np.abs(np.array(stood) - expected).max() <= motion.error + single.error
     assert [e.kind for e in motion.events if e.kind.startswith("sticking")] == ["sticking of one.A"]
     assert abs(motion.qd_end[0]) <= 1e-15 < abs(motion.qd_end[1])
     assert motion.facts["energy_balance"] <= 1e-8
@@ -115,8 +115,8 @@ def test_all_methods_in_time_agree_within_what_they_say(method):
     mech, result = falling_arm()
     exact = result.motion
     start = {"upper": (0.0, 0.0), "fore": (0.0, 0.0)}
-    given = {"start": start, "accuracy": 1e-5, "want": ()}
-    motion = mech.simulate("time=0.8", method=method, **given).motion
+    request = {"start": start, "accuracy": 1e-5, "want": ()}
+    motion = mech.simulate("time=0.8", method=method, **request).motion
     assert np.abs(motion.q_end - exact.q_end).max() <= motion.error + exact.error
     assert [e.kind for e in motion.events] == [e.kind for e in exact.events]
 
@@ -124,11 +124,14 @@ def test_all_methods_in_time_agree_within_what_they_say(method):
 def test_an_arm_rests_where_both_pins_hold_it_and_says_how_much_of_that_is_used():
     mech = arm(0.6, 0.4).compile()
     motion = mech.simulate("time=2", start={"upper": (0.3, 0.0), "fore": (0.2, 0.0)}, want="*")
-    own, far, fore = 0.25 * math.cos(0.3), 0.5 * math.cos(0.3), 0.2 * math.cos(0.5)
-    shares = [(own + far + fore) / (2 * 0.6), fore / 0.4]  # of moments over arm times weight
+    upper_arm, elbow, fore_arm = 0.25 * math.cos(0.3), 0.5 * math.cos(0.3), 0.2 * math.cos(0.5)
+    shares = [
+        (upper_arm + elbow + fore_arm) / (2 * 0.6),
+        fore_arm / 0.4,
+    ]  # of moments over arm times weight
     assert motion.motion.facts["holding_share"] == pytest.approx(max(shares), rel=1e-13)
     assert [e.kind for e in motion.motion.events] == ["rest"]
-    assert motion["fore.A.friction"] == pytest.approx(G * fore, rel=1e-12)
+    assert motion["fore.A.friction"] == pytest.approx(G * fore_arm, rel=1e-12)
     assert motion["upper.drive"] == pytest.approx(0.0, abs=1e-13)
     assert mech.verify(motion).ok
     for standstill in ("event", "time=1"):
@@ -161,15 +164,15 @@ def least_share(system, q):
     at = friction.instant(q, np.zeros(2), 0.0, None, None)
     t = np.zeros(5)
     for _ in range(300):
-        held = friction._breakaway(at, at.f + at.R @ t)
+        capacity = friction._breakaway(at, at.f + at.R @ t)
         cost = np.append(np.zeros(5), 1.0)
-        bounds = np.vstack([np.c_[np.eye(5), -held], np.c_[-np.eye(5), -held]])
-        found = linprog(
+        bounds = np.vstack([np.c_[np.eye(5), -capacity], np.c_[-np.eye(5), -capacity]])
+        solution = linprog(
             cost, bounds, np.zeros(10), np.c_[at.S.T, np.zeros(2)], -at.push, (None, None)
         )
-        t, last = found.x[:5], t
+        t, last = solution.x[:5], t
         if np.abs(t - last).max() < 1e-13:
-            return float(found.x[5])
+            return float(solution.x[5])
     return math.nan
 
 
@@ -266,12 +269,12 @@ def test_drivers_that_lie_against_stops_and_bounce_rub_as_well():
 def test_a_motion_that_only_begins_has_the_friction_of_what_begins():
     mech = arm(0.006, 0.03).compile()
     start = {"upper": (0.2, 0.0), "fore": (0.1, 0.0)}
-    begun = mech.simulate(times=[0.0], start=start, want="*")
+    start_outputs = mech.simulate(times=[0.0], start=start, want="*")
     later = mech.simulate("time=0.01", times=[0.0], start=start, want="*")
     for name in ("upper.acceleration", "fore.acceleration", "fore.A.friction", "upper.drive"):
-        assert begun[name] == pytest.approx(later[name], rel=1e-12, abs=1e-12)
-    assert np.abs(begun["fore.A.friction"]) == pytest.approx(
-        0.03 * np.abs(begun["fore.A.reaction"]), rel=1e-12
+        assert start_outputs[name] == pytest.approx(later[name], rel=1e-12, abs=1e-12)
+    assert np.abs(start_outputs["fore.A.friction"]) == pytest.approx(
+        0.03 * np.abs(start_outputs["fore.A.reaction"]), rel=1e-12
     )
 
 
@@ -279,10 +282,10 @@ def test_a_motion_that_only_begins_has_the_friction_of_what_begins():
 def test_a_start_without_a_pose_is_named_and_has_no_outputs(arms):
     start = {"left": (3.0, 0.0), "right": (0.1, 0.0)}  # the cranks point away from each other
     mech = fivebar(arms).compile()
-    found = mech.simulate("time=1", start=start, want=["left.drive", "left.acceleration"])
-    assert (found.motion.status, found.motion.end) == ("failed", "impossible pose")
-    assert found.quality.status == ("no-assembly",)
-    assert np.isnan(found["left.drive"]).all()
+    result = mech.simulate("time=1", start=start, want=["left.drive", "left.acceleration"])
+    assert (result.motion.status, result.motion.end) == ("failed", "impossible pose")
+    assert result.quality.status == ("no-assembly",)
+    assert np.isnan(result["left.drive"]).all()
 
 
 def test_bristles_and_pairs_that_stick_go_together_with_several_drivers():

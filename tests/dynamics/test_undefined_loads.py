@@ -92,23 +92,23 @@ def test_a_load_that_ends_at_a_rate(method, form):
 
 
 def test_a_load_without_a_value_at_the_start():
-    found = rod(linear("time", -0.5), gravity=0.0).simulate("time=1", start=at_rest(START)).motion
-    assert (found.status, found.end, found.t_end) == ("failed", "undefined load", 0.0)
-    assert "load0 gives no value beyond t = 0 s" in found.notes
+    motion = rod(linear("time", -0.5), gravity=0.0).simulate("time=1", start=at_rest(START)).motion
+    assert (motion.status, motion.end, motion.t_end) == ("failed", "undefined load", 0.0)
+    assert "load0 gives no value beyond t = 0 s" in motion.notes
 
 
 def test_only_the_load_that_ends_is_named():
     scene = rod(motor(1.0, 50.0), linear("time", LAST_TIME), gravity=0.0)
-    found = scene.simulate("time=1", start=at_rest(START)).motion
-    assert found.end == "undefined load"
-    assert "load1 gives no value beyond t = 0.3 s" in found.notes
+    motion = scene.simulate("time=1", start=at_rest(START)).motion
+    assert motion.end == "undefined load"
+    assert "load1 gives no value beyond t = 0.3 s" in motion.notes
 
 
 def test_a_force_that_ends():
     scene = slide(law=linear("time", LAST_TIME, 3.0))
-    found = scene.simulate("time=1", start={"slider": (0.0, 0.0)}).motion
-    assert found.end == "undefined load"
-    assert "force gives no value beyond t = 0.3 s" in found.notes
+    motion = scene.simulate("time=1", start={"slider": (0.0, 0.0)}).motion
+    assert motion.end == "undefined load"
+    assert "force gives no value beyond t = 0.3 s" in motion.notes
 
 
 @pytest.mark.parametrize("method", ["dop853", "radau"])
@@ -122,9 +122,9 @@ def test_a_start_at_rest_on_a_kink_of_a_load_leaves_it(method, pull):
         "values": [pull, pull, pull],
         "interpolation": "linear",
     }
-    found = rod(law, gravity=0.0).simulate("time=1", method=method, start=at_rest(START)).motion
-    assert found.end == "time"
-    assert abs(found.q_end - START - pull / (2 * J)) <= found.error
+    motion = rod(law, gravity=0.0).simulate("time=1", method=method, start=at_rest(START)).motion
+    assert motion.end == "time"
+    assert abs(motion.q_end - START - pull / (2 * J)) <= motion.error
 
 
 @pytest.mark.parametrize("method", ["dop853", "radau"])
@@ -137,25 +137,25 @@ def test_several_drivers(method):
         {"from": f"left.{link}", "to": "motor.b"},
     ]
     start = {"left": (1.2, 0.0), "right": (2.2, 0.0)}
-    found = changed(data).simulate("time=1", method=method, start=start).motion
-    assert (found.status, found.end) == ("ended", "undefined load")
-    assert found.t_end == pytest.approx(0.05, rel=1e-9)
-    assert found.error < 1e-6
-    assert "motor gives no value beyond t = 0.05 s" in found.notes
+    motion = changed(data).simulate("time=1", method=method, start=start).motion
+    assert (motion.status, motion.end) == ("ended", "undefined load")
+    assert motion.t_end == pytest.approx(0.05, rel=1e-9)
+    assert motion.error < 1e-6
+    assert "motor gives no value beyond t = 0.05 s" in motion.notes
 
 
 def test_a_spring_of_no_length_has_no_direction():
     """It was called a start without inertia."""
     graph = bm.Graph("spring", gravity=(0.0, 0.0))
-    places = {"A": bm.Marker(at=(0.0, 0.0), angle=0.0), "W": (0.0, 0.0)}
-    graph.add("frame", bm.Frame(markers=places))
+    markers = {"A": bm.Marker(at=(0.0, 0.0), angle=0.0), "W": (0.0, 0.0)}
+    graph.add("frame", bm.Frame(markers=markers))
     body = bm.Link(mass=2.0, inertia=0.1, cm=(0.0, 0.0), markers={"P": (0.0, 0.0)})
     graph.add("slider", bm.SlideDrive(links={"slider": body}))
     graph.add("spring", bm.Spring(stiffness=50.0, free_length=0.5))
     for pair in (("frame.A", "slider.S"), ("frame.W", "spring.a"), ("slider.P", "spring.b")):
         graph.connect(*pair)
-    found = graph.compile().simulate("time=1", start={"slider": (0.0, 0.0)}).motion
-    assert (found.status, found.end) == ("failed", "undefined load")
-    assert found.notes[0] == "undefined load at the start"
-    assert any("spring gives no value" in note for note in found.notes)
-    assert found.error == math.inf
+    motion = graph.compile().simulate("time=1", start={"slider": (0.0, 0.0)}).motion
+    assert (motion.status, motion.end) == ("failed", "undefined load")
+    assert motion.notes[0] == "undefined load at the start"
+    assert any("spring gives no value" in note for note in motion.notes)
+    assert motion.error == math.inf

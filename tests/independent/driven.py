@@ -20,6 +20,7 @@ TOLERANCE = 1e-12
 STILL = 1e-9  # [-] of the sum of what makes a relative rate: below it is zero
 MISSED = 1e-7  # [-] by which a choice of senses may contradict itself where an event was located
 PASSED = 1e-9  # [rad or m] beyond a stop
+FOLLOWED = 12  # events at most: bounces may pile up
 
 Drive = Callable[[float], tuple[float, float, float]]  # time -> coordinate, rate, acceleration
 
@@ -221,6 +222,8 @@ def moved(machine: Machine, poses: Any, rates: Any, t_end: float) -> tuple[Any, 
             driver = [*machine.stops][(met[0] - len(senses)) // 2]
             y = struck(machine, y, driver, machine.stops[driver][2])
             events.append(f"impact {t:.9g}")
+            if len(events) > FOLLOWED:
+                raise mb.NoSolution(f"bounces pile up before {t:.9g} s")
             senses = settled(machine, t, *split(y), ())
             continue
         still = [j for j, s in enumerate(senses) if j in met or not s]

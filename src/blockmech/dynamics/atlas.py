@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.charts import SAME, Chart, home_chart
+from blockmech.dynamics.charts import Chart, home_chart
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.legs import Leg
@@ -293,7 +294,7 @@ class Atlas:
             if joint in turns and chart.layout.pairs[joint].kind == "R":
                 x += math.tau * round((turns[joint] - x) / math.tau)
             coordinate, _ = on = leads.get(joint, (math.inf, 0.0))
-            states[joint] = on if abs(coordinate - x) < SAME else (x + self.offset, rate)
+            states[joint] = on if abs(coordinate - x) < SETTLED else (x + self.offset, rate)
         return states
 
     def _keep_energy(self, run: TimeIntegration, energy: float) -> float:

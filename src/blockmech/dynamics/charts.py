@@ -28,6 +28,7 @@ import numpy as np
 
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import TwoModes
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.pair_stops import Counted, PairStops, stopped_pairs
 from blockmech.dynamics.request import Pairs, Start
 from blockmech.ground.errors import GraphError
@@ -52,7 +53,6 @@ if TYPE_CHECKING:
 BETTER = 2.0  # times the volume that other joints must span for a chart to be left
 CHANGE = 1e-4  # of the largest singular value: below, the pairs' conditions lose rank
 FLOATING = 0.2  # what a joint between moving links counts
-SAME = 1e-9  # [rad] to which a coordinate that counts from elsewhere is off by whole turns
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ class Chart:
         pairs, at = self.pairs(joints), np.array(np.atleast_1d(q), dtype=np.float64)
         apart = users - pairs.state(at, 0 * at)[0]
         turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
-        return Counted(pairs, at, np.where(np.abs(apart - turns) < SAME, turns, apart))
+        return Counted(pairs, at, np.where(np.abs(apart - turns) < SETTLED, turns, apart))
 
     def following(self, motion: Motion, start: Start) -> Chart | None:
         """The same chart, its dyads following a motion that ended at a change point.

@@ -11,7 +11,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
-from blockmech.dynamics.contacts import Constraints, constrained
+from blockmech.dynamics.contacts import DEPENDENT, Constraints, constrained
 from blockmech.dynamics.friction_along import friction_along
 from blockmech.dynamics.pair_stops import lain_against
 from blockmech.dynamics.roles import FREE, PRESCRIBED
@@ -28,7 +28,6 @@ from blockmech.typing import Data, FrictionMethod, M, Record
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-SINGULAR = 1e-10  # margin of a dead centre itself, but for rounding
 STATIC = {"static": False}
 
 
@@ -196,7 +195,7 @@ def result_in_chart(
     method = replace(method, pushed=lain_against(mechanism, motion.lying).refs)
     plan = mechanism._plan_for(want, method)
     unknown = np.zeros(len(t), bool)
-    if motion.end == ends.DEAD_CENTRE and _margin_at_end(mechanism, motion) <= SINGULAR:
+    if motion.end == ends.DEAD_CENTRE and _margin_at_end(mechanism, motion) <= DEPENDENT:
         unknown = t == motion.t_end
     inputs = MotionInputs(mechanism, method, motion, t, unknown)
     values, engine = mechanism._evaluate(plan, Samples(len(t), inputs, t), engine, chunk=chunk)

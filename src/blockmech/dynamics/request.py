@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.ends import STANDSTILL, Budget
 from blockmech.dynamics.roles import Roles, RolesGiven, located, roles_of
 from blockmech.ground.errors import RequestError, close_match, listed, refused
@@ -56,7 +57,6 @@ OUTPUTS = 201  # output times where none are named
 ELSEWHERE = 0.125  # [rad or m, per s, s] or a signal: where a user's function is asked besides
 PAIRS = "give them by driver, like {pairs}"
 WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
-AGREES = 1e-9  # [-] to which a start agrees with a law of motion
 NO_PAIRS: Pairs = {}
 START, STOPS = '{"crank": (0.0, 1.0)}', '{"crank": (-1.0, 2.0)}'
 
@@ -313,7 +313,7 @@ def starts_of(
     for d, (q, rate) in bound.items():
         pair = states.get(d, (q, rate))
         if (d in overridden or d not in placed) and not np.allclose(
-            pair, (q, rate), rtol=AGREES, atol=AGREES
+            pair, (q, rate), rtol=SETTLED, atol=SETTLED
         ):
             fault = f"({pair[0]:.9g}, {pair[1]:.9g}) contradicts its role in the motion"
             remedy = f"leave it out, or let it be ({q:.9g}, {rate:.9g})"
