@@ -39,7 +39,7 @@ def test_a_name_alone_is_not_spelled_letter_by_letter(tmp_path: Any) -> None:
     bm.draw.draw(mechanism, file, "mechanism", 1.0, trace="dyad.C")
     bm.draw.plot(mechanism.run(at=[0.0, 1.0]), file, "dyad.margin")
     with pytest.raises(bm.GraphError, match=r"joints\.J\.links: .* at least 2 values, has 1"):
-        bm.Linkage().add_pin("J", "frame", 0j)
+        bm.Linkage().add_joint("J", "R", "frame", point=0j)
 
 
 @pytest.mark.parametrize("odd", [3, None, ["crank.drive", 3], 2.5])
@@ -52,7 +52,7 @@ def test_what_is_no_name_is_refused_where_names_are_asked(odd: Any) -> None:
         lambda: mechanism.sensitivity(odd),
         lambda: mechanism.limits(blocks=odd or 3),
         lambda: mechanism.modes(groups=odd or 3),
-        lambda: bm.Linkage().add_pin("J", odd, 0j),
+        lambda: bm.Linkage().add_joint("J", "R", odd, point=0j),
     ):
         with pytest.raises(bm.RequestError, match=r"give a name, or several|name one output"):
             ask()

@@ -58,7 +58,7 @@ PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 class Compiled(Runnable[M]):
     """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
 
-    run_to = LazyMethod("blockmech.analysis.accuracy")
+    _run_to = LazyMethod("blockmech.analysis.accuracy", "run_to")
     _with_deflections = LazyMethod("blockmech.analysis.deflections")
 
     structure: Structure
@@ -267,7 +267,7 @@ class Compiled(Runnable[M]):
             result = mechanism._answer(taken, want, how, engine, precision, chunk)
         else:
             how["precision"] = precision
-            result = mechanism.run_to(accuracy, how, taken, want, static, engine, chunk)
+            result = mechanism._run_to(accuracy, how, taken, want, static, engine, chunk)
         return without_gaps(result, on_gap)
 
     def _answer(

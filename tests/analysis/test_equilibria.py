@@ -213,7 +213,7 @@ def test_curves_lead_from_one_equilibrium_to_the_others():
 
 def test_a_stop_that_the_loads_push_against_holds():
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json")
-    graph.stop("crank", 1.6, 3.0)
+    graph.add_stop("crank", 1.6, 3.0)
     found = graph.compile().equilibria()
     assert [e.stop for e in found] == [True]
     assert found[0].q[0] == 3.0
@@ -270,13 +270,13 @@ def balanced_wheel(*more):
     m = bm.Linkage("neutral", gravity=(0, -9.81))
     m.add_link("arm", mass=1, inertia=0.01, cm=(0.2, 0))
     m.add_link("wheel", mass=0.5, inertia=0.001, cm=(0.4, 0))
-    m.add_pin("O", ["frame", "arm"], (0, 0))
-    m.add_pin("P", ["arm", "wheel"], (0.4, 0))
+    m.add_joint("O", "R", ["frame", "arm"], point=(0, 0))
+    m.add_joint("P", "R", ["arm", "wheel"], point=(0.4, 0))
     m.add_driver("a", "O")
     m.add_driver("w", "P")
     if more:
         m.add_link("fore", mass=0.3, inertia=0.01, cm=(0.5, 0.1))
-        m.add_pin("Q", ["arm", "fore"], (0.4, 0.1))
+        m.add_joint("Q", "R", ["arm", "fore"], point=(0.4, 0.1))
         m.add_driver("f", "Q")
     return m.compile()
 
@@ -310,8 +310,8 @@ def test_without_loads_every_coordinate_is_free():
     m = bm.Linkage("floating")
     for name, at in (("a", 0.0), ("b", 0.3)):
         m.add_link(name, mass=1, inertia=0.01, cm=(at + 0.1, 0))
-    m.add_pin("A", ["frame", "a"], (0, 0))
-    m.add_pin("B", ["a", "b"], (0.3, 0))
+    m.add_joint("A", "R", ["frame", "a"], point=(0, 0))
+    m.add_joint("B", "R", ["a", "b"], point=(0.3, 0))
     m.add_driver("a", "A")
     m.add_driver("b", "B")
     (one,) = m.compile().equilibria()

@@ -150,7 +150,7 @@ def test_pins_in_the_world_are_joints_in_the_links_own_frames() -> None:
         for link, pose in given.items():
             m.add_link(link, pose=pose)
         for name, (links, point) in pins.items():
-            m.add_pin(name, links, point)
+            m.add_joint(name, "R", links, point=point)
         m.add_driver("motor", "A")
         first = m.links["crank"].pose
         assert first is not None
@@ -167,7 +167,7 @@ def test_a_pin_of_a_link_that_is_not_there_names_those_that_are() -> None:
     m = bm.Linkage("drawn")
     m.add_link("crank")
     with pytest.raises(bm.GraphError, match=r'joints\.A\.links: no link "crnk".*"crank"'):
-        m.add_pin("A", ["frame", "crnk"], (0.0, 0.0))
+        m.add_joint("A", "R", ["frame", "crnk"], point=(0.0, 0.0))
 
 
 def test_recorded_outputs_hold_a_file_to_what_it_does(call: Any, tmp_path: Any) -> None:

@@ -40,7 +40,7 @@ def hanging(**joints):
     for name, (mass, length, cm) in bars.items():
         linkage.add_link(name, mass=mass, inertia=mass * length**2 / 12, cm=(cm.real, cm.imag))
     for name, (z, links) in places.items():
-        linkage.add_pin(name, links, (z.real, z.imag), **joints.get(name, {}))
+        linkage.add_joint(name, "R", links, point=(z.real, z.imag), **joints.get(name, {}))
     linkage.add_driver("motor", "A")
     linkage.start("motor", q=0.5)
     return linkage
@@ -235,7 +235,7 @@ def test_stops_of_a_call_hold_where_others_lead():
     motion = mechanism.simulate("time=1", stops={"motor": (-1.0, 1.0)}, want=()).motion
     assert (motion.end, motion.q_end) == ("time", pytest.approx(LEFT[-1], abs=1e-8))
     graph, _ = of_blocks()
-    graph.stop("loop.D.coordinate", low=-2.6)
+    graph.add_stop("loop.D.coordinate", low=-2.6)
     free = graph.compile().simulate("time=0.4", stops={}, want="loop.D.coordinate")
     low = float(free["loop.D.coordinate"].min())
     stopped = graph.compile().simulate(
@@ -251,7 +251,7 @@ def test_stops_of_any_joint_hold_where_others_lead():
     second = free.motion.charts[1]
     assert second[1] == ("D",)
     linkage = hanging()
-    linkage.stop("joint.D.coordinate", low=place + 1e-3)
+    linkage.add_stop("joint.D.coordinate", low=place + 1e-3)
     motion = linkage.compile().simulate("time=1", want=()).motion
     assert motion.end == "end stop"
     at_stop = hanging().compile().simulate(times=[motion.t_end], want="joint.D.coordinate")
@@ -313,7 +313,7 @@ def test_a_locked_driver_is_a_frame():
 
 def test_what_is_not_handed_over_ends_with_its_reason():
     linkage = hanging()
-    linkage.stop("motor", low=-1.0, high=1.0, restitution=0.5)
+    linkage.add_stop("motor", low=-1.0, high=1.0, restitution=0.5)
     motion = linkage.compile().simulate("time=1", want=()).motion
     assert motion.end == "dead centre"
     assert "no other joint than the drivers' leads on: end stops let it bounce" in motion.notes

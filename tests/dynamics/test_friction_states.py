@@ -114,7 +114,7 @@ def test_dahls_pendulum():
 def test_a_deflection_goes_on_through_blows(method):
     expected = by_dahl(2.0, -0.3, 0.5)
     g = wheel(DAHL, cm=0.5, gravity=G)
-    g.stop("crank", low=HANGING - 0.3, restitution=0.5)
+    g.add_stop("crank", low=HANGING - 0.3, restitution=0.5)
     moved = g.compile().simulate(
         "time=2", start={"crank": (2.0 + HANGING, 0.0)}, times=[2.0], method=method,
         want=["crank.q", "crank.rate", "crank.A.deflection"],

@@ -32,7 +32,7 @@ def flywheel(restitution=E, moment=TAU, **load):
     else:
         g.add("push", bm.Couple(moment=moment))
         g.connect("crank.crank", "push.on")
-    g.stop("crank", high=2.0, restitution=restitution)
+    g.add_stop("crank", high=2.0, restitution=restitution)
     g.start("crank", q=2.0, rate=-W)
     return g
 
@@ -81,7 +81,7 @@ def test_at_the_instant_of_a_blow_it_is_at_its_stop():
     g.add("crank", bm.Crank(links={"crank": bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))}))
     g.connect("frame.A", "crank.A")
     low = -1.2 + 6.3 / 11  # where the last step to the instant was a halved one: off by 2e-7
-    g.stop("crank", low, restitution=0.7)
+    g.add_stop("crank", low, restitution=0.7)
     motion = g.compile().simulate("time=1.5", start={"crank": (low + 0.6, 0.0)}).motion
     blows = [i.t for i in motion.impacts]
     assert len(blows) > 2
@@ -118,7 +118,7 @@ def test_what_a_scene_says_is_kept_and_what_cannot_be_is_refused():
     assert again.scene.stops["crank"].restitution == E
     assert json.loads(g.to_json())["scene"]["stops"] == {"crank": {"to": 2.0, "restitution": E}}
     with pytest.raises(GraphError, match="restitution"):
-        g.stop("crank", high=2.0, restitution=1.2)
+        g.add_stop("crank", high=2.0, restitution=1.2)
     for goal in ("turns=2", "steady"):
         with pytest.raises(RequestError, match="let it bounce"):
             g.compile().simulate(goal)
@@ -130,7 +130,7 @@ def test_a_mirrored_wheel_bounces_as_its_image():
     single = flywheel().compile().simulate("time=2").motion
     g = flywheel(moment=-TAU)
     g.scene = g.scene.model_copy(update={"stops": {}})
-    g.stop("crank", low=-2.0, restitution=E)
+    g.add_stop("crank", low=-2.0, restitution=E)
     g.start("crank", q=-2.0, rate=W)
     two = g.compile().simulate("time=2").motion
     assert [i.t for i in single.impacts] == [i.t for i in two.impacts]
@@ -158,7 +158,7 @@ def five_bar():
         g.connect(source, end)
     g.start("left", q=1.2, rate=0.5)
     g.start("right", q=2.2, rate=1.5)
-    g.stop("right", high=2.6, restitution=0.4)
+    g.add_stop("right", high=2.6, restitution=0.4)
     return g
 
 
@@ -251,7 +251,7 @@ def test_a_five_bar_keeps_its_energy_but_for_the_loss():
 
 def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
     g = five_bar()
-    g.stop("right", high=2.6, restitution=0.0)
+    g.add_stop("right", high=2.6, restitution=0.0)
     mech = g.compile()
     ask = {"want": ["left.q", "right.q", "right.drive", "left.drive", "right.acceleration"]}
     explicit, implicit = (mech.simulate("time=0.9", method=m, **ask) for m in ("dop853", "radau"))
@@ -304,7 +304,7 @@ def test_joint_friction_of_a_blow_that_stops_all_follows_its_impulses():
     g.add("rod", bm.Crank(links={"crank": rod}, friction=rub))
     g.connect("frame.A", "rod.A")
     g.start("rod", q=0.0, rate=3.0)
-    g.stop("rod", high=0.4, restitution=0.0)
+    g.add_stop("rod", high=0.4, restitution=0.0)
     mech = g.compile()
     motion = mech.simulate("time=1").motion
     (blow,) = motion.impacts
@@ -328,7 +328,7 @@ def test_who_starts_at_rest_against_a_stop_is_told_of_no_blow():
     g.add("rod", bm.Crank(length=0.5, links={"crank": rod}, friction=rub))
     g.connect("frame.A", "rod.A")
     g.start("rod", q=-0.4, rate=0.0)
-    g.stop("rod", low=-0.4, restitution=0.5)
+    g.add_stop("rod", low=-0.4, restitution=0.5)
     motion = g.compile().simulate("time=1").motion
     assert (motion.impacts, motion.notes) == ((), ())
     assert [(lain.stop, lain.begin, lain.end) for lain in motion.lying] == [("rod", 0.0, 1.0)]
@@ -344,7 +344,7 @@ def test_one_driver_rubs_on_the_way_in_and_on_the_way_out():
     g.add("rod", bm.Crank(length=1.0, links={"crank": rod}, friction=rub))
     g.connect("frame.A", "rod.A")
     g.start("rod", q=0.0, rate=3.0)
-    g.stop("rod", high=0.4, restitution=e)
+    g.add_stop("rod", high=0.4, restitution=e)
     motion = g.compile().simulate("time=0.5").motion
     blow = motion.impacts[0]
     w = blow.before[0]
@@ -353,7 +353,7 @@ def test_one_driver_rubs_on_the_way_in_and_on_the_way_out():
     assert blow.friction["rod.A"] == pytest.approx(-(1 - e) * rubbed, rel=1e-9)
     inert = (inertia + mass * d * d) * w
     assert blow.impulse == pytest.approx(-(1 + e) * inert + (1 - e) * rubbed, rel=1e-9)
-    g.stop("rod", high=0.4, restitution=1.0)  # with friction a stop would have to give for this
+    g.add_stop("rod", high=0.4, restitution=1.0)  # with friction a stop would have to give for this
     notes = g.compile().simulate("time=0.5").motion.notes
     assert any("too high for the friction" in note for note in notes)
 
@@ -370,7 +370,7 @@ def test_a_pin_strikes_after_whole_turns_of_one_of_two_drivers():
     g.connect("arm.B", "wheel.A")
     g.start("arm", q=0.0, rate=1.0)
     g.start("wheel", q=0.5, rate=7.0)
-    g.stop("wheel.A.coordinate", high=15.0, restitution=0.5)
+    g.add_stop("wheel.A.coordinate", high=15.0, restitution=0.5)
     mech = g.compile()
     blow = mech.simulate("time=3").motion.impacts[0]
     assert blow.t == pytest.approx((15.0 - 0.5) / 7.0, rel=1e-12)
@@ -385,7 +385,7 @@ def test_a_pin_strikes_after_whole_turns_of_one_of_two_drivers():
 def test_a_knee_lies_against_its_stop_while_both_arms_move():
     g = five_bar()
     g.scene = g.scene.model_copy(update={"stops": {}})
-    g.stop("dyad.C.coordinate", high=0.9, restitution=0.0)
+    g.add_stop("dyad.C.coordinate", high=0.9, restitution=0.0)
     mech = g.compile()
     r = mech.simulate("time=0.6", want="*", times=np.linspace(0.0, 0.6, 61))
     (lain,) = r.motion.lying
@@ -430,7 +430,7 @@ def test_a_push_rubs_in_pairs_that_nothing_else_loads(pins):
         for ends in ("frame.A crank.A", "crank.B rod.B", "frame.G rod.S", "crank.crank moment.on"):
             g.connect(*ends.split())
         g.start("crank", q=1.2)
-        g.stop("rod.S.coordinate", high=0.38, restitution=0.5)
+        g.add_stop("rod.S.coordinate", high=0.38, restitution=0.5)
         mech = g.compile()
         (hit, *_) = mech.simulate("time=0.1").motion.impacts
         close = mech.simulate(times=[0.0, hit.t - 1e-13, 0.1], want="*")
@@ -453,7 +453,7 @@ def test_a_blow_through_teeth_that_lose_power_tells_all_friction():
     teeth = {"teeth": (20, 40), "pressure_angle": 0.35, "efficiency": 0.8}
     g.add("mesh", bm.Gear(driver="one", driven="two", **teeth))
     g.start("one", q=0.0, rate=5.0)
-    g.stop("one", high=0.5, restitution=0.5)
+    g.add_stop("one", high=0.5, restitution=0.5)
     mech = g.compile()
     r = mech.simulate("time=0.2", times=[0.0, 0.2])
     (blow,) = r.motion.impacts

@@ -28,7 +28,7 @@ def arm(law=None, friction=(0.0, 0.0), b=0.3, gravity=9.81, stop=None):
         g.drive("a", law)
     g.start("b", q=b)
     if stop is not None:
-        g.stop("b", *stop)
+        g.add_stop("b", *stop)
     return g
 
 
@@ -317,7 +317,7 @@ def test_blows_on_stops_while_another_driver_is_prescribed(friction):
 
 def test_a_prescribed_driver_ends_at_its_own_stop():
     g = arm(SINE)
-    g.stop("a", -0.5, 0.8, 0.6)
+    g.add_stop("a", -0.5, 0.8, 0.6)
     motion = g.compile().simulate("time=2", roles={"a": "prescribed"}).motion
     assert motion.end == "end stop of a"
     assert motion.t_end == pytest.approx(math.asin(0.8) / (1.4 * math.pi), abs=1e-10)

@@ -254,7 +254,7 @@ def test_outputs_along_the_motion_are_those_of_its_pairs():
 
 def test_drivers_that_lie_against_stops_and_bounce_rub_as_well():
     g = arm(0.006, 0.01)
-    g.stop("upper", -1.0, 1.0, restitution=0.3)
+    g.add_stop("upper", -1.0, 1.0, restitution=0.3)
     mech = g.compile()
     start = {"upper": (0.0, 0.0), "fore": (0.0, 0.0)}
     result = mech.simulate("time=1.5", start=start, accuracy=1e-6, want="*")

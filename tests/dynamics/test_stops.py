@@ -32,7 +32,7 @@ METHODS = ("energy", "dop853", "radau", "rk4", "euler_q")
 def mechanism(name, stops=()):
     graph = bm.Graph.load(GRAPHS / f"{name}.json")
     for driver, low, high in stops:
-        graph.stop(driver, low, high)
+        graph.add_stop(driver, low, high)
     return graph.compile()
 
 
@@ -216,7 +216,7 @@ def test_a_file_with_impossible_stops_is_refused(stops):
 
 def test_stops_are_written_and_read_again():
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json")
-    graph.stop("crank", low=-1.0)
+    graph.add_stop("crank", low=-1.0)
     text = graph.to_json()
     assert '"stops": {"crank": {"from": -1.0}}' in text
     again = loads(text)
@@ -226,9 +226,9 @@ def test_stops_are_written_and_read_again():
 
 def test_stops_in_python_are_checked_when_they_are_made():
     with pytest.raises(GraphError, match="must be below"):
-        bm.Graph("any").stop("crank", 2.0, 1.0)
+        bm.Graph("any").add_stop("crank", 2.0, 1.0)
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json")
-    graph.stop("cranck", 0.0, 1.0)
+    graph.add_stop("cranck", 0.0, 1.0)
     (problem,) = graph.check()
     assert (problem.code, problem.where) == ("unknown-driver", "scene.stops.cranck")
 

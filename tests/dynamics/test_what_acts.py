@@ -46,7 +46,7 @@ def pendulum(coefficient=0.2, beside=False, low=None, **start):
     graph.connect("frame.A", "arm.A")
     graph.start("arm", **start)
     if low is not None:
-        graph.stop("arm", low=low, restitution=0.0)
+        graph.add_stop("arm", low=low, restitution=0.0)
     return other(graph) if beside else graph.compile()
 
 

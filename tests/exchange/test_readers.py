@@ -221,7 +221,7 @@ def test_laws_of_formulas_are_the_formulas(text, law):
     assert made["law"] == law
     m = bm.Linkage("m")
     m.add_link("a")
-    m.add_pin("A", ["frame", "a"], (0, 0))
+    m.add_joint("A", "R", ["frame", "a"], point=(0, 0))
     data = m.to_data() | {"drivers": {"d": {"joint": "A", **made}}}
     times = np.linspace(0.0, 1.9, 7)
     q = bm.Linkage.from_data(data).run(times=times, want="driver.d.q")["driver.d.q"]

@@ -38,7 +38,7 @@ def machine(name, restitution=E, **bounds):
     for ends in ("frame.A crank.A", "crank.B rod.B", "frame.G rod.S", "crank.crank moment.on"):
         g.connect(*ends.split())
     g.start("crank", q=1.2)
-    g.stop(name, restitution=restitution, **bounds)
+    g.add_stop(name, restitution=restitution, **bounds)
     return g
 
 
@@ -130,7 +130,7 @@ def five_bar(name, restitution, arm=0.0, **bounds):
         g.connect(*ends.split())
     g.start("left", q=1.2, rate=0.5)
     g.start("right", q=2.2, rate=1.5)
-    g.stop(name, restitution=restitution, **bounds)
+    g.add_stop(name, restitution=restitution, **bounds)
     return g
 
 

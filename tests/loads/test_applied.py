@@ -100,10 +100,10 @@ def test_document_says_the_same_in_the_axes_of_a_link_that_its_block_turns():
         m = bm.Linkage("rocker")
         for name in ("crank", "rod", "rocker"):
             m.add_link(name)
-        m.add_pin("A", ["frame", "crank"], (0, 0))
-        m.add_pin("B", ["crank", "rod"], (0.6, 0.8))
-        m.add_pin("C", ["rod", "rocker"], (2.9, 1.9))
-        m.add_pin("D", ["frame", "rocker"], (2.5, 0))
+        m.add_joint("A", "R", ["frame", "crank"], point=(0, 0))
+        m.add_joint("B", "R", ["crank", "rod"], point=(0.6, 0.8))
+        m.add_joint("C", "R", ["rod", "rocker"], point=(2.9, 1.9))
+        m.add_joint("D", "R", ["frame", "rocker"], point=(2.5, 0))
         m.add_driver("motor", "A", bm.motion.ConstantRate(rate=10.0))
         m.add_load("push", "force", link="rod", at=(2.0, 1.0), **load)
         return m

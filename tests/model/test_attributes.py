@@ -54,7 +54,7 @@ def test_a_document_that_was_read_is_changed_like_one_that_was_made(make, driver
     for m in (made, type(made).from_json(made.to_json())):
         m.gravity = (0.0, G)
         m.start(driver, q=1.0)
-        m.stop(driver, high=2.0)
+        m.add_stop(driver, high=2.0)
         assert m.compile().simulate("time=0.1").motion.end == "time"
         assert m.to_data() == made.to_data()
 

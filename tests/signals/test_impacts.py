@@ -29,7 +29,7 @@ def led(restitution, sample=None):
         "motor": signals.DCMotor(R=1.0, L=0.1, k=1.5),
     }
     g = flywheel(blocks, WIRES)
-    g.stop("wheel", high=1.0, restitution=restitution)
+    g.add_stop("wheel", high=1.0, restitution=restitution)
     return g
 
 
@@ -66,7 +66,7 @@ def test_a_controller_that_switches_pulls_the_wheel_off_its_stop_and_counts_once
     blocks |= {"hold": signals.Pid(kp=4.0, ki=1.0, sample=0.25)}
     g = flywheel(blocks, [("pull.y", "hold.u"), ("hold.y", "drive.law")])
     g.start("wheel", 1.0, 0.0)
-    g.stop("wheel", high=1.0, restitution=0.0)
+    g.add_stop("wheel", high=1.0, restitution=0.0)
     r = g.compile().simulate("time=3", want=["hold.integral", "hold.y"])
     integral, held, left = 0.0, [], None
     for k in range(12):  # the instants before 3 s

@@ -302,7 +302,7 @@ def test_signals_that_do_not_fit_are_refused():
 def test_both_frequencies_of_a_damped_mode_are_named():
     m = bm.Linkage("suspension", gravity=(0, -9.81))
     m.add_link("arm", mass=8, inertia=0.3, cm=(0.3, 0))
-    m.add_pin("O", ["frame", "arm"], (0, 0))
+    m.add_joint("O", "R", ["frame", "arm"], point=(0, 0))
     m.add_driver("arm", "O")
     spring = bm.Spring(stiffness=20000, free_length=0.3, damping=300)
     m.add_load("spring", spring, links=["frame", "arm"], at=[(0.3, 0.3), (0.3, 0)])

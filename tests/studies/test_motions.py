@@ -116,7 +116,7 @@ def test_a_design_without_a_motion_is_a_row_with_its_reason():
     assert not found.reason(0)
     rod = bare_rod()
     rod.start("crank", q=0.0)
-    rod.stop("crank", -1.0, 1.0)
+    rod.add_stop("crank", -1.0, 1.0)
     stopped = rod.compile().study({MASS: [1.0]}, want="motion.t_end", simulate=FALL)
     assert stopped.reason(0).startswith("ended-early: end stop, after 0.")
     steady = bare_rod()
@@ -274,7 +274,7 @@ def test_what_arrays_cannot_decide_goes_by_itself():
     assert found["motion.t_end"][-1] == 0.0
     rod = bare_rod()
     rod.start("crank", q=0.0)
-    rod.stop("crank", -1.0, 1.0)
+    rod.add_stop("crank", -1.0, 1.0)
     stopped = rod.compile().study(
         {MASS: np.linspace(1.0, 2.0, 16)}, want="motion.t_end", simulate=FALL
     )

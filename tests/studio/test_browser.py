@@ -224,7 +224,7 @@ def test_texts_of_a_hostile_document_are_text(page, studio):
     made = bm.Linkage("four")
     made.title = evil
     made.add_link("link")
-    made.add_pin("A", ["frame", "link"], 0j)
+    made.add_joint("A", "R", ["frame", "link"], point=0j)
     data = made.to_data()
     data["joints"] = {evil.replace(".", " ").replace("/", " "): data["joints"]["A"]}
     hand = Sheet(page, studio, {"text": bm.Linkage.from_data(data).to_json(), "name": "evil"})

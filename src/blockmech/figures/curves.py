@@ -56,7 +56,7 @@ def without_friction(result: Result) -> Result | None:
     friction = result.settings["friction"] != "none" and any(b.friction for b in blocks)
     if not friction or not forces:
         return None
-    return result.with_friction("none", *forces)
+    return result.rerun(*forces, friction="none")
 
 
 def drive_panels(result: Result, twin: Result | None) -> Panels:

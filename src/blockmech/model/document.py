@@ -121,7 +121,7 @@ class Document:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
         self._give("initial", driver, Initial(q=q, rate=rate))
 
-    def stop(
+    def add_stop(
         self,
         driver: str,
         low: float | None = None,

@@ -10,8 +10,17 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, Self
 
 from blockmech.blocks.frame import Frame
+from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import MOST, FormatError, GraphError, Problem, RequestError, in_file
+from blockmech.ground.errors import (
+    MOST,
+    FormatError,
+    GraphError,
+    Problem,
+    RequestError,
+    in_file,
+    listed,
+)
 from blockmech.ground.values import Vector
 from blockmech.model import checks
 from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, python_keys
@@ -186,18 +195,30 @@ class Graph(Document):
 
     # -- building ---------------------------------------------------------
 
-    def add(self, name: str, block: AnyBlock | Graph) -> None:
+    def add(self, name: str, block: AnyBlock | Graph | str, **keys: Any) -> None:
         """Add a block under a name that is free; another graph becomes a block as it is now.
+
+        Parameters
+        ----------
+        block : the block, or its type, such as "driver.crank", whose keys then follow
 
         Raises `GraphError` for a taken or reserved name, or for what is not a block, and
         `FormatError` for the file of a graph that cannot be read.
         """
+        if isinstance(block, str):
+            if block not in REGISTRY:
+                raise GraphError(REGISTRY.unknown(block, name))
+            block = REGISTRY[block](**keys)
+        elif keys:
+            found, remedy = f"{listed(keys)} beside a block", "give them to the block"
+            raise GraphError(Problem("wrong-value", name, found, "", remedy))
         if isinstance(block, Graph):
             block = Subgraph(graph=block)  # type: ignore[arg-type]
         problem = checks.name_problem(self.blocks, name, block)
         if problem:
             raise GraphError(problem)
-        self.blocks[name] = self._opened(name, block) if isinstance(block, Subgraph) else block
+        whole = self._opened(name, block) if isinstance(block, Subgraph) else block
+        self.blocks[name] = whole  # type: ignore[assignment]
 
     def connect(self, source: str, target: str) -> None:
         """Wire a marker ``"block.marker"`` to a joint or terminal ``"block.joint"``.

@@ -91,7 +91,7 @@ class Scene(StrictModel):
     """
 
     remade: ClassVar[str] = (
-        "on a graph set gravity, and call drive(), start(), stop(), prescribe() and lock()"
+        "on a graph set gravity, and call drive(), start(), add_stop(), prescribe() and lock()"
     )
 
     gravity: Annotated[VectorGiven, in_unit("m/s2")] = default(Vector(0j))

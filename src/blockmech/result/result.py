@@ -373,9 +373,13 @@ class Result(Exported, Generic[M]):
     # -- more of the same run -----------------------------------------------------
 
     @declared
-    def rerun(self, *want: str) -> Result:
-        """Other outputs at the same samples with the same settings; gaps are marked."""
-        return self._again(self.mechanism, want)
+    def rerun(self, *want: str, friction: FrictionMethod | None = None) -> Result:
+        """Other outputs at the same samples with the same settings; gaps are marked.
+
+        ``friction`` is another method of friction than that of the run.
+        """
+        settings = self.settings if friction is None else self.settings | {"friction": friction}
+        return self._again(self.mechanism, want, settings)
 
     def _inside(self, *want: str) -> Result:
         """Outputs of the graph's blocks at the same samples; gaps are marked.
@@ -383,11 +387,6 @@ class Result(Exported, Generic[M]):
         For a mechanism made from a graph, these are its own outputs.
         """
         return self._again(self._compiled._of_blocks, want)
-
-    @declared
-    def with_friction(self, method: FrictionMethod, *want: str) -> Result:
-        """Outputs at the same samples with another method of friction; gaps are marked."""
-        return self._again(self.mechanism, want, self.settings | {"friction": method})
 
     def _again(
         self, mechanism: Any, want: tuple[str, ...], settings: Arguments | None = None

@@ -147,9 +147,9 @@ def result_of(ask: Question, names: Iterable[str]) -> Result:
     """
     result, chosen = ask.motion.result, tuple(names)
     if ask.accuracy is None or result.motion is not None:
-        return result.with_friction(ask.friction, *chosen)
+        return result.rerun(*chosen, friction=ask.friction)
     m: Any = result.mechanism
-    computed: Result = m.run_to(ask.accuracy, {}, result.samples, chosen, False, "auto", None)
+    computed: Result = m._run_to(ask.accuracy, {}, result.samples, chosen, False, "auto", None)
     return computed
 
 
@@ -258,7 +258,7 @@ def _joints(motion: Motion, sketch: Sketch) -> dict[JointRef, Spot]:
 def _reactions(ask: Question, motion: Motion, sketch: Sketch) -> Arrows:
     """Forces of the earlier links on the later ones, friction included."""
     names = {f"{ref}.reaction": spot for ref, spot in _joints(motion, sketch).items()}
-    outputs = motion.result.with_friction(ask.friction)._inside(*names)
+    outputs = motion.result.rerun(friction=ask.friction)._inside(*names)
     return {name: (spot, outputs[name][motion.samples]) for name, spot in names.items()}
 
 
@@ -301,7 +301,7 @@ def wire_text(ask: Question, name: str) -> str:
     """
     if name not in wires_of(ask.motion.structure):
         return ""
-    sample = ask.motion.result.with_friction(ask.friction).isel(ask.pose)
+    sample = ask.motion.result.rerun(friction=ask.friction).isel(ask.pose)
     structure = sample.mechanism.structure
     (values,) = on_wires(structure, sample._inside, sample.n, name).values()
     rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]

@@ -18,11 +18,11 @@ def slider_crank(piston: tuple[float, float, float] | None, **guide) -> bm.Linka
     for link in ("crank", "rod"):
         drawn.add_link(link)
     drawn.add_link("piston", pose=piston)
-    drawn.add_pin("A", ["frame", "crank"], (0.0, 0.0))
-    drawn.add_pin("B", ["crank", "rod"], CRANK * 1j * along)
+    drawn.add_joint("A", "R", ["frame", "crank"], point=(0.0, 0.0))
+    drawn.add_joint("B", "R", ["crank", "rod"], point=CRANK * 1j * along)
     pin = math.sqrt(ROD**2 - CRANK**2) * along
-    drawn.add_pin("C", ["rod", "piston"], pin)
-    drawn.add_slider("S", ["frame", "piston"], pin, **guide)
+    drawn.add_joint("C", "R", ["rod", "piston"], point=pin)
+    drawn.add_joint("S", "P", ["frame", "piston"], point=pin, **guide)
     drawn.add_driver("motor", "A")
     return drawn
 
@@ -56,5 +56,42 @@ def test_a_slider_along_y_is_exact():
 def test_what_does_not_fit_is_one_message_and_adds_nothing(links, guide, message):
     drawn = slider_crank(None)
     with pytest.raises(bm.GraphError, match=message):
-        drawn.add_slider("T", links, (0.0, 0.0), **guide)
+        drawn.add_joint("T", "P", links, point=(0.0, 0.0), **guide)
     assert "T" not in drawn.joints
+
+
+def test_parts_are_added_by_their_kind_as_by_an_object():
+    by_object, by_kind = bm.Linkage("geared"), bm.Linkage("geared")
+    for m in (by_object, by_kind):
+        for name, x in (("a", 0.0), ("b", 0.3)):
+            m.add_link(name, pose=(x, 0.0, 0.0), inertia=1.0)
+            m.add_joint(name, "R", ["frame", name], point=(x, 0.0))
+    by_object.add_driver("first", "a", bm.motion.ConstantRate(rate=2.0, start=0.0, end=1.0))
+    by_kind.add_driver("first", "a", "constant_rate", rate=2.0, start=0.0, end=1.0)
+    by_object.add_driver("second", "b")
+    by_kind.add_driver("second", "b")
+    pair = {"driver": "first", "driven": "second"}
+    law = {"kind": "polynomial", "coefficients": [0.0, -2.0]}
+    by_object.add_coupling("mesh", bm.Ratio(law=law, **pair))
+    by_kind.add_coupling("mesh", "ratio", law=law, **pair)
+    by_object.add_load("brake", bm.TorsionSpring(stiffness=3.0), joint="b")
+    by_kind.add_load("brake", "torsion_spring", stiffness=3.0, joint="b")
+    by_object.add_signal("pull", bm.signals.Constant(value=2.0))
+    by_kind.add_signal("pull", "constant", value=2.0)
+    assert by_kind.to_data() == by_object.to_data()
+    assert by_kind.run(at=0.5)["driver.second.q"] == by_object.run(at=0.5)["driver.second.q"]
+    with pytest.raises(bm.GraphError, match='did you mean "gear"'):
+        by_kind.add_coupling("second", "gaer", driver="first")
+    g = bm.Graph("blocks")
+    g.add("crank", "driver.crank", length=2.0)
+    assert g.blocks["crank"] == bm.Crank(length=2.0)
+    with pytest.raises(bm.GraphError, match=r"driver\.crank"):
+        g.add("other", "driver.crnk", length=2.0)
+
+
+@pytest.mark.parametrize("places", [{}, {"at": [(0, 0), (0, 0)], "point": (0, 0)}])
+def test_a_joint_has_one_place(places):
+    m = bm.Linkage()
+    m.add_link("crank")
+    with pytest.raises(bm.GraphError, match="give at=, a place in the frame of each link, or"):
+        m.add_joint("A", "R", ["frame", "crank"], **places)

@@ -7,20 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from blockmech.blocks.contract import Block
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import GraphError, Problem, as_names, listed, path_text, unknown_name
-from blockmech.ground.values import Marker, Place, Vector, is_name
+from blockmech.ground.values import Marker, Vector, is_name
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import Wire
 from blockmech.model.document import Document
 from blockmech.model.form import Draft, bad_name
 from blockmech.model.joints.contents import (
-    COUPLINGS,
     FRAME,
     LINKAGE_FILE,
-    LOADS,
-    SIGNALS,
     JointGiven,
     LinkGiven,
     sections,
@@ -127,114 +125,60 @@ class Linkage(Document):
         name: str,
         kind: Literal["R", "P", "weld"],
         links: Sequence[str],
-        at: Sequence[AnyPlace],
+        at: Sequence[AnyPlace] | None = None,
         *,
-        angle: Sequence[float] | None = None,
-        dir: Sequence[Two] | None = None,
+        point: AnyPlace | None = None,
+        angle: float | str | Sequence[float | str] | None = None,
+        dir: Two | Sequence[Two] | None = None,
         slider: Literal[0, 1] | None = None,
         friction: FrictionLaw | None = None,
         clearance: float | None = None,
     ) -> None:
         """Add a joint between two links, or a pin ("R") or weld of more.
 
+        Its place is given in the frames of its links, by ``at``; or once in the world, by
+        ``point``, in the poses that the links were given. A link without a pose then gets the
+        pose zero, so that its places are those of the drawing.
+
         Parameters
         ----------
-        kind : "R" a pin, "P" a guide, "weld" for links that are one rigid link
-        links : names of the links; the coordinate counts from the first to the second
+        kind : "R" a pin, "P" a guide, "weld" for links that are one rigid link with the mass of
+            all, and keep their names for joints, loads, markers and outputs
+        links : names of the links; the coordinate counts from the first to the second, and is 0
+            in the given poses for a guide through a ``point``
         at : a place [m] for each link, in its frame
-        angle, dir : of a guide or weld, its direction in all frames: [rad], or (dx, dy)
+        point : place [m] in the world; the links must be there already
+        angle, dir : of a guide or weld, its direction in all frames, or that in the world beside
+            ``point``: [rad], or (dx, dy); default along x
         slider : of a guide, which of the two links carries the point where N acts; default 1
         friction : of the joint
         clearance : [m] radial, of a pin
 
         Raises `GraphError` for what does not fit.
+
+        Example: ``m.add_joint("S", "P", ["frame", "piston"], point=(0.4, 0.0), angle=0.0)``.
         """
         links = list(as_names(f"joints.{name}.links", links))
+        if (at is None) == (point is None):
+            found = "its place is given twice" if point is not None else "it has no place"
+            remedy = (
+                "give at=, a place in the frame of each link, or point=, the place in the world"
+            )
+            raise GraphError(Problem("wrong-value", f"joints.{name}", found, "", remedy))
         given = {"type": kind, "links": links, "at": at, "angle": angle, "dir": dir}
         laws = {"slider": slider, "friction": friction, "clearance": clearance}
+        if point is None:
+            self._add("joint", name, given | laws, kind)
+            return
+        drawn = self._as_drawn(name, links)
+        direction: Arguments = {} if kind == "R" else {"angle": angle, "dir": dir}
+        marker = Marker(at=point, **direction)
+        given["at"] = [(marker.at.z - link.at[0]) * _turn_back(link) for link in drawn]
+        if kind != "R" and (kind == "P" or any(link.at[1] for link in drawn)):
+            directions = [marker.direction * _turn_back(link) for link in drawn]
+            given |= {"angle": None, "dir": directions}
         self._add("joint", name, given | laws, kind)
-
-    def add_pin(
-        self,
-        name: str,
-        links: Sequence[str],
-        point: AnyPlace,
-        *,
-        friction: FrictionLaw | None = None,
-        clearance: float | None = None,
-    ) -> None:
-        """Add a pin between links, where it is in the world in the poses that they were given.
-
-        A link without a pose gets the pose zero, so that its places are those of the drawing.
-
-        Parameters
-        ----------
-        links : names of two links or more, added before; "frame" is the fixed one
-        point : place [m] in the world
-        friction, clearance : of the joint, see `add_joint`
-
-        Raises `GraphError` for links that there are not, or what does not fit.
-        """
-        drawn = self._as_drawn(name, links)
-        at = _places(Marker(at=point).at, drawn)
-        self.add_joint(name, "R", links, at, friction=friction, clearance=clearance)
-        self._keep_poses(links, drawn)
-
-    def add_slider(
-        self,
-        name: str,
-        links: Sequence[str],
-        point: AnyPlace,
-        *,
-        angle: float | None = None,
-        dir: Two | None = None,
-        slider: Literal[0, 1] | None = None,
-        friction: FrictionLaw | None = None,
-    ) -> None:
-        """Add a guide between two links, where it is in the world in the poses they were given.
-
-        Both links have the point, so the guide's coordinate is 0 in these poses. A link without
-        a pose gets the pose zero, as for `add_pin`.
-
-        Parameters
-        ----------
-        links : names of two links, added before; the coordinate counts from the first to the second
-        point : place [m] in the world
-        angle, dir : of the guide in the world, [rad] or (dx, dy); default along x
-        slider, friction : of the joint, see `add_joint`
-
-        Raises `GraphError` for links that there are not, or what does not fit.
-
-        Example: ``m.add_slider("S", ["frame", "piston"], (0.4, 0.0), angle=0.0)``.
-        """
-        drawn = self._as_drawn(name, links)
-        guide = Marker(at=point, angle=angle, dir=dir)
-        along = [guide.direction * _turn_back(link) for link in drawn]
-        at = _places(guide.at, drawn)
-        self.add_joint(name, "P", links, at, dir=along, slider=slider, friction=friction)
-        self._keep_poses(links, drawn)
-
-    def add_weld(self, name: str, links: Sequence[str], point: AnyPlace) -> None:
-        """Weld links together as they are in the poses that they were given.
-
-        They are one rigid link with the mass of all, and keep their names for joints, loads,
-        markers and outputs. A link without a pose gets the pose zero, as for `add_pin`.
-
-        Parameters
-        ----------
-        links : names of two links or more, added before; "frame" is the fixed one
-        point : place [m] of the weld in the world
-
-        Raises `GraphError` for links that there are not, or what does not fit.
-
-        Example: ``m.add_weld("W", ["rod", "plate"], (0.4, 0.1))``.
-        """
-        drawn = self._as_drawn(name, links)
-        at = _places(Marker(at=point).at, drawn)
-        turned = any(link.at[1] for link in drawn)
-        directions = [_turn_back(link) for link in drawn] if turned else None
-        self.add_joint(name, "weld", links, at, dir=directions)
-        self._keep_poses(links, drawn)
+        self.links.update((x, posed) for x, posed in zip(links, drawn, strict=True) if x != FRAME)
 
     def _as_drawn(self, name: str, links: Sequence[str]) -> list[LinkGiven]:
         """Links of a joint in the poses of the drawing, zero where none was given."""
@@ -249,19 +193,25 @@ class Linkage(Document):
         zero = (0.0, 0.0, 0.0)
         return [given[link].model_copy(update={"pose": given[link].pose or zero}) for link in links]
 
-    def _keep_poses(self, links: Sequence[str], drawn: Sequence[LinkGiven]) -> None:
-        pairs = zip(links, drawn, strict=True)
-        self.links.update((link, posed) for link, posed in pairs if link != FRAME)
-
     @declared
-    def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
+    def add_driver(
+        self, name: str, joint: str, law: LawOfMotion | str | None = None, **keys: Any
+    ) -> None:
         """Drive the coordinate of a joint, by a law of motion if one is given.
 
         The coordinate is the angle [rad] of the second link less that of the first (R), or
         the distance [m] from the first link's point to the second's along the guide (P).
+
+        Parameters
+        ----------
+        law : the law, or its kind, such as "constant_rate", whose keys then follow
+
+        Raises `GraphError` for a taken name, an unknown kind or keys that do not fit.
         """
-        fields = {} if law is None else plain(law)
-        self._add("driver", name, {"joint": joint, **fields}, fields.pop("law", ""))
+        if isinstance(law, LawOfMotion):
+            keys |= plain(law)
+            law = str(keys.pop("law"))
+        self._add("driver", name, {"joint": joint, **keys}, law or "")
 
     @overload
     def add_load(
@@ -291,31 +241,34 @@ class Linkage(Document):
 
         Raises `GraphError` for an unknown kind or keys that do not fit.
         """
-        if isinstance(load, Element):
-            keys |= {key: getattr(load, key) for key in load.model_fields_set}
-            load = load.type_name.removeprefix(LOADS)
-        self._add("load", name, keys, load)
+        self._add_block("load", name, load, keys)
 
     @declared
-    def add_coupling(self, name: str, coupling: Coupling) -> None:
+    def add_coupling(self, name: str, coupling: Coupling | str, **keys: Any) -> None:
         """Let one driver follow another: ``add_coupling("mesh", Gear(driver="a", ...))``.
 
         A driver that follows has no law of motion. A wheel or cam that is fixed to a link
         leads by the address ``"link.marker"`` of its centre.
 
-        Raises `GraphError` for a taken name or what is no coupling.
+        Parameters
+        ----------
+        coupling : the coupling, or its kind, such as "gear", whose keys then follow
+
+        Raises `GraphError` for a taken name, an unknown kind or keys that do not fit.
         """
-        keys = {key: getattr(coupling, key) for key in coupling.model_fields_set}
-        self._add("coupling", name, keys, coupling.type_name.removeprefix(COUPLINGS))
+        self._add_block("coupling", name, coupling, keys)
 
     @declared
-    def add_signal(self, name: str, signal: Signal) -> None:
+    def add_signal(self, name: str, signal: Signal | str, **keys: Any) -> None:
         """Add a signal block: ``add_signal("error", signals.Sum(signs="+-"))``.
 
-        Raises `GraphError` for a taken name or what is no signal block of a file.
+        Parameters
+        ----------
+        signal : the signal block, or its kind, such as "sum", whose keys then follow
+
+        Raises `GraphError` for a taken name, or what is no signal block of a file.
         """
-        keys = {key: getattr(signal, key) for key in signal.model_fields_set}
-        self._add("signal", name, keys, signal.type_name.removeprefix(SIGNALS))
+        self._add_block("signal", name, signal, keys)
 
     @declared
     def connect(self, source: str, target: str) -> None:
@@ -339,6 +292,13 @@ class Linkage(Document):
     def _give(self, section: str, driver: str, item: Any) -> None:
         getattr(self, section)[driver] = item
 
+    def _add_block(self, what: str, name: str, block: Block | str, keys: Arguments) -> None:
+        """Add a load, coupling or signal by its block, or by its kind and keys."""
+        if isinstance(block, Block):
+            keys |= {key: getattr(block, key) for key in block.model_fields_set}
+            block = block.type_name.removeprefix(sections()[f"{what}s"].prefix)
+        self._add(what, name, keys, block)
+
     def _add(self, what: str, name: str, given: Arguments, kind: str = "") -> None:
         """Add an item of a kind. Raises `GraphError` with places in the document."""
         if not isinstance(name, str) or not is_name(name):
@@ -351,7 +311,9 @@ class Linkage(Document):
         if model is None:
             raise GraphError(section.unknown_kind(kind, f"{where}.{section.key}"))
         try:
-            items[name] = model(**{key: value for key, value in given.items() if value is not None})
+            in_file = {key: field.alias or key for key, field in model.model_fields.items()}
+            keys = {in_file.get(key, key): x for key, x in given.items() if x is not None}
+            items[name] = model(**keys)
         except GraphError as error:
             here, cls = path_text((f"{what}s", name)), model.__name__
             raise GraphError(
@@ -368,8 +330,3 @@ class Linkage(Document):
 def _turn_back(link: LinkGiven) -> complex:
     """What turns a direction in the world into the link's axes."""
     return cmath.rect(1.0, -link.at[1])
-
-
-def _places(point: Place, drawn: Sequence[LinkGiven]) -> list[complex]:
-    """A place in the world [m], in the axes of each link."""
-    return [(point.z - link.at[0]) * _turn_back(link) for link in drawn]

@@ -1,0 +1,100 @@
+"""The surface: what an editor shows of blockmech is what a user may use, described and listed."""
+
+import inspect
+import re
+from contextlib import suppress
+from functools import reduce
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import blockmech as bm
+
+ROOT = Path(__file__).parents[1]
+SCREEN = 40  # names that an editor's list shows at once
+REFERENCE = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+ENTRY = re.compile(r"^::: (blockmech[\w.]*)\n((?:    .*\n)*)", re.MULTILINE)
+
+
+def shown(subject):
+    """The names of a module or object that an editor shows."""
+    return [name for name in dir(subject) if not name.startswith("_")]
+
+
+def public():
+    """Every public name with what it is: those of `blockmech`, and those of its namespaces."""
+    for name in bm.__all__:
+        subject = getattr(bm, name)
+        if hasattr(subject, "__all__"):
+            yield from ((f"{name}.{x}", getattr(subject, x)) for x in subject.__all__)
+        elif name != "__version__":
+            yield name, subject
+
+
+PUBLIC = {name: x for name, x in public() if inspect.isclass(x) or inspect.isfunction(x)}
+NAMESPACES = [x for name in bm.__all__ if hasattr(x := getattr(bm, name), "__all__")]
+
+
+@pytest.fixture(scope="module")
+def mechanism():
+    return bm.read(ROOT / "graphs" / "ruiz_fourbar.json").compile()
+
+
+def test_an_editor_shows_one_screen_of_a_mechanism_and_of_a_result(mechanism):
+    assert len(shown(mechanism)) <= SCREEN
+    assert len(shown(bm.Result)) <= 28
+    assert len(bm.__all__) <= 60
+
+
+@pytest.mark.parametrize("name", ["run", "simulate", "study", "stepper", "tolerance", "verify"])
+def test_a_call_has_at_most_twelve_keyword_arguments(name):
+    parameters = inspect.signature(getattr(bm.Mechanism, name)).parameters.values()
+    assert len([p for p in parameters if p.kind is p.KEYWORD_ONLY]) <= 12
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_public_name_is_described(name):
+    text = inspect.getdoc(PUBLIC[name])
+    assert text
+    assert not text.startswith("!!! abstract"), "pydantic's own text shows through"
+
+
+@pytest.mark.parametrize("name", shown(bm.Mechanism))
+def test_what_a_mechanism_does_is_described(name):
+    assert inspect.getdoc(inspect.getattr_static(bm.Mechanism, name)) or inspect.getdoc(
+        getattr(bm.Mechanism, name)
+    )
+
+
+def resolved(path):
+    """What an entry of the reference stands for: in the longest part of it that is a module."""
+    parts = path.split(".")
+    for n in range(len(parts), 0, -1):
+        with suppress(ModuleNotFoundError):
+            return reduce(getattr, parts[n:], import_module(".".join(parts[:n])))
+    raise AssertionError(path)
+
+
+def listed():
+    """What the reference lists: aliases lead to what they stand for."""
+    for path, options in ENTRY.findall(REFERENCE):
+        subject = resolved(path)
+        yield subject
+        members = re.search(r"members: \[(.+?)\]", options)
+        yield from (getattr(subject, name) for name in members[1].split(", ")) if members else ()
+
+
+def test_the_reference_lists_every_public_name():
+    entries = {id(inspect.unwrap(x)) for x in listed()}
+    methods = {f"Mechanism.{x}": getattr(bm.Mechanism, x) for x in shown(bm.Mechanism)}
+    subjects = PUBLIC | {n: x for n, x in methods.items() if inspect.isfunction(x)}
+    of_compiled = {"Mechanism.compile", "Mechanism.samples"}  # on every page of the class
+    missing = {n for n, x in subjects.items() if id(inspect.unwrap(x)) not in entries}
+    assert missing - of_compiled == set()
+
+
+@pytest.mark.parametrize("namespace", NAMESPACES, ids=lambda x: x.__name__)
+def test_a_namespace_says_what_it_holds(namespace):
+    assert namespace.__doc__
+    assert all(hasattr(namespace, name) for name in namespace.__all__)
