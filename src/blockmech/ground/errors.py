@@ -186,41 +186,75 @@ class FrictionError(SampleError):
 
 
 LONGEST_NAME, MOST_NAMES = 64, 300  # what is compared, so that any file is answered soon
-ALSO_CALLED = {
-    "torque": ("drive", "moment"),
-    "moment": ("drive",),
+SYNONYMS = {
+    "torque": ("drive", "moment", "couple"),
+    "moment": ("drive", "couple"),
     "force": ("reaction", "drive"),
     "omega": ("rate",),
+    "w": ("rate", "omega"),
+    "rpm": ("rate", "omega"),
+    "alpha": ("acceleration",),
+    "theta": ("angle", "q"),
+    "phi": ("angle", "phase", "q"),
     "speed": ("rate", "omega"),
     "velocity": ("v", "omega", "rate"),
     "position": ("p", "q", "angle"),
     "stiff": ("stiffness",),
     "k": ("stiffness",),
+    "c": ("damping",),
+    "gain": ("k",),
+    "com": ("cm",),
+    "cog": ("cm",),
+    "cg": ("cm",),
+    "centre": ("cm",),
+    "center": ("cm",),
+    "m": ("mass",),
+    "weight": ("mass",),
+    "i": ("inertia",),
+    "j": ("inertia",),
+    "mu": ("coefficient",),
+    "coeff": ("coefficient",),
+    "friction_coefficient": ("coefficient",),
+    "radii": ("radius",),
+    "r": ("radius", "length"),
+    "l": ("length", "l_i"),
+    "len": ("length", "l", "l_i"),
+    "l0": ("free_length",),
     "l_1": ("l_i", "length", "l"),
     "l1": ("l_i", "length", "l"),
     "l_2": ("l_j",),
     "l2": ("l_j",),
     "h_1": ("h_i", "h1"),
     "h_2": ("h_j", "h2"),
+    "t": ("times", "time", "duration"),
 }
-"""What others call a thing -> what it may be called here."""
+"""What the trade calls a quantity -> names that it may have here."""
+SHORT = 2  # letters of symbols: which one is like another says nothing of what they mean
 
 
 def close_match(word: str, valid: Iterable[str]) -> str:
     """A remedy that names the nearest valid word, or an empty string."""
     if len(word) > LONGEST_NAME:
         return ""
-    near = list(islice(valid, MOST_NAMES))
+    names = list(islice(valid, MOST_NAMES))
     head, dot, last = word.rpartition(".")
-    for name in (f"{head}{dot}{other}" for other in ALSO_CALLED.get(last, ())):
-        if name in near:
+    synonyms = SYNONYMS.get(last.lower(), ())
+    for name in (f"{head}{dot}{synonym}" for synonym in synonyms):
+        if name in names:
             return f'did you mean "{name}"?'
-    for other in ALSO_CALLED.get(last, ()) if dot else ():  # of a driver by another name
-        if alike := [name for name in near if name.endswith(f".{other}")]:
+    for synonym in synonyms if dot else ():  # of a driver by another name
+        if alike := [name for name in names if name.endswith(f".{synonym}")]:
             return f'did you mean "{alike[0]}"?'
-    near = [v for v in near if abs(len(v) - len(word)) <= len(word)]
-    match = difflib.get_close_matches(word, near, n=1, cutoff=0.6)
+    if len(word) <= SHORT:
+        spelt = [name for name in names if _letters(name) == _letters(word)]
+        return f'did you mean "{spelt[0]}"?' if spelt else ""
+    names = [name for name in names if abs(len(name) - len(word)) <= len(word)]
+    match = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
     return f'did you mean "{match[0]}"?' if match else ""
+
+
+def _letters(name: str) -> str:
+    return name.replace("_", "").lower()
 
 
 def listed(words: Iterable[str], most: int = 12) -> str:
@@ -261,7 +295,8 @@ def unknown_key(where: str, owner: str, key: str, keys: Iterable[str]) -> Proble
     keys = list(keys)
     valid = f"keys there: {listed(keys, 20)}" if keys else ""
     found = f"{owner} has no key {shown(key)}"
-    return Problem("unknown-key", where, found, valid, close_match(key, keys) or "remove it")
+    remedy = "write one of these, or remove it" if keys else "remove it"
+    return Problem("unknown-key", where, found, valid, close_match(key, keys) or remedy)
 
 
 def unknown_name(
