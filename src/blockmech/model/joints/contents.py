@@ -37,6 +37,7 @@ from blockmech.loads.contract import Element
 from blockmech.model.diagram import WireEnds
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
+from blockmech.model.joints.dimensions import KINDS as DIMENSIONS
 from blockmech.model.laws_of_motion import AnyLaw
 from blockmech.model.scene import Initial, Role, Stops
 from blockmech.signals.contract import Signal
@@ -274,6 +275,7 @@ def _sections(types: tuple[Any, ...]) -> dict[str, Section]:
         "couplings": Section("coupling", couplings, "type", "a {}", prefix=COUPLINGS),
         "loads": Section("load", loads, "type", "a {}", first=holds, prefix=LOADS),
         "signals": Section("signal", signals, "type", "a {}", prefix=SIGNALS),
+        "dimensions": Section("dimension", DIMENSIONS, "type", "a {}", first=("type", "points")),
     }
 
 
@@ -291,6 +293,7 @@ class JointsDocument(StrictModel):
     couplings: Data = {}
     loads: Data = {}
     signals: Data = {}
+    dimensions: Data = {}
     wires: list[WireEnds] = []
     initial: dict[str, Initial] = {}
     stops: dict[str, Stops] = {}

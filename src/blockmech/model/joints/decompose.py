@@ -32,6 +32,7 @@ from blockmech.model.joints.diagnosis import (
     why_stuck,
 )
 from blockmech.model.joints.diagram import Diagram, Drafts, Sequence
+from blockmech.model.joints.dimensioned import dimensioned
 from blockmech.model.joints.drafts import closed_form, driving_link, general_group
 from blockmech.model.joints.elements import links_read_as_they_are, links_sensed
 from blockmech.model.joints.layout import Connections, Layout, Poses, seated
@@ -60,6 +61,9 @@ def decompose(linkage: Linkage, general: General = "") -> Parts:
     cannot work, then joints that do not close.
     """
     try:
+        if wrong := [*reference_problems(linkage, vars(linkage)), *wrong_units(linkage.sections())]:
+            raise GraphError(wrong)
+        linkage = dimensioned(linkage)
         order = sequence(linkage)
         return _as_blocks(linkage, order, general)
     except GraphError as error:
@@ -68,9 +72,6 @@ def decompose(linkage: Linkage, general: General = "") -> Parts:
 
 def sequence(linkage: Linkage) -> Sequence:
     """The formation sequence of a document and its pose, refined. Raises like `decompose`."""
-    wrong = [*reference_problems(linkage, vars(linkage)), *wrong_units(linkage.sections())]
-    if wrong:
-        raise GraphError(wrong)
     layout = Layout.of(linkage)
     with np.errstate(over="ignore", under="ignore"):
         measured = np.float64(layout.size) ** 3  # products of lengths are to be numbers

@@ -23,6 +23,7 @@ from blockmech.model.joints.contents import (
     LinkGiven,
     sections,
 )
+from blockmech.model.joints.dimensions import Dimension
 from blockmech.model.joints.references import reference_problems, wire_problems
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Role, Scene, Stops
@@ -33,6 +34,7 @@ from blockmech.typing import Arguments, Data
 if TYPE_CHECKING:
     from blockmech.friction.laws.contract import FrictionLaw
     from blockmech.ground.values import AnyMarker, AnyPlace, Two
+    from blockmech.model.joints.dimensioned import Dimensions
 
 
 class Linkage(Document):
@@ -59,6 +61,7 @@ class Linkage(Document):
     couplings: dict[str, Coupling]
     loads: Data
     signals: dict[str, Signal]
+    dimensions: dict[str, Dimension]
     initial: dict[str, Initial]
     stops: dict[str, Stops]
     motion: dict[str, Role]
@@ -269,6 +272,54 @@ class Linkage(Document):
         Raises `GraphError` for a taken name, or what is no signal block of a file.
         """
         self._add_block("signal", name, signal, keys)
+
+    @declared
+    def add_dimension(
+        self,
+        name: str,
+        kind: Literal[
+            "length",
+            "angle",
+            "parallel",
+            "perpendicular",
+            "equal",
+            "in_line",
+            "on_circle",
+            "position",
+        ],
+        points: Sequence[str],
+        value: float | str | AnyPlace | None = None,
+    ) -> None:
+        """Give the drawing a dimension, which its points are moved to fulfil as it is compiled.
+
+        Parameters
+        ----------
+        kind : "length" of AB [m]; "angle" [rad] from BA to BC, or of AB from the x axis;
+            "parallel", "perpendicular", "equal" (in length) of AB and CD; "in_line" of three
+            points or more; "on_circle" about the first point; "position" of a point [m]
+        points : joints by name, markers as ``"link.marker"``
+        value : of a length, angle or position, also as text with a unit. It is a parameter of the
+            design, ``"dimensions.rod.value"``
+
+        Raises `GraphError` for a taken name, or points and values that do not fit.
+
+        Example: ``m.add_dimension("rod", "length", ["B", "C"], "250mm")``.
+        """
+        points = list(as_names(f"dimensions.{name}.points", points))
+        self._add("dimension", name, {"type": kind, "points": points, "value": value}, kind)
+
+    def fit_dimensions(self) -> Dimensions:
+        """What the dimensions determine: the drawing that fulfils them, and what remains free.
+
+        Raises `GraphError` for dimensions that contradict each other.
+
+        Example: ``print(m.fit_dimensions())``.
+        """
+        from blockmech.model.joints.dimensioned import fit_dimensions
+
+        if problems := list(reference_problems(self, vars(self))):
+            raise GraphError(problems)
+        return fit_dimensions(self)
 
     @declared
     def connect(self, source: str, target: str) -> None:

@@ -80,6 +80,13 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
             remedy = "write the pin as joints of two links each"
             if number > 2:
                 yield Problem("wrong-value", path_text(path), found, "", remedy)
+    points = [*linkage.joints]
+    points += [f"{link}.{marker}" for link, x in linkage.links.items() for marker in x.markers]
+    for name, dimension in linkage.dimensions.items():
+        for k, point in enumerate(dimension.points):
+            if point not in points:
+                where = path_text(("dimensions", name, "points", k))
+                yield unknown_name("unknown-point", "joint or marker", point, where, points)
     yield from _wheels(linkage)
     yield from _signals(linkage, known)
     by_joint: dict[str, list[str]] = defaultdict(list)

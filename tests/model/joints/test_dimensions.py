@@ -1,0 +1,214 @@
+"""Dimensions by constraints: lengths, angles and relations that the drawing is moved to fulfil.
+
+What is right follows from geometry: the law of cosines, the nearest points that have a distance,
+and a block diagram with the same lengths, whose derivatives are another program's.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+
+CRANK, ROD, ROCKER, GROUND = 1.0, 2.5, 2.0, 2.5  # [m]
+LAW = bm.motion.ConstantRate(rate=10.0)
+CLOSE = 1e-9  # [m] what closing leaves, from a sketch of metres
+
+
+def sketch():
+    """A four-bar as a hand draws it."""
+    m = bm.Linkage("fourbar")
+    for name in ("crank", "rod", "rocker"):
+        m.add_link(name)
+    m.add_pin("A", ["frame", "crank"], (0.0, 0.0))
+    m.add_pin("B", ["crank", "rod"], (0.6, 0.75))
+    m.add_pin("C", ["rod", "rocker"], (2.9, 1.9))
+    m.add_pin("D", ["frame", "rocker"], (2.4, 0.1))
+    m.add_driver("motor", "A", LAW)
+    return m
+
+
+def dimensioned():
+    """The same with its lengths, the ground level, and the pose in which it was meant."""
+    m = sketch()
+    for name, points, value in (
+        ("crank", "AB", CRANK),
+        ("rod", "BC", "250cm"),
+        ("rocker", "CD", ROCKER),
+        ("ground", "AD", GROUND),
+    ):
+        m.add_dimension(name, "length", list(points), value)
+    m.add_dimension("level", "angle", ["A", "D"], 0.0)
+    m.add_dimension("pose", "angle", ["D", "A", "B"], "60deg")
+    return m
+
+
+def positions(m):
+    """Points of a drawing whose links have pose zero."""
+    return {name: joint.at[0].z for name, joint in m.joints.items()}
+
+
+def test_lengths_and_angles_hold_where_the_law_of_cosines_has_them():
+    report = dimensioned().fit_dimensions()
+    assert (report.redundant, report.free, report.freedoms) == ((), (), 0)
+    z = positions(report.linkage)
+    b = z["A"] + cmath.rect(CRANK, math.pi / 3)
+    diagonal = abs(z["A"] + GROUND - b)
+    cosine = (diagonal**2 + ROD**2 - ROCKER**2) / (2 * diagonal * ROD)
+    c = b + ROD * (z["A"] + GROUND - b) / diagonal * cmath.exp(1j * math.acos(cosine))
+    for name, place in {"B": b, "C": c, "D": z["A"] + GROUND}.items():
+        assert abs(z[name] - place) <= CLOSE
+
+
+def test_points_move_no_farther_than_they_must():
+    """Of one length both ends move by half of what is missing, along the line."""
+    m = sketch()
+    m.add_dimension("crank", "length", ["A", "B"], CRANK)
+    report = m.fit_dimensions()
+    z = positions(report.linkage)
+    line = 0.6 + 0.75j
+    step = (CRANK / abs(line) - 1) / 2 * line
+    assert abs(z["A"] + step) <= CLOSE
+    assert abs(z["B"] - (line + step)) <= CLOSE
+    assert (z["C"], z["D"]) == (2.9 + 1.9j, 2.4 + 0.1j)
+    assert report.free == ("B", "C", "D")
+    assert report.freedoms == 4  # of eight coordinates, three of the whole, and one length
+    assert dict(report.moved) == pytest.approx({"A": abs(step), "B": abs(step)}, rel=1e-6)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_compiled_drawing_is_the_mechanism_of_its_dimensions(turned):
+    m = dimensioned()
+    if turned:  # links with frames of their own
+        for name, (x, y, angle) in {"rod": (0.5, 0.4, 0.7), "rocker": (2.0, 1.0, -1.1)}.items():
+            o, e = complex(x, y), cmath.rect(1.0, angle)
+            m.links[name] = m.links[name].model_copy(update={"pose": (x, y, angle)})
+            for joint in m.joints.values():
+                for k, link in enumerate(joint.links):
+                    if link == name:
+                        place = (joint.at[k].z - o) / e
+                        joint.at[k] = type(joint.at[k])(place)
+    g = bm.Graph("fourbar")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (GROUND, 0.0)}))
+    g.add("crank", bm.Crank(length=CRANK))
+    g.add("dyad", bm.RRR(l_i=ROD, l_j=ROCKER, branch=1))
+    for wire in ("frame.A crank.A", "frame.D dyad.D", "crank.B dyad.B"):
+        g.connect(*wire.split())
+    q = np.array([0.2, 1.0, 3.0])
+    run, same = m.run(at=q), g.run(at=q, rates=10.0)
+    first = run["joint.A.p"][0]  # the drawing was moved as a whole
+    zero = run["driver.motor.q"] - same["crank.q"]
+    assert np.abs(zero).max() == 0.0
+    turn = math.remainder(m.compile().run(at=[0.0])["link.crank.angle"][0], math.tau)
+    assert turn == pytest.approx(0.0, abs=1e-12)
+    level = positions(m.fit_dimensions().linkage) if not turned else None
+    if level:  # the crank's axes are the drawing's: q counts from the drawn pose
+        e = (level["B"] - level["A"]) / CRANK
+        same = g.run(at=q + cmath.phase(e), rates=10.0)
+        assert np.abs(run["joint.C.p"] - first - same["dyad.C.p"]).max() <= CLOSE
+
+
+def test_numbers_of_dimensions_are_parameters_with_derivatives():
+    """The rod's length turns the rocker as the length of the dyad does."""
+    m = dimensioned()
+    mechanism = m.compile()
+    path = "dimensions.rod.value"
+    assert mechanism.parameters()[path].value == ROD
+    drawn = m.fit_dimensions().linkage
+    q = 0.3
+    want = "joint.C.transmission_angle"
+    exact = mechanism.sensitivity(want, path, at=[q])[want][0, 0]
+    g = bm.Graph("fourbar")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (GROUND, 0.0)}))
+    g.add("crank", bm.Crank(length=CRANK))
+    g.add("dyad", bm.RRR(l_i=ROD, l_j=ROCKER, branch=1))
+    for wire in ("frame.A crank.A", "frame.D dyad.D", "crank.B dyad.B"):
+        g.connect(*wire.split())
+    z = positions(drawn)
+    turn = cmath.phase(z["B"] - z["A"])
+    same = g.compile().sensitivity("dyad.transmission_angle", "dyad.l_i", at=[q + turn])
+    assert exact == pytest.approx(same["dyad.transmission_angle"][0, 0], rel=1e-7)
+    (solution,) = mechanism.solve({want: "70deg"}, to=path, at=q)
+    longer = dimensioned()
+    longer.dimensions["rod"] = longer.dimensions["rod"].model_copy(update={"value": solution[path]})
+    assert longer.run(at=[q], want=want)[want][0] == pytest.approx(math.radians(70), abs=1e-8)
+
+
+RELATIONS = [
+    ("parallel", "ABDC", lambda a, b, d, c: ((b - a) / (c - d)).imag),
+    ("perpendicular", "ABAD", lambda a, b, _, d: ((b - a) / (d - a)).real),
+    ("equal", "ABCD", lambda a, b, c, d: abs(b - a) - abs(d - c)),
+    ("in_line", "ABC", lambda a, b, c: ((b - a) / (c - a)).imag),
+    (
+        "on_circle",
+        "BACD",
+        lambda b, a, c, d: abs(abs(a - b) - abs(c - b)) + abs(abs(a - b) - abs(d - b)),
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "points", "deviation"), RELATIONS)
+def test_relations_hold(kind, points, deviation):
+    m = sketch()
+    m.add_dimension("relation", kind, list(points))
+    z = positions(m.fit_dimensions().linkage)
+    assert abs(deviation(*(z[name] for name in points))) <= CLOSE
+    assert abs(deviation(*(positions(m)[name] for name in points))) > 0.05
+
+
+def test_points_have_positions_and_markers_are_points():
+    m = sketch()
+    m.links["rod"] = bm.Linkage.from_json(m.to_json()).links["rod"].model_copy()
+    m.add_link("flag", markers={"top": (1.0, 3.0)})
+    m.add_weld("W", ["flag", "rod"], (0.7, 0.8))
+    m.add_dimension("A", "position", ["A"], (0.1, 0.2))
+    m.add_dimension("top", "angle", ["B", "A", "flag.top"], "90deg")
+    drawn = m.fit_dimensions().linkage
+    z = positions(drawn)
+    assert abs(z["A"] - (0.1 + 0.2j)) <= CLOSE
+    top = drawn.links["flag"].markers["top"].at.z
+    assert cmath.phase((top - z["A"]) / (z["B"] - z["A"])) == pytest.approx(math.pi / 2, abs=CLOSE)
+
+
+def test_what_follows_from_the_rest_is_named_and_what_contradicts_is_refused():
+    m = dimensioned()
+    m.add_dimension("half", "length", ["A", "B"], CRANK)
+    assert set(m.fit_dimensions().redundant) == {"crank", "half"}
+    assert "crank, half follow from the rest" in str(m.fit_dimensions())
+    m.add_dimension("diagonal", "length", ["A", "C"], 9.0)  # no triangle with rod and crank
+    with pytest.raises(bm.GraphError, match="cannot hold together: they miss by") as caught:
+        m.compile()
+    (problem,) = caught.value.problems
+    assert problem.code == "conflicting-dimensions"
+    assert {"rod", "rocker", "diagonal"} <= set(problem.found.split(" cannot")[0].split(", "))
+    assert [p.code for p in m.check()] == ["conflicting-dimensions"]
+
+
+def test_dimensions_stand_in_the_document():
+    m = dimensioned()
+    again = bm.Linkage.from_json(m.to_json())
+    assert again.to_json() == m.to_json()
+    assert again.run(at=[0.3], want="joint.C.p")["joint.C.p"] == m.run(at=[0.3])["joint.C.p"]
+
+
+@pytest.mark.parametrize(
+    ("keys", "because"),
+    [
+        (("length", ["A"], 1.0), "points"),
+        (("length", ["A", "B"], -1.0), "greater than 0|must be"),
+        (("size", ["A", "B"], 1.0), "types: length, angle"),
+        (("length", ["A", "X"], 1.0), 'no joint or marker "X"'),
+    ],
+)
+def test_dimensions_that_make_no_sense_are_refused(keys, because):
+    def add():
+        m = sketch()
+        m.add_dimension("one", *keys)
+        m.compile()
+
+    with pytest.raises(bm.GraphError, match=because):
+        add()
