@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.mechanism import Mechanism
     from blockmech.model.joints.decompose import General
+    from blockmech.model.joints.dimensioned import Dimensions
 
 
 class Uncompiled(Runnable["Mechanism"]):
@@ -151,6 +152,17 @@ class Linkage(linkage.Linkage, Uncompiled):
             _AS_BLOCKS[self] = now, made
         return made
 
+    def fit_dimensions(self) -> Dimensions:
+        """What the dimensions determine: the drawing that fulfils them, and what remains free.
+
+        Raises `GraphError` for dimensions that contradict each other, and for unknown names.
+
+        Example: ``print(m.fit_dimensions())``.
+        """
+        from blockmech.model.joints.dimensioned import fit_dimensions
+
+        return fit_dimensions(self)
+
     @uncollected()
     def compile(self) -> Mechanism:
         """Decompose the linkage and freeze it into a mechanism that computes.
@@ -163,7 +175,8 @@ class Linkage(linkage.Linkage, Uncompiled):
         return None if self.check() else self.compile()._repr_svg_()
 
     def __repr__(self) -> str:
-        pairs = sum(len(joint.links) - 1 for joint in self.joints.values())
+        joints = [joint for joint in self.joints.values() if joint.type != "weld"]
+        pairs = sum(len(joint.links) - 1 for joint in joints)
         moving = len([name for name in self.links if name != "frame"])
         counts = f"{moving} moving links, {pairs} pairs, {len(self.drivers)} driver"
         counts += "s" * (len(self.drivers) != 1)

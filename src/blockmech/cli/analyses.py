@@ -74,6 +74,7 @@ def _facts(model: Opened) -> tuple[Data, str]:
         made = model.decompose()
         structure, formula = made.graph.structure(), str(made.formation)
         text += f"\nmobility {structure.mobility}"
+        text += f"\n{model.fit_dimensions()}" if model.dimensions else ""
     return {
         "graph": model.name,
         "links": len(structure.links) - 1,

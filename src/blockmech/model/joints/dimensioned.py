@@ -28,6 +28,7 @@ from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.dimensions import Dimension
 from blockmech.model.joints.layout import Layout, LinkPlacement, Pose
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import Varied, settled
 from blockmech.model.parameters import Path, value_at
 
@@ -76,8 +77,10 @@ class Dimensions(Facts, Report):
 def fit_dimensions(linkage: Linkage) -> Dimensions:
     """The drawing that fulfils its dimensions, and what they leave open.
 
-    Raises `GraphError` for dimensions that contradict each other.
+    Raises `GraphError` for dimensions that contradict each other, and for unknown names.
     """
+    if problems := list(reference_problems(linkage, vars(linkage))):
+        raise GraphError(problems)
     drawing = _Drawing(linkage)
     if len(drawing.points) < 2:
         return Dimensions(linkage, {}, (), (), 0)

@@ -34,7 +34,6 @@ from blockmech.typing import Arguments, Data
 if TYPE_CHECKING:
     from blockmech.friction.laws.contract import FrictionLaw
     from blockmech.ground.values import AnyMarker, AnyPlace, Two
-    from blockmech.model.joints.dimensioned import Dimensions
 
 
 class Linkage(Document):
@@ -239,7 +238,8 @@ class Linkage(Document):
         ----------
         load : the load as a block, or its kind, such as "force", whose keys then follow
         link, links : the link or links that it takes hold of
-        joint : in place of ``links`` for a couple between the two of a joint
+        joint : in place of ``links`` and ``at``, for a couple between the two links of a pin, or a
+            motor, spring, damper or thrust along a guide, by its coordinate
         at : place [m] on the link, or on each of them, in their frames
 
         Raises `GraphError` for an unknown kind or keys that do not fit.
@@ -307,19 +307,6 @@ class Linkage(Document):
         """
         points = list(as_names(f"dimensions.{name}.points", points))
         self._add("dimension", name, {"type": kind, "points": points, "value": value}, kind)
-
-    def fit_dimensions(self) -> Dimensions:
-        """What the dimensions determine: the drawing that fulfils them, and what remains free.
-
-        Raises `GraphError` for dimensions that contradict each other.
-
-        Example: ``print(m.fit_dimensions())``.
-        """
-        from blockmech.model.joints.dimensioned import fit_dimensions
-
-        if problems := list(reference_problems(self, vars(self))):
-            raise GraphError(problems)
-        return fit_dimensions(self)
 
     @declared
     def connect(self, source: str, target: str) -> None:
