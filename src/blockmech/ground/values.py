@@ -471,12 +471,13 @@ class Marker(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _from_place(cls, raw: Any) -> Any:
-        # In Python a bare (x, y) or complex number is a marker without direction.
+        # A bare (x, y), complex number or {"polar": ...} is a marker without direction.
         if isinstance(raw, list):  # only a file has these here
             place = len(raw) == 2 and all(map(is_number, raw))
             remedy = f'write {{"at": {shown(raw)}}}' if place else ""
             raise mistake("wrong-type", f"must be an object {{...}}, got {shown(raw)}", "", remedy)
-        return {"at": raw} if isinstance(raw, tuple | complex) else raw
+        polar = isinstance(raw, Mapping) and "polar" in raw
+        return {"at": raw} if polar or isinstance(raw, tuple | complex) else raw
 
     @model_validator(mode="after")
     def _one_direction(self) -> Marker:

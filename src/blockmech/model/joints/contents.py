@@ -215,31 +215,40 @@ def _load_model(cls: type[Element]) -> type[StrictModel]:
         fields |= {"at": (Place, default(Place(0j)))} if points else {}
     else:
         both = Field(min_length=number, max_length=number)
-        fields["links"] = (Annotated[list[str], both], ... if points else None)
-        fields |= {"at": (Annotated[list[Place], both], ...)} if points else {"joint": (str, None)}
-    base: Any = (_OnLinks if kinds == ["link", "link"] else _Made, cls)
+        fields |= {"links": (Annotated[list[str], both], None), "joint": (str, None)}
+        fields |= {"at": (Annotated[list[Place], both], None)} if points else {}
+    base: Any = (_Made if number == 1 else _BetweenLinks, cls)
     name = f"{cls.__name__}Load"
     model: Any = create_model(name, __base__=base, __doc__=cls.__doc__, **fields)
     model.made_by = (_load_model, cls)
     return model  # type: ignore[no-any-return]
 
 
-class _OnLinks(_Made):
-    """A couple between two links: named by themselves, or by their joint."""
+class _BetweenLinks(_Made):
+    """A load between two links: named by themselves, or by their joint."""
 
     def axis(self, outside: Axis) -> Axis:
         """That of its joint, along whose guide it becomes a force."""
         known, inner = outside.known, super().axis(outside)
-        own = known.get(f"joint.{getattr(self, 'joint', None)}", inner)
+        axis = known.get(f"joint.{getattr(self, 'joint', None)}", inner)
         driven = getattr(self, "driver", None) in known
-        return own._replace(coordinate=(inner if driven else own).coordinate)
+        return axis._replace(coordinate=(inner if driven else axis).coordinate)
 
     @model_validator(mode="after")
     def _links_or_joint(self) -> Any:
         links, joint = getattr(self, "links", None), getattr(self, "joint", None)
         if (links is None) == (joint is None):
-            found = "names neither links nor a joint" if links is None else "names links and joint"
-            raise mistake("wrong-value", found, 'give "links": [a, b], or "joint" for its two')
+            message = (
+                "names neither links nor a joint" if links is None else "names links and joint"
+            )
+            raise mistake("wrong-value", message, 'give "links": [a, b], or "joint" for its two')
+        if "at" in type(self).model_fields and (getattr(self, "at", None) is None) != (
+            links is None
+        ):
+            remedy = 'give "links" with "at", or "joint" alone'
+            raise mistake("wrong-value", '"links" and "at" belong together', "", remedy)
+        if joint is not None and getattr(self, "direction", None) is not None:
+            raise mistake("wrong-value", "the guide of a joint is the direction", "", "remove it")
         return self
 
 

@@ -1,7 +1,7 @@
 """Loads of a document as elements of the graph, and what a law's argument becomes there.
 
-What is given in a link's frame is turned into that of its block. Springs and motors of a
-sliding joint become thrusts along its guide.
+What is given in a link's frame is turned into that of its block. Loads of a sliding joint become
+thrusts along its guide.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def elements(
 def _along_guide(
     name: str, load: Any, data: Data, c: Connection, seats: Mapping[str, LinkPlacement]
 ) -> Iterator[BlockDraft]:
-    """A couple between the links of a P joint is a force along its guide."""
+    """A load between the links of a P joint is a force along its guide, of their coordinate."""
     holds: list[Hold] = [("a", c.first, c.at[0]), ("b", c.second, c.at[1])]
     along = _turned(c.along[0], seats[c.first])
     useful = {"useful": data["useful"]} if "useful" in data else {}
@@ -88,7 +88,8 @@ def _along_guide(
         driver = {"driver": data["driver"]} if "driver" in data else {}
         yield name, thrust(data["law"], driver), holds
         return
-    k, rest, c_d = load.stiffness, load.rest_angle, load.damping
+    k, c_d = load.stiffness, load.damping
+    rest = load.rest_angle if "rest_angle" in type(load).model_fields else load.free_length
     if k or not c_d:
         law = {"kind": "polynomial", "of": "coordinate", "coefficients": [k * rest, -k]}
         yield name, thrust(law, {}), holds

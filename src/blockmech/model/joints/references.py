@@ -73,6 +73,11 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
             yield unknown_name(f"unknown-{what}", what, name, path_text(path), sorted(have[what]))
         elif what == "joint" and does and name in linkage.joints:
             number = len(linkage.joints[name].links)
+            pulls = path[0] == "loads" and hasattr(linkage.loads[path[1]], "at")
+            if pulls and linkage.joints[name].type == "R":
+                found = f"{name} is a pin, along which nothing pulls"
+                remedy = "take a motor or torsion_spring, or name a sliding joint"
+                yield Problem("wrong-value", path_text(path), found, "", remedy)
             if linkage.joints[name].type == "weld":
                 found, number = f"{name} is a weld, in which nothing moves", 0
                 yield Problem("wrong-value", path_text(path), found, "", "name another joint")
