@@ -51,35 +51,35 @@ def running(x: Real, p: BeltNumbers) -> Transmission:
     return Transmission(p.ratio * x + p.phase, p.ratio, 0.0)
 
 
-def strand(here: Meshing, side: float, p: BeltNumbers) -> Complex:
+def strand(pose: Meshing, side: float, p: BeltNumbers) -> Complex:
     """Unit direction from the driven wheel to the other of the strand on one side of it.
 
     On the side +1 the strand pulls the wheel counter-clockwise: it leaves where the wheel,
     turning so, would wind it up. Its distance from the driven centre is r2, and its direction
     makes with the line of centres the angle whose sine is (r2 -+ r1) / d.
     """
-    d = here.a.p - here.b.p
+    d = pose.a.p - pose.b.p
     sine = p.step * p.step / dot(d, d)
-    along = sqrt(1.0 - sine)
+    cosine = sqrt(1.0 - sine)
     unit = mul(d, 1.0 / sqrt(dot(d, d)))
-    return mul(unit, along) + imul(unit, side * p.step / sqrt(dot(d, d)))
+    return mul(unit, cosine) + imul(unit, side * p.step / sqrt(dot(d, d)))
 
 
-def pull(here: Meshing, effort: Real, sense: Real, p: BeltNumbers) -> Load:
+def pull(pose: Meshing, effort: Real, sense: Real, p: BeltNumbers) -> Load:
     """Forces [N] of both strands on the driven wheel, without the preload."""
     half = 0.5 * effort / p.radius
-    more = sense * half * p.slack
-    force = mul(strand(here, 1.0, p), half + more) + mul(strand(here, -1.0, p), more - half)
+    bias = sense * half * p.slack
+    force = mul(strand(pose, 1.0, p), half + bias) + mul(strand(pose, -1.0, p), bias - half)
     return Load(force, effort)
 
 
-def preloading(here: Meshing, p: BeltNumbers) -> Load:
+def preloading(pose: Meshing, p: BeltNumbers) -> Load:
     """The preload of both strands; it turns nothing."""
-    both = strand(here, 1.0, p) + strand(here, -1.0, p)
+    both = strand(pose, 1.0, p) + strand(pose, -1.0, p)
     return Load(mul(both, p.preload), 0.0)
 
 
-def slack_tension(here: Meshing, load: Load, p: BeltNumbers) -> Real:
+def slack_tension(pose: Meshing, load: Load, p: BeltNumbers) -> Real:
     """Tension [N] of the slack strand."""
     return p.preload - 0.5 * abs(load.M) / p.radius
 
@@ -116,10 +116,10 @@ class Belt(LossyCoupling, type="coupling.belt"):
 
     def parameters(self) -> BeltNumbers:
         """Ratio, and where the strands run."""
-        one, two = self.radii
-        step = two + one if self.crossed else two - one
+        first, second = self.radii
+        step = second + first if self.crossed else second - first
         slack = 1.0 if self.sided else 0.0
-        return BeltNumbers(self.ratio, self.phase, two, step, self.preload, slack)
+        return BeltNumbers(self.ratio, self.phase, second, step, self.preload, slack)
 
     transmission = always(running)
     contact = always(pull)
@@ -134,22 +134,22 @@ class Belt(LossyCoupling, type="coupling.belt"):
             return {}
         return {"slack": Reading("N", slack_tension, of_load=True, flag="slack-belt")}
 
-    def faults(self, where: str, pair: str, here: Where, p: BeltNumbers) -> Iterator[Problem]:
+    def faults(self, where: str, pair: str, pose_at: Where, p: BeltNumbers) -> Iterator[Problem]:
         """Wheels that overlap."""
-        at, (one, two) = here(0.0), self.radii
-        least = one + two if self.crossed else abs(one - two)
-        if (d := abs(at.b.p - at.a.p)) <= least:
-            found = f"the centres are {d:.6g} m apart, the wheels need more than {least:.6g} m"
-            yield Problem("no-room", where, found, "", "move the centres apart")
+        at, (first, second) = pose_at(0.0), self.radii
+        limit = first + second if self.crossed else abs(first - second)
+        if (d := abs(at.b.p - at.a.p)) <= limit:
+            message = f"the centres are {d:.6g} m apart, the wheels need more than {limit:.6g} m"
+            yield Problem("no-room", where, message, "", "move the centres apart")
 
-    def curves(self, pair: str, here: Where, p: BeltNumbers) -> Iterator[Curve]:
+    def curves(self, pair: str, pose_at: Where, p: BeltNumbers) -> Iterator[Curve]:
         """Both pitch circles, and the strands."""
-        at, (one, two) = here(0.0), self.radii
-        yield Curve("driver", circle(one), chain=True)
-        yield Curve("driven", circle(two), chain=True)
+        at, (first, second) = pose_at(0.0), self.radii
+        yield Curve("driver", circle(first), chain=True)
+        yield Curve("driven", circle(second), chain=True)
         for side in (1.0, -1.0):
             e = strand(at, side, p)
-            start = -1j * side * e * two
+            start = -1j * side * e * second
             length = math.sqrt(abs(at.a.p - at.b.p) ** 2 - p.step**2)
             yield Curve("carrier", [start, start + e * length])
 

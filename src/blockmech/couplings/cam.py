@@ -96,18 +96,18 @@ class Tip(NamedTuple):
 # -- a translating and a swinging follower -------------------------------------------------
 
 
-def translating(here: Meshing, at: Complex) -> Tip:
+def translating(pose: Meshing, at: Complex) -> Tip:
     """It moves along the guide."""
-    u, F = here.link.u, here.motion
-    return Tip(here.link.p + u * at - here.a.p, mul(u, F.slope), mul(u, F.curve), u)
+    u, F = pose.link.u, pose.motion
+    return Tip(pose.link.p + u * at - pose.a.p, mul(u, F.slope), mul(u, F.curve), u)
 
 
-def swinging(here: Meshing, at: Complex) -> Tip:
+def swinging(pose: Meshing, at: Complex) -> Tip:
     """It turns about B."""
-    arm, F = here.link.u * at, here.motion
+    arm, F = pose.link.u * at, pose.motion
     across = imul(arm, 1.0)
     dd = mul(across, F.curve) - mul(arm, F.slope * F.slope)
-    return Tip(here.link.p + arm - here.a.p, mul(across, F.slope), dd, across)
+    return Tip(pose.link.p + arm - pose.a.p, mul(across, F.slope), dd, across)
 
 
 # -- where cam and follower touch -------------------------------------------------------------
@@ -116,65 +116,68 @@ def swinging(here: Meshing, at: Complex) -> Tip:
 # place of contact, a roller's radius behind it, adds what the follower turns against the cam.
 
 
-def slant(along: Complex, n: Complex) -> Real:
+def slant(motion: Complex, n: Complex) -> Real:
     """Angle [rad] from a motion, that goes with the push, to the push."""
-    return angle(mul(along, dot(along, n)), n)
+    return angle(mul(motion, dot(motion, n)), n)
 
 
-def at_tip(here: Meshing, tip: Tip, turns: Real, slope: Real, roller: Real) -> Touch:
+def at_tip(pose: Meshing, tip: Tip, turns: Real, slope: Real, roller: Real) -> Touch:
     """At a roller or knife edge; ``turns`` is the follower's rate per one of the cam's."""
-    one = tip.d - imul(tip.C, 1.0)
-    two = tip.dd - imul(tip.d, 2.0) - tip.C
-    size = hyp(one)
-    n = mul(imul(one, 1.0), 1.0 / size)
-    slip, slope = -size - (turns - 1.0) * roller, -dot(one, two) / size - slope * roller
-    radius = size * size * size / cross(two, one) - roller
-    place = here.a.p + tip.C - mul(n, roller)
-    return Touch(place, n, tip.unit, slip, slope, slant(tip.unit, n), radius)
+    tangent = tip.d - imul(tip.C, 1.0)
+    tangent_rate = tip.dd - imul(tip.d, 2.0) - tip.C
+    size = hyp(tangent)
+    n = mul(imul(tangent, 1.0), 1.0 / size)
+    slip, slope = (
+        -size - (turns - 1.0) * roller,
+        -dot(tangent, tangent_rate) / size - slope * roller,
+    )
+    radius = size * size * size / cross(tangent_rate, tangent) - roller
+    point = pose.a.p + tip.C - mul(n, roller)
+    return Touch(point, n, tip.unit, slip, slope, slant(tip.unit, n), radius)
 
 
-def translating_tip(here: Meshing, p: CamNumbers) -> Touch:
+def translating_tip(pose: Meshing, p: CamNumbers) -> Touch:
     """Of a translating knife edge or roller."""
-    return at_tip(here, translating(here, p.shape.at), 0.0, 0.0, p.shape.roller)
+    return at_tip(pose, translating(pose, p.shape.at), 0.0, 0.0, p.shape.roller)
 
 
-def swinging_tip(here: Meshing, p: CamNumbers) -> Touch:
+def swinging_tip(pose: Meshing, p: CamNumbers) -> Touch:
     """Of a swinging one, whose velocity at the contact is another than at the roller's centre."""
-    F = here.motion
-    at = at_tip(here, swinging(here, p.shape.at), F.slope, F.curve, p.shape.roller)
-    return at._replace(motion=imul(at.place - here.b.p, 1.0))
+    F = pose.motion
+    at = at_tip(pose, swinging(pose, p.shape.at), F.slope, F.curve, p.shape.roller)
+    return at._replace(motion=imul(at.point - pose.b.p, 1.0))
 
 
-def translating_face(here: Meshing, p: CamNumbers) -> Touch:
+def translating_face(pose: Meshing, p: CamNumbers) -> Touch:
     """Of a translating flat face: foot of P = A - i u s' on it, v = s' (u . i n) - h."""
-    u, n, F = here.link.u, here.link.u * p.shape.normal, here.motion
-    place = foot(here, here.a.p - imul(u, F.slope), p)
-    across, along = dot(u, imul(n, 1.0)), dot(u, n)
-    h = dot(here.link.p + u * p.shape.at - here.a.p, n)
-    slip, slope = F.slope * across - h, F.curve * across - F.slope * along
-    return Touch(place, n, u, slip, slope, slant(u, n), h + F.curve * along)
+    u, n, F = pose.link.u, pose.link.u * p.shape.normal, pose.motion
+    point = foot(pose, pose.a.p - imul(u, F.slope), p)
+    across, cosine = dot(u, imul(n, 1.0)), dot(u, n)
+    h = dot(pose.link.p + u * p.shape.at - pose.a.p, n)
+    slip, slope = F.slope * across - h, F.curve * across - F.slope * cosine
+    return Touch(point, n, u, slip, slope, slant(u, n), h + F.curve * cosine)
 
 
-def swinging_face(here: Meshing, p: CamNumbers) -> Touch:
+def swinging_face(pose: Meshing, p: CamNumbers) -> Touch:
     """Of a swinging one: P on the line of centres, BP = BA / (1 - F'); g from B: v = F' g - h.
 
     In the radius h + h'' the derivatives are by a = q - x, of which x is no multiple.
     """
-    n, d, F = here.link.u * p.shape.normal, here.b.p - here.a.p, here.motion
-    w, across, along = F.slope - 1.0, dot(d, imul(n, 1.0)), dot(d, n)
-    g = dot(here.link.p + here.link.u * p.shape.at - here.b.p, n)
-    h, falls = g + along, F.slope * across / w  # dh / da
-    change = (F.curve * across - F.slope * F.slope * along) / w - falls * F.curve / w
-    place = foot(here, here.b.p + mul(d, 1.0 / w), p)
-    motion = imul(place - here.b.p, 1.0)
+    n, d, F = pose.link.u * p.shape.normal, pose.b.p - pose.a.p, pose.motion
+    w, across, depth = F.slope - 1.0, dot(d, imul(n, 1.0)), dot(d, n)
+    g = dot(pose.link.p + pose.link.u * p.shape.at - pose.b.p, n)
+    h, falls = g + depth, F.slope * across / w  # dh / da
+    change = (F.curve * across - F.slope * F.slope * depth) / w - falls * F.curve / w
+    point = foot(pose, pose.b.p + mul(d, 1.0 / w), p)
+    motion = imul(point - pose.b.p, 1.0)
     slip, slope = F.slope * g - h, F.curve * g - F.slope * across
-    return Touch(place, n, motion, slip, slope, slant(motion, n), h + change / w)
+    return Touch(point, n, motion, slip, slope, slant(motion, n), h + change / w)
 
 
-def foot(here: Meshing, P: Complex, p: CamNumbers) -> Complex:
+def foot(pose: Meshing, P: Complex, p: CamNumbers) -> Complex:
     """Foot [m] of a place on the face."""
-    n = here.link.u * p.shape.normal
-    return P + mul(n, dot(here.link.p + here.link.u * p.shape.at - P, n))
+    n = pose.link.u * p.shape.normal
+    return P + mul(n, dot(pose.link.p + pose.link.u * p.shape.at - P, n))
 
 
 TOUCHES = {"RP": (translating_tip, translating_face), "RR": (swinging_tip, swinging_face)}
@@ -231,16 +234,18 @@ class Cam(Coupling, type="coupling.cam"):
     @model_validator(mode="after")
     def _one_profile(self) -> Cam:
         if (self.follower == "roller") != (self.roller > 0):
-            found = f'the follower is "{self.follower}", the roller\'s radius {self.roller:g}'
-            raise mistake("wrong-value", found, "a roller has a radius, others have none")
+            message = f'the follower is "{self.follower}", the roller\'s radius {self.roller:g}'
+            raise mistake("wrong-value", message, "a roller has a radius, others have none")
         if self.face and self.follower != "flat":
             raise mistake("wrong-value", f'"face" of a follower that is "{self.follower}"')
         if not self.law.whole or self.law.step:
-            found = "after a turn the follower is not where it was"
-            raise mistake("open-profile", found, "the profile of a cam is closed", "let it return")
+            message = "after a turn the follower is not where it was"
+            raise mistake(
+                "open-profile", message, "the profile of a cam is closed", "let it return"
+            )
         if self.law.advance(Fraction(1)) is None:
-            found = f"the law repeats after {self.law.whole:.6g} rad, the cam after a turn"
-            raise mistake("open-profile", found, "a period goes into a turn", "change the period")
+            message = f"the law repeats after {self.law.whole:.6g} rad, the cam after a turn"
+            raise mistake("open-profile", message, "a period goes into a turn", "change the period")
         return self
 
     def transmission(self, pair: str) -> Callable[..., Any]:
@@ -282,62 +287,62 @@ class Cam(Coupling, type="coupling.cam"):
 
     def placed(self) -> Mapping[str, str]:
         """Those that the profile and the follower have."""
-        places = {"at": "driven"} | ({"face": "driven"} if self.follower == "flat" else {})
-        return places | ({"law": "driver"} if isinstance(self.law, Outline) else {})
+        sides = {"at": "driven"} | ({"face": "driven"} if self.follower == "flat" else {})
+        return sides | ({"law": "driver"} if isinstance(self.law, Outline) else {})
 
     # -- profile --------------------------------------------------------------------------
 
-    def faults(self, where: str, pair: str, here: Where, p: Parameters) -> Iterator[Problem]:
+    def faults(self, where: str, pair: str, pose_at: Where, p: Parameters) -> Iterator[Problem]:
         """A face that cannot push, a profile through the centre, and undercut."""
         touch = self.touch(pair)
-        places = [math.tau * (k + 0.5) / SAMPLES for k in range(SAMPLES)]
-        turn = [(at, touch(at, p)) for at in map(here, places)]
-        for x, (at, meets) in zip(places, turn, strict=True):
+        angles = [math.tau * (k + 0.5) / SAMPLES for k in range(SAMPLES)]
+        turn = [(at, touch(at, p)) for at in map(pose_at, angles)]
+        for x, (at, meets) in zip(angles, turn, strict=True):
             if abs(dot(meets.motion, meets.n)) <= DEAD * abs(meets.motion):
-                found = f"at {x:.4g} rad the cam pushes square to the follower's motion"
+                message = f"at {x:.4g} rad the cam pushes square to the follower's motion"
                 valid = "a push has a part along the motion"
                 remedy = "turn the face, or move the follower's pivot or guide"
-                yield Problem("dead-face", where, found, valid, remedy)
+                yield Problem("dead-face", where, message, valid, remedy)
                 return
-            if dot(meets.place - at.a.p, meets.n) <= 0:
-                found = f"at {x:.4g} rad the follower touches behind the cam's centre"
+            if dot(meets.point - at.a.p, meets.n) <= 0:
+                message = f"at {x:.4g} rad the follower touches behind the cam's centre"
                 remedy = "move the follower outward, by its phase or its place"
                 valid = "the profile goes round the centre"
-                yield Problem("undercut", where, found, valid, remedy)
+                yield Problem("undercut", where, message, valid, remedy)
                 return
 
         def room(x: float) -> float:  # negative where the profile is cut away
-            radius = float(touch(here(x), p).radius)
+            radius = float(touch(pose_at(x), p).radius)
             return radius if self.follower == "flat" else 1 - self.roller / (radius + self.roller)
 
-        rooms = [room(x) for x in places]
+        rooms = [room(x) for x in angles]
         bad = [k for k in range(SAMPLES) if not rooms[k] > 0]
         if not bad:
             return
         first = next((k for k in bad if rooms[k - 1] > 0), 0)
-        before = places[first] - math.tau / SAMPLES
-        begin = bisect(lambda x: room(x) > 0, before, places[first])
+        before = angles[first] - math.tau / SAMPLES
+        begin = bisect(lambda x: room(x) > 0, before, angles[first])
         radii = [meets.radius + self.roller for _, meets in turn]
-        found = f"the profile is undercut from {begin % math.tau:.6g} rad of the cam's angle on"
+        message = f"the profile is undercut from {begin % math.tau:.6g} rad of the cam's angle on"
         if self.follower == "flat":
-            found += f": its radius of curvature falls to {min(radii):.4g} m"
+            message += f": its radius of curvature falls to {min(radii):.4g} m"
             valid, remedy = "a flat face needs a convex profile", "a larger base circle"
             remedy += f", by {-min(radii):.4g} m or more"
-            yield Problem("undercut", where, found, valid, remedy)
+            yield Problem("undercut", where, message, valid, remedy)
             return
-        least = min(r for r in radii if r > 0)
-        valid = f"a roller smaller than {least:.4g} m, the smallest radius of the pitch curve"
+        smallest = min(r for r in radii if r > 0)
+        valid = f"a roller smaller than {smallest:.4g} m, the smallest radius of the pitch curve"
         remedy = "a smaller roller, a larger base circle, or a longer rise"
-        yield Problem("undercut", where, found, valid, remedy)
+        yield Problem("undercut", where, message, valid, remedy)
 
-    def curves(self, pair: str, here: Where, p: Parameters) -> Iterator[Curve]:
+    def curves(self, pair: str, pose_at: Where, p: Parameters) -> Iterator[Curve]:
         """The profile, and the follower's roller or face."""
-        lead, profile = here(0.0).lead.u, []
+        lead, profile = pose_at(0.0).lead.u, []
         for k in range(2 * ROUND + 1):
             x = math.pi * k / ROUND
-            at = here(x)
-            place = self.touch(pair)(at, p).place - at.a.p
-            profile.append(place * cmath.exp(-1j * x) / lead)
+            at = pose_at(x)
+            point = self.touch(pair)(at, p).point - at.a.p
+            profile.append(point * cmath.exp(-1j * x) / lead)
         yield Curve("driver", profile)
         if pair == "RR" and self.follower != "flat":
             yield Curve("driven", [0j, self.at.z])
@@ -370,9 +375,9 @@ class Cam(Coupling, type="coupling.cam"):
                 q = _swung(n0, D, (h - dot(arm, n0)) / abs(D), self.phase)
                 x = np.angle(n0 * np.exp(1j * q) / normal)
         elif pair == "RP":
-            across, along = C - u * dot(C, u), dot(C, u)
-            way = math.copysign(1.0, self.phase)
-            q = way * np.sqrt(abs(z) ** 2 - abs(across) ** 2) - along
+            across, offset = C - u * dot(C, u), dot(C, u)
+            sense = math.copysign(1.0, self.phase)
+            q = sense * np.sqrt(abs(z) ** 2 - abs(across) ** 2) - offset
             x = np.angle((C + u * q) / z)
         else:
             excess = abs(z) ** 2 - abs(D) ** 2 - abs(arm) ** 2
@@ -393,25 +398,25 @@ def _outline(points: Sequence[complex]) -> tuple[Any, Any]:
     curve = make_interp_spline(t, np.stack([z.real, z.imag], 1), 5, bc_type="periodic")
     dense = np.linspace(0.0, t[-1], NODES, endpoint=False)
     (x, y), (dx, dy) = curve(dense).T, curve(dense, 1).T
-    along = dx + 1j * dy
-    return x + 1j * y, -1j * along / abs(along)
+    tangent = dx + 1j * dy
+    return x + 1j * y, -1j * tangent / abs(tangent)
 
 
-def _swung(arm: complex, d: complex, cosine: Any, near: float) -> Any:
+def _swung(arm: complex, d: complex, cosine: Any, start: float) -> Any:
     """Angle by which an arm turns until its angle to d has a cosine, on the side it is near."""
     import numpy as np
 
-    now = math.remainder(cmath.phase(arm) + near - cmath.phase(d), math.tau)
-    return math.copysign(1.0, now) * np.arccos(cosine) - now + near
+    now = math.remainder(cmath.phase(arm) + start - cmath.phase(d), math.tau)
+    return math.copysign(1.0, now) * np.arccos(cosine) - now + start
 
 
 def _rising(x: Any, q: Any) -> tuple[list[float], list[float]]:
     """Rows of a table of one turn, of which none goes back; from 0 on."""
     import numpy as np
 
-    kept = np.maximum.accumulate(x) <= x
-    kept[1:] &= np.diff(np.maximum.accumulate(x)) > 0
-    x, q = x[kept] % math.tau, q[kept]
+    rising = np.maximum.accumulate(x) <= x
+    rising[1:] &= np.diff(np.maximum.accumulate(x)) > 0
+    x, q = x[rising] % math.tau, q[rising]
     order = np.argsort(x)
     x, q = x[order], q[order]
     apart = np.append(True, np.diff(x) > SPREAD)

@@ -10,17 +10,17 @@ its effort goes to.
     the driver's link has turned against the link that carries the driven one, and both count
     counter-clockwise, whatever way the drivers count: so a wheel on a moving carrier needs
     nothing of its own. Else x is the driver's coordinate.
- 2. ``contact(here, effort, sense, p)`` gives what the driver's link does to the driven one,
-    force and moment about the driven pair's marker: ``here`` is a `Meshing`, ``effort`` is what
+ 2. ``contact(pose, effort, sense, p)`` gives what the driver's link does to the driven one,
+    force and moment about the driven pair's marker: ``pose`` is a `Meshing`, ``effort`` is what
     must act along the driven coordinate, and ``sense`` its sign. It is linear in either; of a
     coupling that is not ``sided`` it is the same for all. Where friction may turn the effort, what
     the sense adds is a row among those of friction: a force that is there in either sense.
     What acts on the driven link acts back on the driver's. A coupling without it is a black box
     between the drivers, whose housing stands on their supports.
- 3. ``tension(here, p)`` gives a load of the same kind that acts without any effort, and does no
+ 3. ``tension(pose, p)`` gives a load of the same kind that acts without any effort, and does no
     work along the coordinates: the tension of a belt.
- 4. ``touch(here, p)`` gives the one place where both links touch, a `Touch`. Then the contact is
-    a push along its normal, readings are of the touch in place of ``here`` and ``p``, and there
+ 4. ``touch(pose, p)`` gives the one place where both links touch, a `Touch`. Then the contact is
+    a push along its normal, readings are of the touch in place of ``pose`` and ``p``, and there
     may be friction, ``rubs``: Coulomb's, of the normal force that the effort needs.
  5. All are kernels: pure, batch-transparent, of primitives alone.
 
@@ -84,7 +84,7 @@ class Reading(NamedTuple):
     """A number that a coupling shows as one more output, under the coupling's name.
 
     unit : of the number
-    kernel : of (here, p), or where it is of the forces of (here, load, p); see rule 4
+    kernel : of (pose, p), or where it is of the forces of (pose, load, p); see rule 4
     of_load : whether it is of the forces
     flag : code of the remark where the number is below zero; "" for none
     about : what it is, in words, where its name is none of `blockmech.plan.quantities`
@@ -100,7 +100,7 @@ class Reading(NamedTuple):
 class Touch(NamedTuple):
     """How the links of a coupling touch, where they rub on each other.
 
-    place : [m] of the contact
+    point : [m] of the contact
     n : unit normal, from the leading link to the driven one
     motion : velocity there of the driven link for a unit of its rate
     slip : velocity of the driven link there against the leading one, along i n, per unit of x'
@@ -109,7 +109,7 @@ class Touch(NamedTuple):
     radius : [m] of curvature of the leading link's profile, positive where it is convex
     """
 
-    place: Complex
+    point: Complex
     n: Complex
     motion: Complex
     slip: Real
@@ -121,7 +121,7 @@ class Touch(NamedTuple):
 def pushed(touch: Touch, b: Complex, effort: Real) -> Load:
     """Load along n that does as much as an effort along the driven coordinate."""
     force = mul(touch.n, effort / dot(touch.n, touch.motion))
-    return Load(force, cross(touch.place - b, force))
+    return Load(force, cross(touch.point - b, force))
 
 
 def pressing(touch: Touch, load: Load) -> Real:
@@ -147,7 +147,7 @@ def relief(touch: Touch) -> Real:
 def rubbed(touch: Touch, b: Complex, t: Real) -> Load:
     """Load of friction t [N] along i n with the normal force that leaves the effort as it is."""
     force = imul(touch.n, t) - mul(touch.n, t * relief(touch))
-    return Load(force, cross(touch.place - b, force))
+    return Load(force, cross(touch.point - b, force))
 
 
 class Curve(NamedTuple):
@@ -171,10 +171,10 @@ def circle(radius: float) -> list[complex]:
 
 
 def concentric(
-    coupling: Coupling, where: str, pair: str, here: Where, p: Parameters
+    coupling: Coupling, where: str, pair: str, pose_at: Where, p: Parameters
 ) -> Iterator[Problem]:
     """Wheels on one centre, which touch nowhere."""
-    at = here(0.0)
+    at = pose_at(0.0)
     if abs(at.b.p - at.a.p) <= 1e-12 * max(abs(at.a.p), abs(at.b.p), 1e-300):
         yield Problem("no-room", where, "both wheels have one centre", "", "move the centres apart")
 
@@ -186,20 +186,20 @@ def concentric(
 # action of the teeth along the line of centres, or of the rack across its guide.
 
 
-def between_wheels(here: Meshing) -> Load:
+def between_wheels(pose: Meshing) -> Load:
     """A force through the driven centre, across the line of centres."""
-    d = here.b.p - here.a.p
+    d = pose.b.p - pose.a.p
     return Load(imul(d, 1.0 / dot(d, d)), 0.0)
 
 
-def on_slide(here: Meshing) -> Load:
+def on_slide(pose: Meshing) -> Load:
     """A couple, which the guide takes."""
-    return Load(mul(here.b.u, 0.0), 1.0)
+    return Load(mul(pose.b.u, 0.0), 1.0)
 
 
-def by_slide(here: Meshing) -> Load:
+def by_slide(pose: Meshing) -> Load:
     """A force along the leading guide, through the driven centre."""
-    return Load(mul(here.a.u, 1.0), 0.0)
+    return Load(mul(pose.a.u, 1.0), 0.0)
 
 
 LOSSES: Mapping[str, Callable[..., Any]] = {
@@ -260,7 +260,7 @@ class Coupling(Block):
         """Arguments between two others at which the curve of the transmission jumps."""
         return ()
 
-    def faults(self, where: str, pair: str, here: Where, p: Parameters) -> Iterator[Problem]:
+    def faults(self, where: str, pair: str, pose_at: Where, p: Parameters) -> Iterator[Problem]:
         """What cannot work where the parts are; ``where`` is the coupling's name."""
         yield from ()
 
@@ -288,7 +288,7 @@ class Coupling(Block):
         """Whether `contact` asks for the sense of the effort."""
         return False
 
-    def curves(self, pair: str, here: Where, p: Parameters) -> Iterator[Curve]:
+    def curves(self, pair: str, pose_at: Where, p: Parameters) -> Iterator[Curve]:
         """What is drawn of it."""
         yield from ()
 

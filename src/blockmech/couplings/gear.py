@@ -49,9 +49,9 @@ def rolling(x: Real, p: GearNumbers) -> Transmission:
     return Transmission(p.ratio * x + p.phase, p.ratio, 0.0)
 
 
-def tooth_force(here: Meshing, effort: Real, sense: Real, p: GearNumbers) -> Load:
+def tooth_force(pose: Meshing, effort: Real, sense: Real, p: GearNumbers) -> Load:
     """Force [N] through the pitch point; its arm about B is BP = BA / (1 - i)."""
-    d = here.b.p - here.a.p
+    d = pose.b.p - pose.a.p
     k = effort * (p.ratio - 1.0) / dot(d, d)
     return Load(imul(d, k) + mul(d, sense * k * p.lean), effort)
 
@@ -80,8 +80,8 @@ class Gear(LossyCoupling, type="coupling.gear"):
     @model_validator(mode="after")
     def _of_two_sizes(self) -> Gear:
         if self.internal and self.teeth[0] == self.teeth[1]:
-            found = f"a wheel of {self.teeth[0]} teeth cannot roll in a ring of as many"
-            raise mistake("bad-teeth", found, "a ring has more teeth than the wheel in it")
+            message = f"a wheel of {self.teeth[0]} teeth cannot roll in a ring of as many"
+            raise mistake("bad-teeth", message, "a ring has more teeth than the wheel in it")
         return self
 
     @property
@@ -111,9 +111,9 @@ class Gear(LossyCoupling, type="coupling.gear"):
 
     faults = concentric
 
-    def curves(self, pair: str, here: Where, p: Parameters) -> Iterator[Curve]:
+    def curves(self, pair: str, pose_at: Where, p: Parameters) -> Iterator[Curve]:
         """Both pitch circles."""
-        ends = here(0.0)
+        ends = pose_at(0.0)
         span = abs(ends.b.p - ends.a.p) / abs(1 - self.ratio)
         yield Curve("driver", circle(span * abs(self.ratio)), chain=True)
         yield Curve("driven", circle(span), chain=True)

@@ -87,9 +87,9 @@ def stepping(x: Real, p: GenevaNumbers) -> Transmission:
     )
 
 
-def push(here: Meshing, effort: Real, sense: Real, p: GenevaNumbers) -> Load:
+def push(pose: Meshing, effort: Real, sense: Real, p: GenevaNumbers) -> Load:
     """Force [N] of the pin on the slot, or of the lock on the wheel."""
-    th, d = near(here.x, p), here.b.p - here.a.p
+    th, d = near(pose.x, p), pose.b.p - pose.a.p
     pin = mul(d * expi(th), p.arm) - d
     inside = abs(th) <= p.half
     arm = planar(where(inside, pin.real, -d.real), where(inside, pin.imag, -d.imag))
@@ -136,12 +136,12 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
             at = p.pin + math.tau * k
             yield from (x for x in (at - p.half, at + p.half) if low <= x <= high)
 
-    def curves(self, pair: str, here: Where, p: GenevaNumbers) -> Iterator[Curve]:
+    def curves(self, pair: str, pose_at: Where, p: GenevaNumbers) -> Iterator[Curve]:
         """The pin's path and the pin, and the wheel with its slots."""
-        at = here(p.pin)
+        at = pose_at(p.pin)
         d = at.b.p - at.a.p
         r, size = abs(d) * p.arm, abs(d)  # a negative radius turns the pin to the other side
-        lead = cmath.exp(1j * p.pin) * here(0.0).lead.u  # of the driver with its pin at the slot
+        lead = cmath.exp(1j * p.pin) * pose_at(0.0).lead.u  # of the driver with its pin at the slot
         pin, slim = r * d / size / lead, 0.1 * r
         path = [pin * cmath.exp(2j * math.pi * k / ROUND) for k in range(ROUND + 1)]
         yield Curve("driver", path, chain=True)
@@ -152,17 +152,17 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
         outline = []
         for k in range(self.slots):
             e = slot * cmath.exp(1j * p.step * k)
-            for along, aside in ((rim, -slim), (deep, -slim), (deep, slim), (rim, slim)):
-                outline.append(e * (along + 1j * aside))
+            for radial, aside in ((rim, -slim), (deep, -slim), (deep, slim), (rim, slim)):
+                outline.append(e * (radial + 1j * aside))
             lock = e * size * cmath.exp(0.5j * p.step)  # the driver's centre seen while it rests
             lock *= not self.internal  # whose lock is not drawn
             radius = abs(e * (rim + 1j * slim) - lock)
-            one, two = (
+            begin, end = (
                 cmath.phase(e * s * (rim + 1j * slim * w) - lock)
                 for s, w in ((1, 1), (cmath.exp(1j * p.step), -1))
             )
-            sweep = math.remainder(two - one, math.tau)
-            arc = (lock + cmath.rect(radius, one + sweep * j / 8) for j in range(1, 8))
+            sweep = math.remainder(end - begin, math.tau)
+            arc = (lock + cmath.rect(radius, begin + sweep * j / 8) for j in range(1, 8))
             outline += arc
         yield Curve("driven", [*outline, outline[0]])
         if self.internal:

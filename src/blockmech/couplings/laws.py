@@ -95,9 +95,9 @@ def repeated_with_sine(x: Real, law: LawNumbers) -> Transmission:
     return advanced(with_sine(u, law), x - law.start - u, law)
 
 
-def advanced(F: Transmission, whole: Real, law: LawNumbers) -> Transmission:
+def advanced(F: Transmission, periods: Real, law: LawNumbers) -> Transmission:
     """A law after whole periods."""
-    return shifted(F._replace(q=F.q + law.step * whole), law)
+    return shifted(F._replace(q=F.q + law.step * periods), law)
 
 
 def power_series(x: Real, law: LawNumbers) -> Transmission:
@@ -197,8 +197,8 @@ class Segment(StrictModel):
     @model_validator(mode="after")
     def _dwells(self) -> Segment:
         if (self.motion == "dwell") != (self.rise == 0):
-            found = f'"rise" is {self.rise:g} in a segment of the motion "{self.motion}"'
-            raise mistake("wrong-value", found, "a dwell does not rise, all others do")
+            message = f'"rise" is {self.rise:g} in a segment of the motion "{self.motion}"'
+            raise mistake("wrong-value", message, "a dwell does not rise, all others do")
         return self
 
     def units(self, axis: Axis) -> Units:
@@ -238,8 +238,8 @@ class Segments(Law):
     def _within(self) -> Segments:
         total = math.fsum(s.over for s in self.segments)
         if total > self.whole * (1 + SAME):
-            found = f"the segments cover {total:.6g} of a period of {self.whole:.6g}"
-            raise mistake("bad-table", found, "", 'shorten them, or give the "period"')
+            message = f"the segments cover {total:.6g} of a period of {self.whole:.6g}"
+            raise mistake("bad-table", message, "", 'shorten them, or give the "period"')
         return self
 
     @property
@@ -340,8 +340,8 @@ class Table(Law):
     def _ordered(self) -> Table:
         check_table("arguments", self.arguments, self.values, self.whole)
         if self.interpolation == "quintic" and len(self.arguments) < 6:
-            found = f"{len(self.arguments)} rows for a quintic spline"
-            raise mistake("bad-table", found, "six or more")
+            message = f"{len(self.arguments)} rows for a quintic spline"
+            raise mistake("bad-table", message, "six or more")
         return self
 
     @property

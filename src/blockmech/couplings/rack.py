@@ -47,18 +47,18 @@ def turning(x: Real, p: RackNumbers) -> Transmission:
     return Transmission(x / p.radius + p.phase, 1.0 / p.radius, 0.0)
 
 
-def on_rack(here: Meshing, effort: Real, sense: Real, p: RackNumbers) -> Load:
+def on_rack(pose: Meshing, effort: Real, sense: Real, p: RackNumbers) -> Load:
     """Force [N] of the pinion on the rack, through P."""
-    u, place = here.b.u, here.a.p - imul(here.b.u, p.radius)
+    u, point = pose.b.u, pose.a.p - imul(pose.b.u, p.radius)
     force = mul(u, effort) - imul(u, sense * effort * p.lean * p.side)
-    return Load(force, cross(place - here.b.p, force))
+    return Load(force, cross(point - pose.b.p, force))
 
 
-def on_pinion(here: Meshing, effort: Real, sense: Real, p: RackNumbers) -> Load:
+def on_pinion(pose: Meshing, effort: Real, sense: Real, p: RackNumbers) -> Load:
     """Force [N] of the rack on the pinion, through P, and its moment about A."""
-    along = effort / p.radius
+    push = effort / p.radius
     apart = sense * effort / (p.radius * p.side)  # the size of what acts along the rack
-    force = mul(here.a.u, along) + imul(here.a.u, apart * p.lean * p.side)
+    force = mul(pose.a.u, push) + imul(pose.a.u, apart * p.lean * p.side)
     return Load(force, effort)
 
 
@@ -102,9 +102,9 @@ class Rack(LossyCoupling, type="coupling.rack"):
         """On the one that follows."""
         return on_rack if pair == "RP" else on_pinion
 
-    def curves(self, pair: str, here: Where, p: RackNumbers) -> Iterator[Curve]:
+    def curves(self, pair: str, pose_at: Where, p: RackNumbers) -> Iterator[Curve]:
         """The pitch circle and as much of the pitch line as the circle rolls in a turn."""
-        at = here(0.0)
+        at = pose_at(0.0)
         pinion, rack = ("driver", "driven") if pair == "RP" else ("driven", "driver")
         centre, body, guide = (at.a.p, at.link, at.b) if pair == "RP" else (at.b.p, at.lead, at.a)
         foot = (centre - 1j * guide.u * p.radius - body.p) / body.u
