@@ -497,7 +497,7 @@ def test_radius_of_curvature_is_that_of_the_drawn_profile(name):
     for x in (0.7, 1.6, 3.5):
         places = []
         for at in map(where, (x - h, x, x + h)):
-            z = mesh.touch(pair)(at, p).place
+            z = mesh.touch(pair)(at, p).point
             places.append(z * np.exp(-1j * at.x))
         a, b, c = places
         sides = abs(b - a), abs(c - b), abs(c - a)
