@@ -48,10 +48,10 @@ def chains(links: int) -> tuple[Chain, ...]:
         last = loop == loops - 1
         grown: dict[bytes, list[Chain]] = {}
         for chain in level:
-            for made in _with_ear(chain, links, last):
-                bucket = grown.setdefault(_key(made), [])
-                if not any(nx.is_isomorphic(made, other) for other in bucket):
-                    bucket.append(made)
+            for extended in _with_ear(chain, links, last):
+                bucket = grown.setdefault(_key(extended), [])
+                if not any(nx.is_isomorphic(extended, known_chain) for known_chain in bucket):
+                    bucket.append(extended)
         level = [chain for bucket in grown.values() for chain in bucket]
     complete = [chain for chain in level if chain.number_of_nodes() == links]
     return tuple(sorted(complete, key=lambda c: sorted(d for _, d in c.degree())))
@@ -64,12 +64,12 @@ def mechanisms(chain: Chain) -> tuple[tuple[int, int], ...]:
     """
     matcher = nx.isomorphism.GraphMatcher(chain, chain)
     symmetries = [*matcher.isomorphisms_iter()]
-    seen: set[tuple[int, int]] = set()
+    equivalent: set[tuple[int, int]] = set()
     choices = []
     for a, b in sorted((u, v) for e in chain.edges for u, v in (e, e[::-1])):
-        if (a, b) not in seen:
+        if (a, b) not in equivalent:
             choices.append((a, b))
-            seen |= {(s[a], s[b]) for s in symmetries}
+            equivalent |= {(s[a], s[b]) for s in symmetries}
     return tuple(choices)
 
 
@@ -80,14 +80,14 @@ def _with_ear(chain: Chain, links: int, last: bool) -> Iterator[Chain]:
     for u in range(n):
         for w in range(u + 1, n):
             both = has[u] & has[w]
-            least = 6 - int(free[both].min())  # new links that leave every part movable
-            first = max(least, 1 if chain.has_edge(u, w) else 0)
+            fewest = 6 - int(free[both].min())  # new links that leave every part movable
+            first = max(fewest, 1 if chain.has_edge(u, w) else 0)
             ears = [links - n] if last else range(first, links - n + 1)
             for k in ears:
                 if k >= first:
-                    made = chain.copy()
-                    nx.add_path(made, [u, *range(n, n + k), w])
-                    yield made
+                    extended = chain.copy()
+                    nx.add_path(extended, [u, *range(n, n + k), w])
+                    yield extended
 
 
 def _freedom(chain: Chain) -> tuple[Any, Any]:

@@ -49,27 +49,27 @@ class Finding:
     pairs: tuple[str, ...]
     number: int
 
-    def text(self, drivers: Mapping[str, str] | None = None, **more: str) -> str:
+    def text(self, drivers: Mapping[str, str] | None = None, **phrases: str) -> str:
         """The reason in a sentence; ``drivers`` gives driven pairs other names.
 
         ``more`` replaces words: "pair", "rest" (what carries the links), and what follows: "so",
         "state".
         """
         names = [(drivers or {}).get(p, p) for p in self.pairs if drivers is None or p in drivers]
-        held, many = len(self.pairs), self.number > 1
+        freedoms, many = len(self.pairs), self.number > 1
         fewer = self.code == "too-many-drivers"
-        words = {
+        values = {
             "links": listed(self.links),
             "pairs": listed(self.pairs),
             "drivers": listed(names),
             "number": self.number,
-            "held": held,
-            "mobility": held - self.number if fewer else held + self.number,
+            "held": freedoms,
+            "mobility": freedoms - self.number if fewer else freedoms + self.number,
             "times": f"{self.number} times" if many else "once",
             "s": "s" * many,
         }
         usual = {"pair": "pair", "rest": "the rest", "so": "", "state": ""}
-        return TEXTS[self.code].format(**usual | words | more)
+        return TEXTS[self.code].format(**usual | values | phrases)
 
 
 def _finding(
@@ -92,11 +92,11 @@ def diagnose(
     """
     moving, ordered = sorted_parts(links, pairs, earlier, drivers)
     away = _unconnected(moving, ordered, earlier)
-    near = [a for a in moving if a not in away]
+    connected = [a for a in moving if a not in away]
     at_hand = [p for p in ordered if not away.intersection(p.links)]
     driven = {p.name: p for p in at_hand if p.name in drivers}
-    undriven = rigidity(near, at_hand, earlier)
-    held = rigidity(near, at_hand, earlier, driven)
+    undriven = rigidity(connected, at_hand, earlier)
+    with_drivers = rigidity(connected, at_hand, earlier, driven)
     findings: list[Finding] = []
     if away:
         findings.append(_finding("unconnected-links", len(away), away))
@@ -108,17 +108,17 @@ def diagnose(
         code = "too-few-drivers" if missing > 0 else "too-many-drivers"
         findings.append(_finding(code, abs(missing), (), driven))
     body = {a: part for part in undriven.clusters for a in part}
-    for o in held.overconstrained:
+    for o in with_drivers.overconstrained:
         locked = {
             d for d in o.drivers if body.get(driven[d].first) == body.get(driven[d].second, ())
         }
         findings += [_finding("locked-driver", 1, o.links, [d]) for d in sorted(locked)]
         fighting = set(o.drivers) - locked
         if fighting:
-            left = rigidity(near, at_hand, earlier, fighting).mobility
-            excess = len(fighting) - (undriven.mobility - left)
+            mobility = rigidity(connected, at_hand, earlier, fighting).mobility
+            excess = len(fighting) - (undriven.mobility - mobility)
             findings.append(_finding("conflicting-drivers", excess, o.links, fighting))
-    findings += [_finding("loose-links", part.freedom, part.links) for part in held.loose]
+    findings += [_finding("loose-links", part.freedom, part.links) for part in with_drivers.loose]
     return tuple(findings)
 
 

@@ -85,19 +85,19 @@ def formation(
     edges: list[Edge] = [
         (index.get(p.first), index.get(p.second), 3 if p.name in drivers else 2) for p in ordered
     ]
-    given = _give([3] * len(moving), edges)
-    parts = nx.condensation(given.waits)
+    assignment = _give([3] * len(moving), edges)
+    parts = nx.condensation(assignment.waits)
     part_of: Mapping[int, int] = parts.graph["mapping"]
-    own: dict[int, list[Pair]] = defaultdict(list)
-    for pair, takers in zip(ordered, given.takers, strict=True):
+    pairs_of: dict[int, list[Pair]] = defaultdict(list)
+    for pair, takers in zip(ordered, assignment.takers, strict=True):
         if takers:  # by both links: then they wait for each other and are one part
-            own[part_of[min(takers)]].append(pair)
-    crowded = {v for e in given.spare for v in edges[e][:2] if v is not None}
-    unsound = crowded.union(given.short, *nx.bfs_layers(given.waits, crowded))
+            pairs_of[part_of[min(takers)]].append(pair)
+    crowded = {v for e in assignment.spare for v in edges[e][:2] if v is not None}
+    unsound = crowded.union(assignment.short, *nx.bfs_layers(assignment.waits, crowded))
     units: dict[int, Unit] = {}
     for n, members in parts.nodes(data="members"):
         if not unsound.intersection(members):
-            unit = classify([moving[v] for v in members], own[n], drivers)
+            unit = classify([moving[v] for v in members], pairs_of[n], drivers)
             if _holds(unit):
                 units[n] = unit
     bad = set(parts) - set(units)
@@ -107,7 +107,7 @@ def formation(
     return Formation(
         units=tuple(units[n] for n in order),
         rest=tuple(a for a in moving if a not in placed),
-        spare=tuple(ordered[e].name for e in given.spare),
+        spare=tuple(ordered[e].name for e in assignment.spare),
     )
 
 
@@ -134,26 +134,30 @@ def _give(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
     ends = [sorted({v for v in edge[:2] if v is not None}) for edge in edges]
     # rows of the network: nodes into the sink, edges into their nodes, the source into edges
     heads = [*[source + 1] * n, *chain(*ends), *range(n, source)]
-    most = [*need, *chain(*([k] * len(v) for k, v in zip(number, ends, strict=True))), *number]
+    capacities = [
+        *need,
+        *chain(*([k] * len(v) for k, v in zip(number, ends, strict=True))),
+        *number,
+    ]
     first = [0, *accumulate([*[1] * n, *map(len, ends), len(edges), 0])]
     # SciPy's flow takes 32-bit indices alone, and before 1.14 does not convert others.
-    parts = tuple(np.array(x, np.int32) for x in (most, heads, first))
+    parts = tuple(np.array(x, np.int32) for x in (capacities, heads, first))
     network = csr_array(parts, shape=(source + 2, source + 2))
     flow = maximum_flow(network, source, source + 1).flow
     waits: nx.DiGraph[int] = nx.DiGraph()
     waits.add_nodes_from(range(n))
     takers: list[set[int]] = [set() for _ in edges]
-    left, lacking = number.copy(), list(need)
-    first, heads, most = (x.tolist() for x in (flow.indptr, flow.indices, flow.data))
+    surplus, lacking = number.copy(), list(need)
+    first, heads, capacities = (x.tolist() for x in (flow.indptr, flow.indices, flow.data))
     for e in range(len(edges)):
         for k in range(first[n + e], first[n + e + 1]):
-            v, taken = heads[k], most[k]
-            if taken > 0:
+            v, amount = heads[k], capacities[k]
+            if amount > 0:
                 takers[e].add(v)
-                left[e] -= taken
-                lacking[v] -= taken
+                surplus[e] -= amount
+                lacking[v] -= amount
                 waits.add_edges_from((v, w) for w in edges[e][:2] if w not in (None, v))
-    spare, short = ([k for k, number in enumerate(rest) if number] for rest in (left, lacking))
+    spare, short = ([k for k, number in enumerate(rest) if number] for rest in (surplus, lacking))
     return _Given(waits, takers, spare, short)
 
 
@@ -174,9 +178,9 @@ def _holds(unit: Unit) -> bool:
     axes = [(p.kind, p.axis) for p in unit.pairs if p.axis]
     if unit.kind in DYADS and len(axes) == len(set(axes)):
         return True
-    others = {a for p in unit.outer for a in p.links}.difference(unit.links)
+    supports = {a for p in unit.outer for a in p.links}.difference(unit.links)
     with suppress(TooTangledError):
-        return rigidity(unit.links, unit.pairs, others, unit.driven).determinate
+        return rigidity(unit.links, unit.pairs, supports, unit.driven).determinate
     return True
 
 
@@ -208,12 +212,12 @@ def reseat(
         edges.append((index.get(p.first), index.get(p.second), number))
     for v, pin in enumerate(pins, start=len(moving)):
         edges += [(index.get(a), v, 2) for a in sorted({a for p in pin for a in p.links})]
-    given = _give([3] * len(moving) + [2] * len(pins), edges)
-    parts = nx.condensation(given.waits)
+    assignment = _give([3] * len(moving) + [2] * len(pins), edges)
+    parts = nx.condensation(assignment.waits)
     members: Mapping[int, set[int]] = dict(parts.nodes(data="members"))
     order = _in_order(parts, {n: min(part) for n, part in members.items()})
-    place = {v: k for k, n in enumerate(order) for v in members[n]}
-    rank = {a: (place[v], a) for a, v in index.items()} | {a: (-1, a) for a in earlier}
+    position = {v: k for k, n in enumerate(order) for v in members[n]}
+    rank = {a: (position[v], a) for a, v in index.items()} | {a: (-1, a) for a in earlier}
     seated = [pair for pin in pins for pair in _seat(pin, rank, drivers)]
     return tuple(
         sorted([p for p in ordered if p.name not in pinned] + seated, key=lambda p: p.name)
@@ -242,14 +246,12 @@ def _seat(
 ) -> list[Pair]:
     """The pairs of one pin, each link on the first but for driven pairs."""
     seated = [p for p in pin if p.name in drivers]
-    left = [p for p in pin if p.name not in drivers]
+    remaining = [p for p in pin if p.name not in drivers]
     lumps = joined([*((a,) for p in pin for a in p.links), *(p.links for p in seated)])
-    seat, *others = sorted(
-        (min(part, key=rank.__getitem__) for part in lumps), key=rank.__getitem__
-    )
-    for a in sorted(others, key=lambda a: not any({seat, a} == set(p.links) for p in left)):
+    seat, *rest = sorted((min(part, key=rank.__getitem__) for part in lumps), key=rank.__getitem__)
+    for a in sorted(rest, key=lambda a: not any({seat, a} == set(p.links) for p in remaining)):
         ends = {seat, a}
-        p = min(left, key=lambda p: (ends != set(p.links), a not in p.links, p.name))
-        left.remove(p)
+        p = min(remaining, key=lambda p: (ends != set(p.links), a not in p.links, p.name))
+        remaining.remove(p)
         seated.append(p if ends == set(p.links) else replace(p, first=seat, second=a))
     return seated

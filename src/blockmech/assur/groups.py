@@ -129,9 +129,9 @@ def _class_number(inner: Iterable[Pair], driven: Collection[str]) -> int:
         if p.name in driven:
             welded.union(*p.links)
     joints = [(welded[p.first], welded[p.second]) for p in inner if p.name not in driven]
-    on_one = Counter(a for joint in joints for a in joint)
+    joints_on = Counter(a for joint in joints for a in joint)
     graph: nx.MultiGraph[str] = nx.MultiGraph(joints)
-    return max([2, *on_one.values(), *(_shortest_loop(graph, *joint) for joint in joints)])
+    return max([2, *joints_on.values(), *(_shortest_loop(graph, *joint) for joint in joints)])
 
 
 def _shortest_loop(graph: nx.MultiGraph[str], a: str, b: str) -> int:

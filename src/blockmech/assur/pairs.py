@@ -64,9 +64,9 @@ def sorted_parts(
         "pairs of the same name": {name for name, number in names.items() if number > 1},
         "drivers name unknown pairs": set(drivers).difference(names),
     }
-    for what, which in wrong.items():
+    for message, which in wrong.items():
         if which:
-            raise ValueError(f"{what}: {', '.join(sorted(which))}")
+            raise ValueError(f"{message}: {', '.join(sorted(which))}")
     return moving, ordered
 
 
@@ -78,14 +78,14 @@ def joined(parts: Iterable[Iterable[T]]) -> list[set[T]]:
     """
     of: dict[T, set[T]] = {}
     for part in parts:
-        whole = set[T]()
+        merged = set[T]()
         for x in part:
-            if (other := of.setdefault(x, whole)) is whole:
-                whole.add(x)
+            if (joined_set := of.setdefault(x, merged)) is merged:
+                merged.add(x)
             else:
-                few, whole = sorted((whole, other), key=len)
-                whole |= few
-                of.update(dict.fromkeys(few, whole))
+                few, merged = sorted((merged, joined_set), key=len)
+                merged |= few
+                of.update(dict.fromkeys(few, merged))
     return list({id(s): s for s in of.values()}.values())
 
 
@@ -110,7 +110,7 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
     not known, coincides with nothing. Places are one where they fall into one cell of a grid
     or of one that is shifted by half a cell, so that near ones are never kept apart.
     """
-    one: set[tuple[str, str]] = set()  # pairs that share a cell on a link
+    coincident: set[tuple[str, str]] = set()  # pairs that share a cell on a link
     first: dict[object, str] = {}  # cell -> a pair in it
     axis_of = {}
     for side in sides:
@@ -120,8 +120,8 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
         for shift in (0, 0.5, 0.5j, 0.5 + 0.5j):
             w = z / (2 * SAME) + shift
             cell = (side.link, side.kind, shift, math.floor(w.real), math.floor(w.imag))
-            if (other := first.setdefault(cell, side.pair)) != side.pair:
-                one.add((other, side.pair))
-    for names in joined(one):
+            if (first_pair := first.setdefault(cell, side.pair)) != side.pair:
+                coincident.add((first_pair, side.pair))
+    for names in joined(coincident):
         axis_of.update(dict.fromkeys(names, min(names)))
     return axis_of

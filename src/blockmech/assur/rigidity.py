@@ -125,15 +125,15 @@ def rigidity(
     moving, ordered = sorted_parts(links, pairs, earlier, drivers)
     names = in_bands(moving, (pair.links for pair in ordered))
     column = {a: 3 * k for k, a in enumerate(names)}
-    held = [c for pair in ordered for c in _conditions(pair, column, pair.name in drivers)]
-    system = Echelon(3 * len(names), [c.row for c in held])
+    conditions = [c for pair in ordered for c in _conditions(pair, column, pair.name in drivers)]
+    system = Echelon(3 * len(names), [c.row for c in conditions])
     value = system.solution([_random_numbers(f"{k} of {a}")[0] for a in names for k in range(3)])
     twist = {a: (value[c], value[c + 1], value[c + 2]) for a, c in column.items()}
     free = {a: sum(c + k not in system.pivots for k in range(3)) for a, c in column.items()}
     return Rigidity(
         mobility=3 * len(moving) - len(system.pivots),
-        counted=3 * len(moving) - len(held),
-        overconstrained=_overconstrained(system, held),
+        counted=3 * len(moving) - len(conditions),
+        overconstrained=_overconstrained(system, conditions),
         loose=_loose(twist, free, ordered),
         clusters=_clusters(twist, ordered),
     )
@@ -170,14 +170,16 @@ def _conditions(pair: Pair, column: Mapping[str, int], driven: bool) -> Iterator
         )
 
 
-def _overconstrained(system: Echelon, held: Sequence[Condition]) -> tuple[Overconstraint, ...]:
+def _overconstrained(
+    system: Echelon, conditions: Sequence[Condition]
+) -> tuple[Overconstraint, ...]:
     """Circuits that share a condition joined: the components of the matroid."""
-    named = [(c.pair.name, c.what) for c in held]  # both of a place are one condition
+    named = [(c.pair.name, c.what) for c in conditions]  # both of a place are one condition
     graph: nx.Graph[tuple[str, str]] = nx.Graph()
     for source in system.redundant:
         nx.add_star(graph, [named[source], *(named[k] for k in system.circuit(source))])
     excess = Counter(named[k] for k in system.redundant)
-    first = dict(zip(named, held, strict=True))
+    first = dict(zip(named, conditions, strict=True))
     parts = []
     for part in nx.connected_components(graph):
         conditions = [first[name] for name in part]

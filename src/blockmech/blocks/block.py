@@ -61,8 +61,8 @@ class Block(StrictModel):
 
     def links_or_default(self) -> dict[str, Link]:
         """Every link of the block with its mass properties and markers."""
-        given: dict[str, Link] = getattr(self, "links", {})
-        return {name: given.get(name, NO_LINK) for name in self.link_names}
+        properties: dict[str, Link] = getattr(self, "links", {})
+        return {name: properties.get(name, NO_LINK) for name in self.link_names}
 
     def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
         """The markers that the block brings at its joints: name -> (link, marker)."""
@@ -83,8 +83,8 @@ class Block(StrictModel):
         """Place [m] of one of the block's markers, in the frame of the marker's link."""
         if isinstance(marker, Marker):
             return marker.at.z
-        along: complex = (getattr(self, marker.along) or 0.0) + 0j if marker.along else 0j
-        return along
+        position: complex = (getattr(self, marker.along) or 0.0) + 0j if marker.along else 0j
+        return position
 
     @classmethod
     def parameter_names(cls) -> tuple[str, ...]:
@@ -127,11 +127,11 @@ def refuse(title: str, mistakes: Iterable[Mistake]) -> None:
 
 
 def wrong_links(
-    links: Mapping[str, Link], known: Iterable[str], built_in: Iterable[str]
+    links: Mapping[str, Link], valid: Iterable[str], built_in: Iterable[str]
 ) -> Iterator[Mistake]:
     """Links that the block does not have, and markers whose names cannot stand or are taken."""
-    names = tuple(known)
-    taken = {*built_in, *names}
+    names = tuple(valid)
+    reserved = {*built_in, *names}
     for link, properties in links.items():
         if link not in names:
             yield (link,), unknown_name("unknown-link", "link", link, names)
@@ -139,20 +139,20 @@ def wrong_links(
             where = (link, "markers", marker)
             if not is_name(marker):
                 yield where, bad_name("marker", marker)
-            elif marker in taken:
-                found = f'the marker name "{marker}" is taken in this block'
-                yield where, mistake("taken-name", found, f"taken: {listed(sorted(taken))}")
-            taken.add(marker)
+            elif marker in reserved:
+                message = f'the marker name "{marker}" is taken in this block'
+                yield where, mistake("taken-name", message, f"taken: {listed(sorted(reserved))}")
+            reserved.add(marker)
 
 
 def unknown_name(
-    code: LiteralString, what: str, name: str, valid: tuple[str, ...]
+    code: LiteralString, kind: str, name: str, valid: tuple[str, ...]
 ) -> PydanticCustomError:
     """A name that the block does not declare, with the declared ones and the nearest of them."""
-    known = f"{what}s there: {listed(valid)}"
-    return mistake(code, f'no {what} "{name}"', known, close_match(name, valid))
+    names = f"{kind}s there: {listed(valid)}"
+    return mistake(code, f'no {kind} "{name}"', names, close_match(name, valid))
 
 
-def bad_name(what: str, name: str) -> PydanticCustomError:
+def bad_name(kind: str, name: str) -> PydanticCustomError:
     """A name that could not stand in an address."""
-    return mistake("bad-name", f'"{name}" is not a {what} name', NAME_RULE, "choose another name")
+    return mistake("bad-name", f'"{name}" is not a {kind} name', NAME_RULE, "choose another name")

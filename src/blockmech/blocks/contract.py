@@ -95,11 +95,11 @@ class Moving(Block):
             "acceleration": ["pose", "vel", *outer, *driven, "p"],
             "reactions": ["pose", *(f"load_{n}" for n in cls.link_names), "p"],
         }
-        for name, wanted in expected.items():
+        for name, arguments in expected.items():
             parameters = list(inspect.signature(getattr(cls.kernels, name)).parameters)
-            if len(parameters) != len(wanted):
+            if len(parameters) != len(arguments):
                 raise TypeError(
-                    f"{cls.__name__}: kernel {name} must take ({', '.join(wanted)}), "
+                    f"{cls.__name__}: kernel {name} must take ({', '.join(arguments)}), "
                     f"it takes ({', '.join(parameters)})"
                 )
 
@@ -118,8 +118,8 @@ class Moving(Block):
 
     def axis(self, outside: Axis) -> Axis:
         """Units along the coordinates of its joints, for what stands at them."""
-        own = {joint.name: Axis.of(joint.kind) for joint in self.joints.values()}
-        return outside._replace(known={**outside.known, **own})
+        axes = {joint.name: Axis.of(joint.kind) for joint in self.joints.values()}
+        return outside._replace(known={**outside.known, **axes})
 
     # Where the kernels' named tuples keep what belongs to a link or a joint.
 
@@ -156,9 +156,11 @@ class Moving(Block):
     def slider_place(self, joint: str, link: str) -> complex:
         """Place [m] of a slider's point on one of its links, in the link's frame."""
         foot, direction = self.guide_line(joint, link)
-        along = self.joints[joint].lines.get(link, Line()).along
-        place: complex = foot + apply("mul", direction, getattr(self, along)) if along else foot
-        return place
+        parameter = self.joints[joint].lines.get(link, Line()).along
+        point: complex = (
+            foot + apply("mul", direction, getattr(self, parameter)) if parameter else foot
+        )
+        return point
 
     def guide_line(self, joint: str, link: str) -> tuple[complex, complex]:
         """A place [m] on the guide line of a prismatic pair, and its unit direction.
@@ -210,12 +212,12 @@ class AssurGroup(Moving):
 
 
 def wrong_friction(
-    friction: Mapping[str, FrictionLaw], joints: Mapping[str, Joint], what: str = "joint"
+    friction: Mapping[str, FrictionLaw], joints: Mapping[str, Joint], kind: str = "joint"
 ) -> Iterator[Mistake]:
     """Friction of joints that the block does not have, or that does not fit their kind."""
     for joint, law in friction.items():
         if joint not in joints:
-            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
+            yield (joint,), unknown_name("unknown-joint", kind, joint, tuple(joints))
             continue
         try:
             law.check_for(joints[joint].kind, joint)
@@ -224,14 +226,14 @@ def wrong_friction(
 
 
 def wrong_clearance(
-    clearance: Mapping[str, float], joints: Mapping[str, Joint], what: str = "joint"
+    clearance: Mapping[str, float], joints: Mapping[str, Joint], kind: str = "joint"
 ) -> Iterator[Mistake]:
     """Clearance of joints that the block does not have, or that are no pins."""
     for joint in clearance:
         if joint not in joints:
-            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
+            yield (joint,), unknown_name("unknown-joint", kind, joint, tuple(joints))
         elif not joints[joint].rotary:
-            pins = listed([name for name, other in joints.items() if other.rotary]) or "none"
-            found = f"{what} {joint} is a guide"
+            pins = listed([name for name, x in joints.items() if x.rotary]) or "none"
+            message = f"{kind} {joint} is a guide"
             valid = f"clearance is radial and of a pin; pins there: {pins}"
-            yield (joint,), mistake("clearance-mismatch", found, valid, "take it away")
+            yield (joint,), mistake("clearance-mismatch", message, valid, "take it away")

@@ -74,7 +74,7 @@ class CylinderReactions(NamedTuple):
 
 def position(B: Complex, D: Complex, q: Real, p: Cylinder) -> CylinderPose:
     """Intersect the circles (B, q) and (D, l_j); a length q <= 0 has no answer."""
-    given, q = q, where(q > 0.0, q, NAN)
+    length, q = q, where(q > 0.0, q, NAN)
     u, w, det, margin = triangle(D - B, q, p.l_j, p.branch)
     e = mul(u, 1 / q)
     return CylinderPose(
@@ -84,7 +84,7 @@ def position(B: Complex, D: Complex, q: Real, p: Cylinder) -> CylinderPose:
         u,
         w,
         det,
-        where(given <= 0.0, -1.0, margin),
+        where(length <= 0.0, -1.0, margin),
     )
 
 

@@ -135,8 +135,8 @@ def outer_joint(
     driven: bool = False,
 ) -> Joint:
     """Declare a joint fed by a marker of an earlier link; ``link`` is the own one."""
-    what = reads or PAIRS[kind].reads
-    return Joint(kind, link=link, reads=what, lines={link: line} if line else {}, driven=driven)
+    reading = reads or PAIRS[kind].reads
+    return Joint(kind, link=link, reads=reading, lines={link: line} if line else {}, driven=driven)
 
 
 def inner_joint(

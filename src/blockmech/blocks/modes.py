@@ -70,8 +70,8 @@ class OneMode(AssurGroup):
     def _no_branch(cls, raw: Any) -> Any:
         if isinstance(raw, dict) and "branch" in raw:
             why = "it has one assembly mode, its guides fix the pose"
-            found = f'{cls.kind} takes no "branch": {why}'
-            refuse(cls.kind, [(("branch",), mistake("unknown-key", found, "", "remove it"))])
+            message = f'{cls.kind} takes no "branch": {why}'
+            refuse(cls.kind, [(("branch",), mistake("unknown-key", message, "", "remove it"))])
         return raw
 
 

@@ -187,8 +187,8 @@ class RPP(OneMode, type="dyad.rpp"):
     @classmethod
     def _guides_differ(cls, beta: float) -> float:
         if abs(math.sin(beta)) <= 2 * EPS * max(1.0, abs(beta)):
-            found = "must not be a multiple of pi rad, for the two guides would be parallel"
-            raise mistake("wrong-value", found)
+            message = "must not be a multiple of pi rad, for the two guides would be parallel"
+            raise mistake("wrong-value", message)
         return beta
 
     @field_validator("slider", mode="before")

@@ -132,7 +132,7 @@ class Path(NamedTuple):
 
 
 def course_from_zero(
-    asked: Real, k: Reals, edges: Edges, base: Planars, rows: Influences, solvable: Real = False
+    requested: Real, k: Reals, edges: Edges, base: Planars, rows: Influences, solvable: Real = False
 ) -> ContinuationState:
     """The path of the frictionless solution to full friction, of the samples asked for.
 
@@ -152,8 +152,8 @@ def course_from_zero(
     contacts = tuple((zero + 1.0, zero) if edge else () for edge in edges)
     aim = zero + StepTarget.FRESH
     solvable = (zero == 0.0) & solvable
-    more = (*(zero,) * 4, solvable, zero > 0.0, asked)
-    start = ContinuationState(v, v, contacts, zero, zero, zero, aim, v, row, *more)
+    rest = (*(zero,) * 4, solvable, zero > 0.0, requested)
+    start = ContinuationState(v, v, contacts, zero, zero, zero, aim, v, row, *rest)
     if any(edges):
         start = repeat(pressed, start, 1, k, edges, base, rows)
     course: ContinuationState = repeat(follow, start, MOST, k, edges, base, rows)
@@ -167,9 +167,9 @@ def pressed(
     t = [kj * g for kj, g in zip(k, norms(base, edges), strict=True)]
     growth = loads(t, [mul(f, 0.0) for f in base], rows)
     contacts = []
-    for edge, f, more in zip(edges, base, growth, strict=True):
+    for edge, f, added in zip(edges, base, growth, strict=True):
         empty = largest_of((f.real, f.imag)) == 0.0
-        x, y = where(empty, more.real, f.real), where(empty, more.imag, f.imag)
+        x, y = where(empty, added.real, f.real), where(empty, added.imag, f.imag)
         couple = abs(y) > abs(x)
         x, y = where(x < 0.0, -1.0, 1.0), where(y < 0.0, -1.0, 1.0)
         contacts.append((where(couple, 0.0, x), where(couple, y, 0.0)) if edge else ())
@@ -216,15 +216,15 @@ def follow(
     step = where(kinked, 0.0, where(correcting | landing, at.step, step))
 
     count = at.count + 1.0
-    ended = where(good | correcting, count >= MOST, step < ROUNDING * EPS)
-    outcome = where(ended, float(Outcome.NOT_CONVERGED), at.outcome)
+    exhausted = where(good | correcting, count >= MOST, step < ROUNDING * EPS)
+    outcome = where(exhausted, float(Outcome.NOT_CONVERGED), at.outcome)
     pole = 0.0 * count + float(Outcome.ASYMPTOTE)
     pole = where(at.solvable, float(Outcome.NOT_CONVERGED), pole)
     outcome = where(reached & (at.aim == StepTarget.POLE), pole, outcome)
     outcome = where(reached & (at.aim == StepTarget.FULL), float(Outcome.BY_CONTINUATION), outcome)
     outcome = where(turned & where(at.solvable, False, True), float(Outcome.FOLD), outcome)
-    ahead = tuple(a + step * b for a, b in zip(v, tangent, strict=True))
-    there = tuple(a + share * (b - a) for a, b in zip(at.v, new.x, strict=True))
+    next_point = tuple(a + step * b for a, b in zip(v, tangent, strict=True))
+    landed = tuple(a + share * (b - a) for a, b in zip(at.v, new.x, strict=True))
     aim = where(kinked, StepTarget.FRESH, where(correcting, at.aim, StepTarget.AHEAD))
     return ContinuationState(
         v,
@@ -234,7 +234,7 @@ def follow(
         bend,
         step,
         where(landing, event, aim),
-        chosen(landing, there, chosen(correcting, new.x, ahead)),
+        chosen(landing, landed, chosen(correcting, new.x, next_point)),
         chosen(landing, row, chosen(correcting, at.row, tangent)),
         where(landing, level, where(correcting, at.level, along(tangent, v) + step)),
         where(correcting, new.corrections, 0.0),
@@ -253,14 +253,14 @@ def corrected(
     border = [*at.row, along(at.row, at.x) - at.level, 1.0]
     lines = homogeneous(at.x, at.contacts, k, edges, base, rows)
     (change, null), det = eliminate([*lines, border], pivoting=True)
-    way = where(at.way == 0.0, sign(det), at.way)
-    scale = way * sign(det) / sqrt(along(null, null))
+    orientation = where(at.way == 0.0, sign(det), at.way)
+    scale = orientation * sign(det) / sqrt(along(null, null))
     corrections = at.corrections + 1.0
     last = corrections >= NEWTON
     allowed = where(at.aim == StepTarget.FULL, where(last, sqrt(EPS), 0.0), SETTLED * EPS)
     settled = largest_of(change) < allowed
     x = tuple(a - d for a, d in zip(at.x, change, strict=True))
-    return Corrected(x, tuple(scale * y for y in null), way, corrections, settled, last)
+    return Corrected(x, tuple(scale * y for y in null), orientation, corrections, settled, last)
 
 
 def passed(at: ContinuationState, new: Corrected, limits: Any) -> tuple[Real, Real, Any, Real]:
@@ -279,10 +279,10 @@ def passed(at: ContinuationState, new: Corrected, limits: Any) -> tuple[Real, Re
         spare = along(row, at.v), along(row, new.x)
         ends.append((StepTarget.KINK + i, row, 0.0, *spare, -ROUNDING * EPS))
     event, share, plane, level = 0.0 * at.step, 0.0 * at.step + 2.0, at.row, at.level
-    for aim, row, height, before, after, least in ends:
+    for aim, row, height, before, after, threshold in ends:
         after = where(at.aim == aim, before, after)
         part = before / where(before > after, before - after, 1.0)
-        first = (after <= least) & (part < share)
+        first = (after <= threshold) & (part < share)
         event, share = where(first, aim, event), where(first, part, share)
         plane, level = chosen(first, row, plane), where(first, height, level)
     return event, share, plane, level
@@ -293,13 +293,13 @@ def switched(at: ContinuationState, x: Any, kinked: Real, limits: Any) -> tuple[
     contacts, aims = [], iter([(StepTarget.KINK + i, row) for i, row in enumerate(limits)])
     for contact in at.contacts:
         if contact:
-            (left, one), (right, other) = next(aims), next(aims)
+            (left_aim, left_row), (right_aim, right_row) = next(aims), next(aims)
             a, b = contact
-            to_left, to_right = kinked & (at.aim == left), kinked & (at.aim == right)
-            both = maximum(along(one, x), along(other, x)) <= ROUNDING * EPS
-            here = to_left | to_right
-            turned = chosen(both, (-a, -b), chosen(to_left, (-b, a), (b, -a)))
-            contact = chosen(here, turned, contact)
+            turns_left, turns_right = kinked & (at.aim == left_aim), kinked & (at.aim == right_aim)
+            both = maximum(along(left_row, x), along(right_row, x)) <= ROUNDING * EPS
+            switching = turns_left | turns_right
+            turned = chosen(both, (-a, -b), chosen(turns_left, (-b, a), (b, -a)))
+            contact = chosen(switching, turned, contact)
         contacts.append(contact)
     return tuple(contacts)
 

@@ -233,8 +233,8 @@ def _lines(systems: Equations, z: Vectors, s: Any, scale: Any) -> tuple[Vectors,
     """Misfit (n, m) of the equations, its slope (n, m, m) by z, and by the factor of friction."""
     x, y, ax, ay = _loads(systems, z, scale)
     pin, u = systems.u == 0, systems.u
-    more = np.multiply.outer(1.0 - np.asarray(s), systems.bow)
-    misfit = np.where(pin, z * z - x * x - y * y - more, z - u.real * x - u.imag * y)
+    excess = np.multiply.outer(1.0 - np.asarray(s), systems.bow)
+    misfit = np.where(pin, z * z - x * x - y * y - excess, z - u.real * x - u.imag * y)
     wx, wy = np.where(pin, 2.0 * x, u.real), np.where(pin, 2.0 * y, u.imag)
     by = -(wx * ax + wy * ay)
     scale = np.asarray(scale)[..., None, None]
@@ -378,13 +378,13 @@ def _judged(
     z, radius, alone = balls.z.reshape(-1, m), balls.radius.ravel(), balls.alone.ravel()
     aside = np.abs(z.imag).max(axis=1, initial=0.0)
     size = 1.0 + np.abs(z).max(axis=1, initial=0.0)
-    real, near = 2.0 * aside + radius < alone, aside <= BLURRED * size
+    real, almost_real = 2.0 * aside + radius < alone, aside <= BLURRED * size
     spare = _spare(tracks, z.real, contacts)
     reach = (1.0 + np.abs(tracks.A).sum(axis=2)) * radius[:, None]  # a ball's, seen by a load
     refused = (aside > radius) | (real & (spare < -reach).any(axis=1))
-    taken = real & (spare > reach).all(axis=1)
-    open_ = ~(refused | taken)
-    doubtful = open_ & near & (spare >= -BLURRED * size[:, None]).all(axis=1)
+    accepted = real & (spare > reach).all(axis=1)
+    open_ = ~(refused | accepted)
+    doubtful = open_ & almost_real & (spare >= -BLURRED * size[:, None]).all(axis=1)
     doubtful &= _misfit(tracks, z.real, contacts) <= BLURRED**1.5 * size
     slope = _lines(tracks, z.real.astype(complex), np.ones(len(z)), 1.0)[1].real
     signs = np.sign(np.linalg.det(slope))
@@ -392,22 +392,22 @@ def _judged(
     complete = np.ones(n, bool)
     complete[of[~apart]] = False
     complete[owner[open_]] = False
-    kept = list(np.flatnonzero(taken))
+    selected = list(np.flatnonzero(accepted))
     for i in np.flatnonzero(doubtful):
-        others = [j for j in kept if owner[j] == owner[i]]
-        if all(np.abs(z[i] - z[j]).max() > BLURRED * size[i] for j in others):
-            kept.append(i)
-    order = np.array(sorted(kept, key=lambda i: (owner[i], i)), np.intp)
-    index = np.where(taken[order], signs[order], 0.0).astype(np.int8)
+        neighbours = [j for j in selected if owner[j] == owner[i]]
+        if all(np.abs(z[i] - z[j]).max() > BLURRED * size[i] for j in neighbours):
+            selected.append(i)
+    order = np.array(sorted(selected, key=lambda i: (owner[i], i)), np.intp)
+    index = np.where(accepted[order], signs[order], 0.0).astype(np.int8)
     return owner[order], z.real[order], index, complete
 
 
 def _spare(systems: Equations, z: Floats, contacts: Sequence[int]) -> Floats:
     """(n, m) what is positive at a solution: loads, and by what they exceed a guide's other one."""
     x, y, _, _ = _loads(systems, z)
-    other = np.abs(systems.u.real * y - systems.u.imag * x)
+    smaller = np.abs(systems.u.real * y - systems.u.imag * x)
     edges = np.array([c == 4 for c in contacts], bool)
-    return np.where(edges, np.minimum(z, z - other), z)
+    return np.where(edges, np.minimum(z, z - smaller), z)
 
 
 def _misfit(systems: Equations, z: Floats, contacts: Sequence[int]) -> Floats:

@@ -82,11 +82,11 @@ def contraction_bound(k: Reals, edges: Edges, rows: Influences) -> Real:
 def slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
     """Derivative of a load's norm in the direction of an influence."""
     if edge:
-        along_N = where(F.real < 0.0, -influence.real, influence.real)
-        along_C = where(F.imag < 0.0, -influence.imag, influence.imag)
-        return where(abs(F.real) >= abs(F.imag), along_N, along_C)
-    along = F.real * influence.real + F.imag * influence.imag
-    return along / where(g > 0.0, g, 1.0)
+        by_N = where(F.real < 0.0, -influence.real, influence.real)
+        by_C = where(F.imag < 0.0, -influence.imag, influence.imag)
+        return where(abs(F.real) >= abs(F.imag), by_N, by_C)
+    projection = F.real * influence.real + F.imag * influence.imag
+    return projection / where(g > 0.0, g, 1.0)
 
 
 def homogeneous(

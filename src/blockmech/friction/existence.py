@@ -73,41 +73,41 @@ def cancelled(c: Real, sizes: Any) -> Real:
 def by_guide(g: int, k: Reals, contacts: Any, rows: Influences) -> Real:
     """c of pins and a guide."""
     parts = [mul(rows[g][j], k[j]) for j, n in enumerate(contacts) if not n]
-    pins, own, square = sum_of(parts), mul(rows[g][g], k[g]), k[g] * k[g]
+    pins, of_guide, square = sum_of(parts), mul(rows[g][g], k[g]), k[g] * k[g]
     a = pins.real
     if contacts[g] == 2:
-        sizes = [abs(part.real) for part in (*parts, own)]
-        return cancelled(abs(a * sqrt(1.0 + square) + own.real), sizes)
+        sizes = [abs(part.real) for part in (*parts, of_guide)]
+        return cancelled(abs(a * sqrt(1.0 + square) + of_guide.real), sizes)
     # |X| = s per newton on the guide: s^2 = (a s + b)^2 + k^2, its smaller positive root; where
     # |a| > 1 there is a larger one, beyond which the sum of the indices is 0 again.
-    b, top = own.real, own.real * own.real + square
+    b, top = of_guide.real, of_guide.real * of_guide.real + square
     root = sqrt(maximum(top - a * a * square, 0.0))
     below, above = root - a * b, -root - a * b
-    least = top / where(below > 0.0, below, 1.0)
-    most = top / where(above > 0.0, above, 1.0)
-    c = load_norm(mul(pins, least) + own, True)
-    other = load_norm(mul(pins, most) + own, True)
-    twice = (abs(a) > 1.0) & (top > a * a * square) & (above > 0.0) & (other > 0.0)
-    both = maximum(c, 1.0 / where(other > 0.0, other, 1.0))
+    nearest_load = top / where(below > 0.0, below, 1.0)
+    largest_load = top / where(above > 0.0, above, 1.0)
+    c = load_norm(mul(pins, nearest_load) + of_guide, True)
+    second_c = load_norm(mul(pins, largest_load) + of_guide, True)
+    twice = (abs(a) > 1.0) & (top > a * a * square) & (above > 0.0) & (second_c > 0.0)
+    both = maximum(c, 1.0 / where(second_c > 0.0, second_c, 1.0))
     return where(abs(a) <= 1.0, maximum(c, abs(a)), where(twice, both, abs(a)))
 
 
 def of_two(a: Real, b: Real, c: Real, d: Real) -> Real:
     """c of two guides: the largest eigenvalue of N = |A N|, N >= 0, of its odd ones above 1."""
-    odd, low, high = 1.0 + 0.0 * a, 0.0 * a, 0.0 * a
+    alternating, low, high = 1.0 + 0.0 * a, 0.0 * a, 0.0 * a
     for p, q in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
         trace, det = p * a + q * d, p * q * (a * d - b * c)
         spread = trace * trace - 4.0 * det
         root = sqrt(maximum(spread, 0.0))
         for size in (0.5 * (trace + root), 0.5 * (trace - root)):
             # eigenvectors (p b, size - p a) and (size - q d, q c): either may vanish
-            one, two = p * b * (size - p * a), (size - q * d) * q * c
-            real = (spread >= 0.0) & (one >= 0.0) & (two >= 0.0)
+            first_component, second_component = p * b * (size - p * a), (size - q * d) * q * c
+            real = (spread >= 0.0) & (first_component >= 0.0) & (second_component >= 0.0)
             # (1, 0) and (0, 1) belong to both signs of their zero, and count once
             first = (c == 0.0) & (abs(size - p * a) <= ROUNDING * EPS * size)
             second = (b == 0.0) & (abs(size - q * d) <= ROUNDING * EPS * size)
             real = where(first, q > 0.0, where(second, p > 0.0, real))
             size = where(real & (size > 0.0), size, 0.0)
-            odd = where(size > 1.0, -odd, odd)
+            alternating = where(size > 1.0, -alternating, alternating)
             low, high = maximum(low, where(size > 1.0, 0.0, size)), maximum(high, size)
-    return where(odd < 0.0, high, low)
+    return where(alternating < 0.0, high, low)

@@ -75,8 +75,8 @@ def tangent_step(
 
     ``k`` and ``drag`` are the laws' tangents at the loads with t.
     """
-    own = without_drag(t, drag)
-    last, _, _ = newton_step((own, 0.0, True), k, edges, loads(drag, base, rows), rows)
+    linear = without_drag(t, drag)
+    last, _, _ = newton_step((linear, 0.0, True), k, edges, loads(drag, base, rows), rows)
     t = tuple(x + d for x, d in zip(last, drag, strict=True))
     return t, norms(loads(t, base, rows), edges)
 
@@ -102,8 +102,8 @@ def by_tangents(
         t, g = tangent_step(t, k, drag, edges, base, rows)
     k, drag = law = laws(g)
     solved = solve(k, edges, loads(drag, base, rows), rows, *options)
-    most = [x or kj for x, kj in zip(steepest, k, strict=True)]
-    return with_drag(judged(solved, law, laws(solved.g), most, edges, rows), drag)
+    slopes = [x or kj for x, kj in zip(steepest, k, strict=True)]
+    return with_drag(judged(solved, law, laws(solved.g), slopes, edges, rows), drag)
 
 
 def balanced(
@@ -129,7 +129,7 @@ def balanced(
 
 
 def judged(
-    solved: Solution, law: Any, there: Any, steepest: Reals, edges: Edges, rows: Influences
+    solved: Solution, law: Any, at_solution: Any, steepest: Reals, edges: Edges, rows: Influences
 ) -> Solution:
     """A solution by tangents ``law`` (k, drag): it stands if its laws say the same ``there``.
 
@@ -137,7 +137,8 @@ def judged(
     laws are below them. Where it fails nothing is proved, and there is no answer.
     """
     by_tangent, true = (
-        [a * g + b for a, b, g in zip(k, drag, solved.g, strict=True)] for k, drag in (law, there)
+        [a * g + b for a, b, g in zip(k, drag, solved.g, strict=True)]
+        for k, drag in (law, at_solution)
     )
     off = largest_of([a - b for a, b in zip(by_tangent, true, strict=True)])
     P = contraction_bound(steepest, edges, rows)
@@ -199,8 +200,8 @@ def successive(
     outcome = where(late, float(Outcome.NOT_CONVERGED), count * 0.0)
     t = tuple(where(late, NAN, x) for x in last.t)
     ratio = where(last.count > 1.0, last.ratio, P)
-    more = (last.count, last.residual, ratio, outcome, P * 0.0 + 1.0)
-    solution = Solution(t, last.g, *more)
+    quality = (last.count, last.residual, ratio, outcome, P * 0.0 + 1.0)
+    solution = Solution(t, last.g, *quality)
     if iterations is not None:
         return solution
     unproved = (P >= 1.0) & _known(g)
@@ -259,17 +260,17 @@ def confirmed(
     Near a contraction rho of 1 the remaining error is rho / (1 - rho) times the last
     change, and beyond it the iteration may settle on another solution.
     """
-    given, _ = state
+    iterated, _ = state
     end = _end(course, near, k, edges, base, rows)
-    rho = minimum(maximum(given.contraction, 0.0), 1.0 - 1e-12)
+    rho = minimum(maximum(iterated.contraction, 0.0), 1.0 - 1e-12)
     reach = maximum(change, 1e-12 * largest_of(end.g)) * maximum(1.0, rho / (1.0 - rho))
-    off = largest_of([a - b for a, b in zip(end.g, given.g, strict=True)])
+    off = largest_of([a - b for a, b in zip(end.g, iterated.g, strict=True)])
     solved = end.outcome == float(Outcome.BY_CONTINUATION)
-    agrees = solved & (given.outcome == float(Outcome.CERTIFIED)) & (off <= 10.0 * reach)
+    agrees = solved & (iterated.outcome == float(Outcome.CERTIFIED)) & (off <= 10.0 * reach)
     outcome = where(solved, float(Outcome.NOT_CONVERGED), end.outcome)
     outcome = where(agrees, float(Outcome.BY_CONTINUATION), outcome)
-    t = tuple(where(agrees, x, NAN) for x in given.t)
-    return given._replace(t=t, outcome=outcome, limit=end.limit), False
+    t = tuple(where(agrees, x, NAN) for x in iterated.t)
+    return iterated._replace(t=t, outcome=outcome, limit=end.limit), False
 
 
 def newton(
@@ -295,12 +296,12 @@ def newton(
 
 
 def differentiable(
-    found: Solution, k: Reals, edges: Edges, base: Planars, rows: Influences
+    solution: Solution, k: Reals, edges: Edges, base: Planars, rows: Influences
 ) -> Solution:
     """A solution of the friction equations, which say its derivatives."""
-    start = (found.t, found.iterations, True)
+    start = (solution.t, solution.iterations, True)
     t, _, _ = implicit(newton_step, start, k, edges, base, rows)
-    return found._replace(t=t, g=norms(loads(t, base, rows), edges))
+    return solution._replace(t=t, g=norms(loads(t, base, rows), edges))
 
 
 def newton_step(
@@ -331,20 +332,26 @@ def replaced(
     rows: Influences,
 ) -> Any:
     """Uncertified samples of Newton's method: continuation's answer in their place."""
-    given, _ = state
+    certified, _ = state
     end = _end(course, near, k, edges, base, rows)
     t, g, residual, outcome, limit, count = end
-    more = {"residual": residual, "outcome": outcome, "limit": limit}
-    return given._replace(t=t, g=g, iterations=count, **more), False
+    fields = {"residual": residual, "outcome": outcome, "limit": limit}
+    return certified._replace(t=t, g=g, iterations=count, **fields), False
 
 
 def _course(
-    asked: Real, near: Any, k: Reals, edges: Edges, base: Planars, rows: Influences, solvable: Real
+    requested: Real,
+    near: Any,
+    k: Reals,
+    edges: Edges,
+    base: Planars,
+    rows: Influences,
+    solvable: Real,
 ) -> Any:
     """The path from zero friction, of the samples of which no solution is known nearby."""
     if near:
-        asked = asked & where(_known(near), False, True)
-    return course_from_zero(asked, k, edges, base, rows, solvable)
+        requested = requested & where(_known(near), False, True)
+    return course_from_zero(requested, k, edges, base, rows, solvable)
 
 
 def _end(course: Any, near: Any, k: Reals, edges: Edges, base: Planars, rows: Influences) -> Path:
@@ -352,9 +359,9 @@ def _end(course: Any, near: Any, k: Reals, edges: Edges, base: Planars, rows: In
     end = end_of(course, k, edges, base, rows)
     if not near:
         return end
-    known = _known(near)
+    finite = _known(near)
     t, count, _ = repeat(
-        newton_step, (near, 0.0 * near[0], known), NEWTON_CAP, k, edges, base, rows, True
+        newton_step, (near, 0.0 * near[0], finite), NEWTON_CAP, k, edges, base, rows, True
     )
     g = norms(loads(t, base, rows), edges)
     residual = misfit(t, k, g)
@@ -362,8 +369,8 @@ def _end(course: Any, near: Any, k: Reals, edges: Edges, base: Planars, rows: In
     t, g = (tuple(where(solved, x, NAN) for x in row) for row in (t, g))
     code = where(solved, float(Outcome.BY_CONTINUATION), float(Outcome.NOT_CONVERGED))
     rest = zip((residual, code, 1.0, count), end[2:], strict=True)
-    own = (where(known, a, b) for a, b in rest)
-    return Path(chosen(known, t, end.t), chosen(known, g, end.g), *own)
+    merged = (where(finite, a, b) for a, b in rest)
+    return Path(chosen(finite, t, end.t), chosen(finite, g, end.g), *merged)
 
 
 def _moved(step: Any, k: Reals, g: Reals) -> Real:

@@ -22,10 +22,10 @@ def numbers_of(
 ) -> tuple[float, ...]:
     """The numbers that a function gives. Raises `RequestError` where they are not so many."""
 
-    def refusal(found: str) -> RequestError:
+    def refusal(message: str) -> RequestError:
         where = f"{getattr(call, '__name__', 'function')}({', '.join(names)})"
         at = ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, x, strict=True))
-        return refused(where, f"{found}, at {at}", remedy, code="user-function")
+        return refused(where, f"{message}, at {at}", remedy, code="user-function")
 
     try:
         answer = call(*x)

@@ -258,7 +258,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
         for k, (name, pair) in enumerate(self.pairs.items()):
             joint, sides = self.joints[name], pair.sides.values()
             at = [f"at{k}_{s}" for s in range(len(sides))]
-            along = [f"u{k}_{s}" if m.direction != 1 else "" for s, m in enumerate(sides)]
+            directions = [f"u{k}_{s}" if m.direction != 1 else "" for s, m in enumerate(sides)]
             plan = PairPlan(
                 prismatic=pair.type == "P",
                 earlier=-1 if joint.outer else self.link_names.index(joint.links[0]),
@@ -266,7 +266,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
                 outer=outer.index(name) if joint.outer else -1,
                 drive=drives.index(name) if pair.driven else -1,
                 at=("", at[-1]) if joint.outer else (at[0], at[1]),
-                along=("", along[-1]) if joint.outer else (along[0], along[1]),
+                along=("", directions[-1]) if joint.outer else (directions[0], directions[1]),
                 guided=joint.reads == "guide",
             )
             plans.append(plan)
@@ -287,10 +287,10 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     def extent(self, origins: Sequence[complex]) -> float:
         """The largest length [m] where the links' origins stand at these places."""
-        places = [m.at.z for pair in self.pairs.values() for m in pair.sides.values()]
-        places += [m.at.z for link in self.links.values() for m in link.markers.values()]
-        places += [z - origins[0] for z in origins[1:]]
-        return largest(map(abs, places))
+        arms = [m.at.z for pair in self.pairs.values() for m in pair.sides.values()]
+        arms += [m.at.z for link in self.links.values() for m in link.markers.values()]
+        arms += [z - origins[0] for z in origins[1:]]
+        return largest(map(abs, arms))
 
     def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
         """The markers at the pairs, each on its (first) link."""
@@ -361,8 +361,8 @@ class GeneralGroup(AssurGroup, type="group.general"):
             if not is_name(link):
                 yield ("links", link), bad_name("link", link)
             if link in self.pairs:
-                found = f'a link is called "{link}" as well'
-                yield ("pairs", link), mistake("taken-name", found)
+                message = f'a link is called "{link}" as well'
+                yield ("pairs", link), mistake("taken-name", message)
         for where, error in wrong_links(self.links, self.links, self.pairs):
             yield ("links", *where), error
         for where, error in wrong_friction(self.friction, self.joints, "pair"):
@@ -389,13 +389,15 @@ class GeneralGroup(AssurGroup, type="group.general"):
                 yield ("home", "poses", link), error
         missing = [n for n in self.links if n not in self.home.poses]
         if missing:
-            found = f"no pose for {', '.join(missing)}"
+            message = f"no pose for {', '.join(missing)}"
             valid = "a home has the pose of every link"
-            yield ("home", "poses"), mistake("no-pose", found, valid, "add [x, y, angle]")
+            yield ("home", "poses"), mistake("no-pose", message, valid, "add [x, y, angle]")
 
     def _wrong_count(self) -> Iterator[Mistake]:
         n, p = len(self.links), len(self.pairs)
         k = sum(pair.driven for pair in self.pairs.values())
         if 3 * n != 2 * p + k or not n:
-            found = f"{n} links, {p} pairs and {k} driven pairs: 3n = {3 * n}, 2p + k = {2 * p + k}"
-            yield ("pairs",), mistake("not-a-group", found, "a group has 3n = 2p + k")
+            message = (
+                f"{n} links, {p} pairs and {k} driven pairs: 3n = {3 * n}, 2p + k = {2 * p + k}"
+            )
+            yield ("pairs",), mistake("not-a-group", message, "a group has 3n = 2p + k")

@@ -130,10 +130,10 @@ def rows(pair: PairPlan, at: Ends, k: Real) -> list[Entries]:
 
 
 def _right(
-    pair: PairPlan, at: Ends, known: Complex, turn: Real, drive: tuple[Real, ...], k: Real
+    pair: PairPlan, at: Ends, motion: Complex, turn: Real, drive: tuple[Real, ...], k: Real
 ) -> list[Real]:
     """Right sides for a known motion of A against B, the support's turning and the drivers'."""
-    sides = [dot(t, known) for t in at.t]
+    sides = [dot(t, motion) for t in at.t]
     if pair.driven and pair.prismatic:
         sides[1] = sides[1] + drive[pair.drive]
     elif pair.driven:
@@ -177,17 +177,17 @@ def accelerations_wanted(
 ) -> list[Real]:
     """Right sides of J x'' = ...: quadratic terms, supports and drivers."""
     om = links[pair.later].om
-    known = mul(at.b.r, om * om)
+    relative = mul(at.b.r, om * om)
     al: Real = 0.0
     if pair.earlier >= 0:
         om_a = links[pair.earlier].om
-        known = known - mul(at.a.r, om_a * om_a)
+        relative = relative - mul(at.a.r, om_a * om_a)
     elif pair.guided:
         support: LinkAcceleration = outer[pair.outer]
-        known, al = known + support.a, support.al
+        relative, al = relative + support.a, support.al
     else:
-        known = known + outer[pair.outer]
+        relative = relative + outer[pair.outer]
     if pair.prismatic:  # both sides turn as one
-        seen = LinkAcceleration(known, al)
-        known = acceleration_at(seen, om, at.d) + imul(at.a.u, 2 * om * sliding)
-    return _right(pair, at, known, al, qdd, k)
+        frame = LinkAcceleration(relative, al)
+        relative = acceleration_at(frame, om, at.d) + imul(at.a.u, 2 * om * sliding)
+    return _right(pair, at, relative, al, qdd, k)

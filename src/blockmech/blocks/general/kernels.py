@@ -98,12 +98,12 @@ Plans = tuple[PairPlan, ...]
 def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
     """The kernels of a group with these pairs; see `PairPlan` for the numbers."""
 
-    def position(*given: Any) -> Pose:
-        *inputs, guess, p = given
+    def position(*arguments: Any) -> Pose:
+        *inputs, guess, p = arguments
         supports, q = tuple(inputs[:outer]), tuple(inputs[outer:])
-        places = guess[0]
+        guessed = guess[0]
         # The guess is in double: its directions are units to this precision first.
-        pose = tuple(LinkPosition(planar(x, y), unit(planar(ex, ey))) for x, y, ex, ey in places)
+        pose = tuple(LinkPosition(planar(x, y), unit(planar(ex, ey))) for x, y, ex, ey in guessed)
         pose, first = newton(plans, pose, supports, q, p)
         at, open_by = conditions(plans, pose, supports, q, p)
         reach: Real = 1.0
@@ -115,8 +115,8 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         at, _ = conditions(plans, pose, supports, q, p)
         return Pose(pose, at, jacobian(plans, at, links, p), first, guess[1])
 
-    def velocity(pose: Pose, *given: Any) -> Velocity:
-        *inputs, p = given
+    def velocity(pose: Pose, *arguments: Any) -> Velocity:
+        *inputs, p = arguments
         supports, qd = tuple(inputs[:outer]), tuple(inputs[outer:])
         right: list[Real] = []
         for pair, at in zip(plans, pose.ends, strict=True):
@@ -126,8 +126,8 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         both = zip(plans, pose.ends, strict=True)
         return Velocity(moving, tuple(slide(pair, at, moving, supports) for pair, at in both))
 
-    def acceleration(pose: Pose, vel: Velocity, *given: Any) -> Acceleration:
-        *inputs, p = given
+    def acceleration(pose: Pose, vel: Velocity, *arguments: Any) -> Acceleration:
+        *inputs, p = arguments
         supports, qdd = tuple(inputs[:outer]), tuple(inputs[outer:])
         right: list[Real] = []
         for pair, at, sliding in zip(plans, pose.ends, vel.pairs, strict=True):
@@ -135,8 +135,8 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         solved = vectors(solve(pose.J, right), p.size)
         return Acceleration(tuple(LinkAcceleration(a, al) for a, al in solved))
 
-    def reactions(pose: Pose, *given: Any) -> Reactions:
-        *loads, p = given
+    def reactions(pose: Pose, *arguments: Any) -> Reactions:
+        *loads, p = arguments
         right: list[Real] = []
         for load in loads:
             right += [-load.F.real * p.size, -load.F.imag * p.size, -load.M]
@@ -144,11 +144,13 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         transmitted, efforts = [], [0.0] * driven
         row = 0
         for pair, at in zip(plans, pose.ends, strict=True):
-            own = solved[row : row + pair.rows]
+            multipliers = solved[row : row + pair.rows]
             row += pair.rows
-            transmitted.append(carried(pair, at, own, p.size))
+            transmitted.append(carried(pair, at, multipliers, p.size))
             if pair.driven:
-                efforts[pair.drive] = own[1] * (1 / p.size) if pair.prismatic else own[2]
+                efforts[pair.drive] = (
+                    multipliers[1] * (1 / p.size) if pair.prismatic else multipliers[2]
+                )
         return Reactions(tuple(transmitted), tuple(efforts))
 
     return Kernels(position, velocity, acceleration, reactions, margin=margin)
@@ -164,8 +166,8 @@ def newton(
 ) -> tuple[Links, Real]:
     """The pose to which Newton's method comes, and the size of its first step."""
     data = (plans, supports, q, p)
-    pose, first, more = newton_step((pose, 0.0, True), *data)
-    last = repeat(newton_step, (pose, first, more), STEPS - 1, *data)
+    pose, first, moving = newton_step((pose, 0.0, True), *data)
+    last = repeat(newton_step, (pose, first, moving), STEPS - 1, *data)
     pose, _, _ = implicit(newton_step, last, *data)
     return pose, first
 
@@ -233,13 +235,13 @@ def vectors(solution: tuple[Real, ...], size: Real) -> list[tuple[Complex, Real]
     ]
 
 
-def carried(pair: PairPlan, at: Ends, own: tuple[Real, ...], size: Real) -> Any:
+def carried(pair: PairPlan, at: Ends, multipliers: tuple[Real, ...], size: Real) -> Any:
     """What a pair transmits from its part of the multipliers."""
     if not pair.prismatic:
-        return planar(own[0] * (1 / size), own[1] * (1 / size))
-    N = own[0] * (1 / size)
+        return planar(multipliers[0] * (1 / size), multipliers[1] * (1 / size))
+    N = multipliers[0] * (1 / size)
     b, a = dot(at.b.r, at.a.u), dot(at.a.r + at.d, at.a.u)
-    return Slide(N, own[-1] + N * b, own[-1] + N * a)
+    return Slide(N, multipliers[-1] + N * b, multipliers[-1] + N * a)
 
 
 def margin(pose: Pose, p: Parameters) -> Real:
