@@ -26,6 +26,7 @@ LINKAGE_CODES = {
     "too-many-drivers": "more drivers than freedoms",
     "locked-driver": "a driver whose joint cannot move",
     "conflicting-drivers": "two drivers that prescribe one freedom",
+    "conflicting-dimensions": "dimensions of a drawing that cannot hold together",
     "loose-links": "links that move with every driver held",
     "too-tangled": "so many links in loops with each other that only counting is left",
     "no-links": "a document without moving links",

@@ -91,7 +91,7 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
         for k, point in enumerate(dimension.points):
             if point not in points:
                 where = path_text(("dimensions", name, "points", k))
-                yield unknown_name("unknown-point", "joint or marker", point, where, points)
+                yield unknown_name("unknown-joint", "joint or marker", point, where, points)
     yield from _wheels(linkage)
     yield from _signals(linkage, known)
     by_joint: dict[str, list[str]] = defaultdict(list)
