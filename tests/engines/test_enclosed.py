@@ -15,7 +15,7 @@ from blockmech.engines.enclosed import proofs
 from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
 from blockmech.ground.plane import EPS
 from blockmech.studies.family import remade
-from tests.extremes.precise import DIGITS, Precise
+from tests.extremes.precise import assert_encloses
 from tests.gallery import changed, document, mechanism
 
 GROUPS = ["stephenson_3_triad", "stephenson_2_class_4"]
@@ -35,24 +35,6 @@ OUTPUTS = [
 LENGTHS = {"dyad.l_i": 1e-4, "dyad.l_j": 1e-4, "crank.length": 1e-4}
 
 
-def inside(found, mech, friction):
-    """Whether all bounds hold the values in 60 digits."""
-    precise = Precise(mech, tuple(found), friction)
-    given = found.result.samples.given(precise.plan.program.inputs)
-    for k in range(found.result.n):
-        inputs = {n: float(np.broadcast_to(x, found.result.n)[k]) for n, x in given.items()}
-        with mpmath.workdps(DIGITS):
-            for name, columns in precise.values(inputs).items():
-                output = mech.outputs[name]
-                if output.kind == "real" and len(columns) == 1:
-                    x = columns[0]
-                    assert found.low[name][k] <= x <= found.high[name][k], (name, k)
-                elif output.kind == "vector" and len(columns) == 1:
-                    low, high, z = found.low[name][k], found.high[name][k], columns[0]
-                    assert low.real <= z.real <= high.real, (name, k)
-                    assert low.imag <= z.imag <= high.imag, (name, k)
-
-
 @pytest.mark.parametrize("name", [*CLOSED, *GROUPS])
 def test_bounds_of_rounding_hold_60_digits(name):
     mech, dice = mechanism(name), random.Random(name)
@@ -60,14 +42,14 @@ def test_bounds_of_rounding_hold_60_digits(name):
     found = mech.enclose(q, rates=1.3, accelerations=-0.7, friction="none", want=OUTPUTS)
     assert found.proved
     assert found.closes
-    inside(found, mech, "none")
+    assert_encloses(found, mech, "none")
 
 
 def test_friction_is_proved_and_holds_60_digits():
     mech = mechanism("ruiz_fourbar")
     found = mech.enclose([0.3, 1.0, 2.5], want=["crank.drive", "*.reaction"])
     assert found.proved
-    inside(found, mech, "newton")
+    assert_encloses(found, mech, "newton")
     assert found["crank.drive"].max() < 1e-8
 
 
@@ -80,7 +62,7 @@ def test_dead_centres_are_bounded(gap):
     found = mech.enclose(end - gap, rates=1.0, friction="none", want=["dyad.C.p", "dyad.margin"])
     assert found.proved
     assert found.closes
-    inside(found, mech, "none")
+    assert_encloses(found, mech, "none")
 
 
 @pytest.mark.parametrize(("name", "count"), [("ruiz_fourbar", 1000), *((n, 10) for n in GROUPS)])

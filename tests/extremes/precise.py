@@ -142,3 +142,19 @@ def moved(value: Any, noise: Callable[[float], Any]) -> Any:
     if isinstance(value, complex):
         return mpmath.mpc(noise(value.real), noise(value.imag))
     return noise(float(value))
+
+
+def assert_encloses(bounds: Any, mechanism: Mechanism, friction: str) -> None:
+    """Whether all bounds of an `Enclosure` hold the values in 60 digits."""
+    precise = Precise(mechanism, tuple(bounds), friction)
+    n = bounds.result.n
+    columns = bounds.result.samples.given(precise.plan.program.inputs)
+    for k in range(n):
+        inputs = {name: float(np.broadcast_to(x, n)[k]) for name, x in columns.items()}
+        with mpmath.workdps(DIGITS):
+            for name, values in precise.values(inputs).items():
+                low, high = bounds.low[name][k], bounds.high[name][k]
+                if len(values) == 1:
+                    z = mpmath.mpmathify(values[0])
+                    assert low.real <= z.real <= high.real, (name, k)
+                    assert low.imag <= z.imag <= high.imag, (name, k)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from blockmech.engines.binding import Binder, bind
 from blockmech.engines.enclosed.forms import Form, form, forms_of, planned, sign, unknown
 from blockmech.engines.enclosed.primitives import (
@@ -99,7 +101,8 @@ class EnclosedEngine:
 
     def one(self, inputs: Sequence[Any], parameters: Sequence[Any]) -> tuple[Any, ...]:
         """Values of one sample, forms or `Planar` pairs of them."""
-        return self._program(*map(form, inputs), tuple(map(forms_of, parameters)))
+        with np.errstate(all="ignore"):  # what is not finite has no bounds
+            return self._program(*map(form, inputs), tuple(map(forms_of, parameters)))
 
 
 def _at_planned(function: Any) -> Any:

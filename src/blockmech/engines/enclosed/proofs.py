@@ -98,8 +98,7 @@ def _proved_errors(newton: Any, x0: list[float], misfit: Array, data: Any) -> Ar
             for at, width, seed in zip(x0, box.tolist(), np.eye(m), strict=True):
                 x.append(Dual(Form(at, below(at - width), above(at + width)), seed, np.zeros(m)))
             slopes = [np.broadcast_to(abs(y.d) + y.r, (m,)) for y in map(dual, newton(x, *data))]
-            with np.errstate(all="ignore"):
-                errors = np.nan_to_num(np.array(slopes) @ box, nan=math.inf) * ROUNDED_UP + TINY
+            errors = np.nan_to_num(np.array(slopes) @ box, nan=math.inf) * ROUNDED_UP + TINY
         image = (misfit + errors) * ROUNDED_UP
         if is_inside(image, box):
             return errors

@@ -42,9 +42,8 @@ class Matrix:
             np.array([[getattr(x, bound) for x in row] for row in self.forms])
             for bound in ("low", "high")
         )
-        with np.errstate(all="ignore"):
-            self.middle = 0.5 * (self.low + self.high)
-            self.width = np.maximum(self.high - self.middle, self.middle - self.low) * ROUNDED_UP
+        self.middle = 0.5 * (self.low + self.high)
+        self.width = np.maximum(self.high - self.middle, self.middle - self.low) * ROUNDED_UP
         n = len(self.forms)
         self.inverse, self.residual = np.zeros((n, n)), np.full((n, n), math.inf)
 
