@@ -33,16 +33,16 @@ class Dual(NDArrayOperatorsMixin):
         self.x = x
         self.d = d
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *given: Any, **more: Any) -> Any:
-        if method != "__call__" or more:
+    def __array_ufunc__(self, ufunc: Any, method: str, *arguments: Any, **options: Any) -> Any:
+        if method != "__call__" or options:
             return NotImplemented
-        x = [value(v) for v in given]
+        x = [value(v) for v in arguments]
         if ufunc in COMPARISONS:
             return ufunc(*x)
         if ufunc not in TANGENTS:
             return NotImplemented
         y = ufunc(*x)
-        return Dual(y, TANGENTS[ufunc](y, *x, *map(slope, given)))
+        return Dual(y, TANGENTS[ufunc](y, *x, *map(slope, arguments)))
 
     def __getitem__(self, index: Any) -> Dual:
         return Dual(self.x[index], self.d[:, index])

@@ -51,10 +51,10 @@ def _solved(a: Array, b: Array) -> Array:
     try:
         return np.asarray(np.linalg.solve(a, b[..., None])[..., 0])
     except np.linalg.LinAlgError:
-        return _one_by_one(a, b)
+        return _solve_apart(a, b)
 
 
-def _one_by_one(a: Array, b: Array) -> Array:
+def _solve_apart(a: Array, b: Array) -> Array:
     """The rare batch with a singular matrix in it."""
     solutions = np.full(b.shape, np.nan, a.dtype)
     matrices = np.broadcast_to(a, (*b.shape, b.shape[-1]))
@@ -68,24 +68,24 @@ def _one_by_one(a: Array, b: Array) -> Array:
 
 def _eliminated(a: Array, b: Array) -> Array:
     """Gaussian elimination with partial pivoting, samples side by side."""
-    whole = np.concatenate([a, b[..., None]], axis=-1)
-    return np.moveaxis(_reduced(np.array(np.moveaxis(whole, (-2, -1), (0, 1)))), 0, -1)
+    augmented = np.concatenate([a, b[..., None]], axis=-1)
+    return np.moveaxis(_reduced(np.array(np.moveaxis(augmented, (-2, -1), (0, 1)))), 0, -1)
 
 
-def _reduced(whole: Array) -> Array:
+def _reduced(augmented: Array) -> Array:
     """Solutions (N, ...) of matrices with their right sides (N, N + 1, ...), which are lost."""
-    n = len(whole)
+    n = len(augmented)
     for k in range(n):
-        pivot = np.argmax(np.abs(whole[k:, k]), axis=0) + k
-        swapped = np.take_along_axis(whole, pivot[None, None], axis=0)
-        np.put_along_axis(whole, pivot[None, None], whole[k], axis=0)
-        whole[k] = swapped[0]
-        factor = whole[k + 1 :, k] / whole[k, k]
-        whole[k + 1 :, k + 1 :] -= factor[:, None] * whole[k, k + 1 :]
+        pivot = np.argmax(np.abs(augmented[k:, k]), axis=0) + k
+        swapped = np.take_along_axis(augmented, pivot[None, None], axis=0)
+        np.put_along_axis(augmented, pivot[None, None], augmented[k], axis=0)
+        augmented[k] = swapped[0]
+        factor = augmented[k + 1 :, k] / augmented[k, k]
+        augmented[k + 1 :, k + 1 :] -= factor[:, None] * augmented[k, k + 1 :]
     for k in reversed(range(n)):
-        whole[k, n] /= whole[k, k]
-        whole[:k, n] -= whole[:k, k] * whole[k, n]
-    return whole[:, n]
+        augmented[k, n] /= augmented[k, k]
+        augmented[:k, n] -= augmented[:k, k] * augmented[k, n]
+    return augmented[:, n]
 
 
 def spread(a: Array) -> Array:

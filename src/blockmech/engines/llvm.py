@@ -52,7 +52,7 @@ class Traced(NamedTuple):
     """What a trace says of all programs of one structure.
 
     inputs : of the program, and answers behind them
-    rows : numbers that are worked out, kept : sines and cosines of inputs alone
+    rows : numbers that are worked out, shared : sines and cosines of inputs alone
     asked : names of functions that answer, each with places of its arguments among the inputs
     constants : numbers of the text among the values
     values : an expression for the values, by inputs ``x`` and the ``row`` of numbers and constants
@@ -60,7 +60,7 @@ class Traced(NamedTuple):
 
     inputs: int
     rows: int
-    kept: int
+    shared: int
     asked: tuple[tuple[Any, Any], ...]
     constants: tuple[str, ...]
     values: str
@@ -88,15 +88,15 @@ def code_of(program: Program) -> Code:
     key = key_of(program)
     code = _CODES.pop(key, None)
     if code is None:
-        found = None if key is None else code_cache.load(_on_this_machine(key))
-        if found is None:
+        stored = None if key is None else code_cache.load(_on_this_machine(key))
+        if stored is None:
             traced, text = _traced(program)
             data = _compiled(text)
             if key is not None:
                 head = repr(tuple(traced)).encode()
                 code_cache.keep(_on_this_machine(key), head + b"\n" + data)
         else:
-            head, _, data = found.partition(b"\n")
+            head, _, data = stored.partition(b"\n")
             traced = Traced(*ast.literal_eval(head.decode()))
         (fill,) = _linked(data, ("fill", FILL))
         constants = np.array([*map(float, traced.constants)])
@@ -123,19 +123,19 @@ def _traced(program: Program) -> tuple[Traced, str]:
     """What the trace of a program says of its structure, and its text."""
     trace = Trace(program)
     parts = leaves(trace.values)
-    wanted = list(dict.fromkeys(x for x in parts if isinstance(x, Node)))
-    rows = [x for x in wanted if x.op != "input"]
-    given = [x for x in wanted if x.op == "input"]
-    kept = of_inputs(needed([*rows, *given]))
+    nodes = list(dict.fromkeys(x for x in parts if isinstance(x, Node)))
+    rows = [x for x in nodes if x.op != "input"]
+    summed = [x for x in nodes if x.op == "input"]
+    shared = of_inputs(needed([*rows, *summed]))
     inputs = len(program.inputs) + trace.answers
     names = {id(f): name for name, f in program.functions.items()}
-    asked = tuple((names.get(id(f), f), places) for f, places in trace.asked)
+    asked = tuple((names.get(id(f), f), indices) for f, indices in trace.asked)
     constants = dict.fromkeys(str(float(x)) for x in parts if not isinstance(x, Node))
     numbers: list[Node | str] = [*rows, *constants]
     row = {x: k for k, x in enumerate(numbers)}
     values = _expression(trace.values, row)
-    traced = Traced(inputs, len(rows), len(kept), asked, tuple(constants), values)
-    return traced, assembly.Text().fill(inputs, rows, given, kept)
+    traced = Traced(inputs, len(rows), len(shared), asked, tuple(constants), values)
+    return traced, assembly.Text().fill(inputs, rows, summed, shared)
 
 
 def _expression(value: Any, row: Mapping[Node | str, int]) -> str:
@@ -166,15 +166,15 @@ class LlvmEngine:
         self.program = program
         self.code = code_of(program)
         traced = self.code.traced
-        self._asked = [(program.functions.get(f, f), places) for f, places in traced.asked]
+        self._asked = [(program.functions.get(f, f), indices) for f, indices in traced.asked]
         self._constants: list[float] = self.code.constants.tolist()
         self._numbers = row_of(program)
         self._parameters = self._numbers.ctypes.data
-        self._places = ctypes.c_void_p * (traced.inputs + 1)  # never empty
+        self._addresses = ctypes.c_void_p * (traced.inputs + 1)  # never empty
         self._room = (ctypes.c_double * (LANES * (traced.inputs + traced.rows)))()
         first = ctypes.addressof(self._room)
         self._out = first + LINE * traced.inputs
-        self._in_room = self._places(*range(first, self._out, LINE))
+        self._in_room = self._addresses(*range(first, self._out, LINE))
         self._alone = threading.Lock()
 
     def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:
@@ -199,21 +199,21 @@ class LlvmEngine:
 
     def _columns(self, inputs: Sequence[Any], n: int) -> list[Array]:
         """Columns (n,) of the inputs and of what is asked of them, which comes chunk by chunk."""
-        given = [np.ascontiguousarray(x, np.float64) for x in inputs]
+        columns = [np.ascontiguousarray(x, np.float64) for x in inputs]
         if not self._asked:
-            return given
-        whole = [np.broadcast_to(x, n) for x in given]
+            return columns
+        columns = [np.broadcast_to(x, n) for x in columns]
         parts = [
-            self._answered([x[i : i + CHUNK] for x in whole]) for i in range(0, max(n, 1), CHUNK)
+            self._answered([x[i : i + CHUNK] for x in columns]) for i in range(0, max(n, 1), CHUNK)
         ]
         return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
     def _answered(self, inputs: Sequence[Any]) -> list[Any]:
         """Inputs, numbers or columns, and behind them what functions that are no kernels say."""
         values = [*inputs]
-        for function, places in self._asked:
-            places_of = iter([inputs[k] for k in leaves(places)]).__next__
-            values += leaves(function(*filled(places, places_of)))
+        for function, indices in self._asked:
+            argument = iter([inputs[k] for k in leaves(indices)]).__next__
+            values += leaves(function(*filled(indices, argument)))
         return values
 
     def run(self, inputs: Record, n: int) -> tuple[Any, ...]:
@@ -234,37 +234,40 @@ class LlvmEngine:
         that it has alone.
         """
         if all(np.ndim(inputs[x]) == 2 for x in self.program.inputs):
-            return self._each_at_its_own(inputs, numbers)
+            return self._at_their_samples(inputs, numbers)
         n = max((np.size(inputs[x]) for x in self.program.inputs), default=1)
         return self._together(inputs, n, numbers, (len(numbers), n))
 
-    def _each_at_its_own(self, inputs: Mapping[str, NDArray[Any]], slots: Array) -> tuple[Any, ...]:
+    def _at_their_samples(
+        self, inputs: Mapping[str, NDArray[Any]], slots: Array
+    ) -> tuple[Any, ...]:
         """Values of designs (m, n) at samples of their own."""
         m, n = shape = inputs[self.program.inputs[0]].shape
-        given = self._columns([np.ravel(inputs[x]) for x in self.program.inputs], m * n)
+        flat = self._columns([np.ravel(inputs[x]) for x in self.program.inputs], m * n)
         width = -(-n // LANES) * LANES
-        columns = np.empty((m, len(given), width))
-        for k, column in enumerate(given):
+        columns = np.empty((m, len(flat), width))
+        for k, column in enumerate(flat):
             columns[:, k, :n] = column.reshape(shape)
             columns[:, k, n:] = columns[:, k, n - 1 : n]
         out = np.empty((max(1, self.code.traced.rows), LANES * (m * width // LANES | 1)))
         room = np.empty(columns.shape[1:])
-        places = self._places(*range(room.ctypes.data, room.ctypes.data + room.nbytes, 8 * width))
+        first = room.ctypes.data
+        addresses = self._addresses(*range(first, first + room.nbytes, 8 * width))
         total: float = _each_design()(
-            ctypes.cast(self.code.fill, ctypes.c_void_p), ctypes.addressof(places),
+            ctypes.cast(self.code.fill, ctypes.c_void_p), ctypes.addressof(addresses),
             slots.ctypes.data, slots.shape[1], columns.ctypes.data, room.ctypes.data, room.size,
             width, out.ctypes.data, out.shape[1], m,
         )  # fmt: skip
         lanes = out[:, : m * width].reshape(-1, m, width)
-        given = [column.reshape(shape) for column in given]
-        return self._batch(given, lanes[..., :n], total, shape)
+        flat = [column.reshape(shape) for column in flat]
+        return self._batch(flat, lanes[..., :n], total, shape)
 
     def _together(
         self, inputs: Record, n: int, slots: Array, shape: tuple[int, ...]
     ) -> tuple[Any, ...]:
         """Values of a shape (n,) or (m, n) at n samples, each with the slots (m, k) of numbers."""
         columns = self._columns([inputs[x] for x in self.program.inputs], n)
-        columns = [_whole_blocks(c) for c in columns]
+        columns = [_padded(c) for c in columns]
         m, blocks = len(slots), -(-n // LANES)
         width = blocks * LANES
         # An odd number of cache lines: rows do not fall on the same sets of the cache.
@@ -273,14 +276,15 @@ class LlvmEngine:
         def part(first: int, last: int) -> float:
             if m > 1:  # of the designs
                 return self._call(columns, out[:, first * width :], width, slots[first:last])
-            here = slice(first * LANES, last * LANES)
-            given = [c[here] for c in columns]
-            return self._call(given, out[:, here], (last - first) * LANES, slots)
+            block = slice(first * LANES, last * LANES)
+            return self._call(
+                [c[block] for c in columns], out[:, block], block.stop - block.start, slots
+            )
 
         sums = self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
-        given = [c[:n] if len(shape) == 1 else np.broadcast_to(c[:n], shape) for c in columns]
+        columns = [c[:n] if len(shape) == 1 else np.broadcast_to(c[:n], shape) for c in columns]
         lanes = out if len(shape) == 1 else out[:, : m * width].reshape(-1, m, width)
-        return self._batch(given, lanes[..., :n], sum(sums), shape)
+        return self._batch(columns, lanes[..., :n], sum(sums), shape)
 
     def _threads(
         self, part: Callable[[int, int], float], count: int, many: bool
@@ -298,10 +302,10 @@ class LlvmEngine:
     def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> float:
         stride = out.strides[0] // out.itemsize
         designs, count = slots.shape
-        kept = np.empty(self.code.traced.kept * n + LANES if designs > 1 else 0)
-        places = self._places(*(c.ctypes.data for c in columns), _aligned(kept))
+        shared = np.empty(self.code.traced.shared * n + LANES if designs > 1 else 0)
+        addresses = self._addresses(*(c.ctypes.data for c in columns), _aligned(shared))
         total: float = self.code.fill(
-            places, slots.ctypes.data, out.ctypes.data, stride, n, count, designs
+            addresses, slots.ctypes.data, out.ctypes.data, stride, n, count, designs
         )
         return total
 
@@ -335,7 +339,7 @@ def _aligned(room: Array) -> int:
     return -(-int(room.ctypes.data) // LINE) * LINE
 
 
-def _whole_blocks(column: Array) -> Array:
+def _padded(column: Array) -> Array:
     """A column with copies of its last number behind it, up to whole blocks."""
     missing = -column.size % LANES
     return np.concatenate([column, np.full(missing, column[-1])]) if missing else column
@@ -407,8 +411,8 @@ def _compiled(text: str) -> bytes:
         raise Untraceable(f"it has more than {LONGEST} operations")
     llvm, target, _ = processor()
     module = llvm.parse_assembly(text)
-    how = llvm.create_pipeline_tuning_options(speed_level=2)
-    passes = llvm.create_pass_builder(target(), how)
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    passes = llvm.create_pass_builder(target(), options)
     passes.getModulePassManager().run(module, passes)
     code: bytes = target().emit_object(module)
     return code
@@ -442,7 +446,7 @@ def processor() -> tuple[Any, Callable[[], Any], str]:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     triple = llvm.Target.from_default_triple()
-    how = {"cpu": cpu, "features": features, "opt": 3, "codemodel": "jitdefault", "jit": True}
+    options = {"cpu": cpu, "features": features, "opt": 3, "codemodel": "jitdefault", "jit": True}
     version = (sys.modules["llvmlite"].__version__, *llvm.llvm_version_info)
     name = f"{version} {triple.triple} {cpu} {features}"
-    return llvm, functools.partial(triple.create_target_machine, **how), name
+    return llvm, functools.partial(triple.create_target_machine, **options), name

@@ -48,26 +48,25 @@ class Planar:
         self.real = real
         self.imag = imag
 
-    def __add__(self, other: Planar) -> Planar:
-        return Planar(self.real + other.real, self.imag + other.imag)
+    def __add__(self, z: Planar) -> Planar:
+        return Planar(self.real + z.real, self.imag + z.imag)
 
-    def __sub__(self, other: Planar) -> Planar:
-        return Planar(self.real - other.real, self.imag - other.imag)
+    def __sub__(self, z: Planar) -> Planar:
+        return Planar(self.real - z.real, self.imag - z.imag)
 
-    def __mul__(self, other: Planar) -> Planar:
+    def __mul__(self, z: Planar) -> Planar:
         return Planar(
-            self.real * other.real - self.imag * other.imag,
-            self.real * other.imag + self.imag * other.real,
+            self.real * z.real - self.imag * z.imag, self.real * z.imag + self.imag * z.real
         )
 
     def __neg__(self) -> Planar:
         return Planar(-self.real, -self.imag)
 
-    def __radd__(self, other: complex) -> Planar:
-        return Planar(other.real + self.real, other.imag + self.imag)
+    def __radd__(self, z: complex) -> Planar:
+        return Planar(z.real + self.real, z.imag + self.imag)
 
-    def __rsub__(self, other: complex) -> Planar:
-        return Planar(other.real - self.real, other.imag - self.imag)
+    def __rsub__(self, z: complex) -> Planar:
+        return Planar(z.real - self.real, z.imag - self.imag)
 
     def __abs__(self) -> Any:
         hypot = primitives_of(self).get("hypot", np.hypot)  # as Python has it of a complex number
@@ -119,9 +118,9 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
     if any(np.ndim(column) > 1 for column in (knots, *rows)):
         columns = [np.reshape(column, (len(column), -1)).T for column in (knots, *rows)]
         m = max(map(len, columns))
-        each = zip(*(np.broadcast_to(c, (m, c.shape[1])) for c in columns), strict=True)
-        places = np.broadcast_to(x, (m, np.shape(x)[-1]))
-        return np.stack([piecewise(q, k, r) for q, (k, *r) in zip(places, each, strict=True)])
+        tables = zip(*(np.broadcast_to(c, (m, c.shape[1])) for c in columns), strict=True)
+        arguments = np.broadcast_to(x, (m, np.shape(x)[-1]))
+        return np.stack([piecewise(q, k, r) for q, (k, *r) in zip(arguments, tables, strict=True)])
     inside = (knots[0] <= x) & (x <= knots[-1])
     k = np.minimum(np.searchsorted(knots, x, side="right"), len(knots) - 1) - 1
     k = np.where(inside, k, 0)
@@ -136,17 +135,17 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
 
     Those that go on do so apart from the others once they are few.
     """
-    for done in range(cap):
+    for k in range(cap):
         going = state[-1]
-        left = np.count_nonzero(going)
-        if not left:
+        active = np.count_nonzero(going)
+        if not active:
             break
-        if 4 * left <= np.size(going):  # gathering them costs some half a step of all
-            return _apart(step, state, cap - done, data)
-        ahead = step(state, *data)
-        if left < np.size(going):
-            ahead = each_part(lambda new, old, w=going: np.where(w, new, old), ahead, state)
-        state = ahead
+        if 4 * active <= np.size(going):  # gathering them costs some half a step of all
+            return _apart(step, state, cap - k, data)
+        following = step(state, *data)
+        if active < np.size(going):
+            following = each_part(lambda new, old, w=going: np.where(w, new, old), following, state)
+        state = following
     return state
 
 
@@ -158,13 +157,13 @@ def _apart(step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
     def some(x: Any) -> Any:
         return x if np.ndim(x) == 0 else np.broadcast_to(x, shape)[rows]
 
-    def whole(new: Any, old: Any) -> Any:
+    def merge(new: Any, old: Any) -> Any:
         merged = np.array(np.broadcast_to(old, shape), np.result_type(new, old))
         merged[rows] = new
         return merged
 
-    ahead = repeat(step, each_part(some, state), cap, *each_part(some, data))
-    return each_part(whole, ahead, state)
+    final = repeat(step, each_part(some, state), cap, *each_part(some, data))
+    return each_part(merge, final, state)
 
 
 def each(function: Any, *x: Any) -> Any:
@@ -175,18 +174,18 @@ def each(function: Any, *x: Any) -> Any:
     return np.array(values, columns[0].dtype).reshape(columns[0].shape)
 
 
-def each_part(function: Any, value: Any, *more: Any) -> Any:
+def each_part(function: Any, *values: Any) -> Any:
     """A nested tuple of batches with a function of each real batch in it; vectors as pairs.
 
-    With more of the like, a function of the batches that stand at the same place.
+    Of several nested tuples, a function of the batches that stand at the same place.
     """
-    if isinstance(value, tuple):
-        parts = [each_part(function, *x) for x in zip(value, *more, strict=True)]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    if isinstance(value, Planar):
-        given = (value, *more)
-        return Planar(function(*(z.real for z in given)), function(*(z.imag for z in given)))
-    return value if isinstance(value, bool) else function(value, *more)
+    first = values[0]
+    if isinstance(first, tuple):
+        parts = [each_part(function, *x) for x in zip(*values, strict=True)]
+        return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
+    if isinstance(first, Planar):
+        return Planar(function(*(z.real for z in values)), function(*(z.imag for z in values)))
+    return first if isinstance(first, bool) else function(*values)
 
 
 def leaves(value: Any) -> list[Any]:
@@ -226,10 +225,10 @@ def primitives(dtype: Any) -> Data:
     def matrix(rows: Any) -> NDArray[Any]:
         return linear.matrix(rows, dtype)
 
-    own = (mul, imul, hyp, power, angle, modulo, piecewise, repeat, each, expi, planar, matrix)
+    arrays = (mul, imul, hyp, power, angle, modulo, piecewise, repeat, each, expi, planar, matrix)
     ufuncs = (np.sqrt, np.exp, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
-    functions = {f.__name__: f for f in (cross, dot, implicit, times, *own, *ufuncs, *systems)}
+    functions = {f.__name__: f for f in (cross, dot, implicit, times, *arrays, *ufuncs, *systems)}
     return functions | {"EPS": float(np.finfo(dtype).eps)}
 
 
@@ -325,9 +324,9 @@ class NumpyEngine:
         return tuple(each_part(lambda x: next(block) if plain(x) else _column(x, n, True), values))
 
     def _rounded(self, name: str, column: Any) -> NDArray[Any]:
-        given: NDArray[Any] = np.asarray(column)  # one pose comes as a list
+        array: NDArray[Any] = np.asarray(column)  # one pose comes as a list
         # Angles stay in double until sine and cosine are taken.
-        return given if name in self.program.angles else given.astype(self.dtype, copy=False)
+        return array if name in self.program.angles else array.astype(self.dtype, copy=False)
 
 
 def _column(x: Any, n: int, room: bool = False) -> Any:

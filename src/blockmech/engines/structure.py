@@ -2,7 +2,7 @@
 
 The key is known before anything is traced: the program's text, its kernels by module and name with
 what they hold, the kinds of its parameters, and the files of this package, which give all of these
-their meaning.
+their meaning. Files are told apart as Python tells whether its byte code is old.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def key_of(program: Program) -> str | None:
         kinds = [_kind(value) for value in program.parameters.values()]
     except _Foreign:
         return None
-    whole = f"{_package()}\n{program.source}\n{functions}\n{kinds}"
-    return sha256(whole.encode()).hexdigest()
+    text = f"{_package()}\n{program.source}\n{functions}\n{kinds}"
+    return sha256(text.encode()).hexdigest()
 
 
 def _parts(value: Any) -> Iterator[Any]:
@@ -45,8 +45,8 @@ def _parts(value: Any) -> Iterator[Any]:
         code = value.__code__
         yield from (code.co_firstlineno, code.co_code)  # two lambdas of a line have one name
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        held = (*cells, value.__defaults__, value.__kwdefaults__)
-        yield [tuple(_parts(x)) for x in held]
+        contents = (*cells, value.__defaults__, value.__kwdefaults__)
+        yield [tuple(_parts(x)) for x in contents]
     elif isinstance(value, tuple):
         yield [tuple(_parts(x)) for x in value]
     elif hasattr(value, "answer"):  # no kernel: it answers in numbers of this shape
@@ -66,11 +66,15 @@ def _kind(value: Any) -> Any:
 
 @cache
 def _package() -> str:
-    """The version of the package, as a hash of its files."""
-    whole = sha256()
-    for folder, folders, names in os.walk(Path(__file__).parents[1]):
-        folders.sort()
-        for name in sorted(names):
-            if name.endswith(".py"):
-                whole.update(name.encode() + Path(folder, name).read_bytes())
-    return whole.hexdigest()
+    """The version of the package: its files by place, size and time, as Python knows them too."""
+    files = sorted(_files(str(Path(__file__).parents[1])))
+    return sha256(repr(files).encode()).hexdigest()
+
+
+def _files(folder: str) -> Iterator[tuple[str, int, int]]:
+    for entry in os.scandir(folder):
+        if entry.is_dir():
+            yield from _files(entry.path)
+        elif entry.name.endswith(".py"):
+            status = entry.stat()
+            yield entry.path, status.st_size, status.st_mtime_ns

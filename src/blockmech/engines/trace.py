@@ -29,11 +29,11 @@ Body = Callable[..., tuple[Any, ...]]
 FOLLOWED = "it follows a group without closed form from its home"
 
 
-class Asked(NamedTuple):
-    """A function that is no kernel, and its arguments: places among the inputs."""
+class Question(NamedTuple):
+    """A function that is no kernel, and its arguments: indices among the inputs."""
 
     function: Callable[..., Any]
-    places: tuple[Any, ...]
+    indices: tuple[Any, ...]
 
 
 class Trace:
@@ -54,17 +54,17 @@ class Trace:
         ``eps`` is the rounding [-] of the numbers that it will run on. Raises `Untraceable`
         where the program is more than flat arithmetic.
         """
-        self.asked: list[Asked] = []
+        self.asked: list[Question] = []
         self.nodes: list[Node] = []
         self.loops: list[Loop] = []
         self._made: dict[tuple[Any, ...], Node] = {}
         self._open = False  # whether a loop is being traced
-        given = range(len(program.inputs) if body is None else inputs)
-        leafs = [self._leaf("input", i, SAMPLE) for i in given]
-        count = itertools.count()
+        count = len(program.inputs) if body is None else inputs
+        leafs = [self._leaf("input", i, SAMPLE) for i in range(count)]
+        slot_numbers = itertools.count()
 
         def slot() -> Node:
-            return self._leaf("parameter", next(count), PARAMETER)
+            return self._leaf("parameter", next(slot_numbers), PARAMETER)
 
         slots = tuple(filled(value, slot) for value in program.parameters.values())
         self._inputs = self._given = len(leafs)
@@ -99,26 +99,26 @@ class Trace:
     def _foreign(self, function: Any) -> Any:
         """What stands for a function that is no kernel while a program is traced."""
 
-        def answer(*given: Any) -> Any:
-            return self.answer(function, given, answer_of(function, given))
+        def answer(*arguments: Any) -> Any:
+            return self.answer(function, arguments, answer_of(function, arguments))
 
         return answer
 
-    def answer(self, function: Any, given: tuple[Any, ...], like: Any) -> Any:
+    def answer(self, function: Any, arguments: tuple[Any, ...], like: Any) -> Any:
         """What a function of inputs alone says: inputs of their own, worked out beforehand.
 
         ``like`` is an answer of it, which tells of what parts it is made.
         """
-        arguments = leaves(given)
-        if not all(isinstance(x, Node) and x.op == "input" for x in arguments):
+        inputs = leaves(arguments)
+        if not all(isinstance(x, Node) and x.op == "input" for x in inputs):
             raise AsksPython("it asks a function of Python of what it computes")
-        places = iter([x.args[0] for x in arguments]).__next__
+        indices = iter([x.args[0] for x in inputs]).__next__
 
         def leaf() -> Node:
             self._inputs += 1
             return self._leaf("input", self._inputs - 1, SAMPLE)
 
-        self.asked.append(Asked(function, filled(given, places)))
+        self.asked.append(Question(function, filled(arguments, indices)))
         return filled(like, leaf)
 
     def _leaf(self, op: str, index: int, scope: int) -> Node:
@@ -128,12 +128,12 @@ class Trace:
         """The state after a loop: nodes "after" of it."""
         if self._open:
             raise Untraceable("a loop in a loop")
-        made = Loop(self, cap, leaves(state))
-        inside = iter(made.state)
+        loop = Loop(self, cap, leaves(state))
+        inside = iter(loop.state)
         self._open = True
-        made.ahead = leaves(step(filled(state, lambda: next(inside)), *data))
+        loop.ahead = leaves(step(filled(state, lambda: next(inside)), *data))
         self._open = False
-        after = (Node(self, "after", (made, i), SAMPLE) for i in range(len(made.state)))
+        after = (Node(self, "after", (loop, i), SAMPLE) for i in range(len(loop.state)))
         return filled(state, lambda: next(after))
 
 
@@ -246,7 +246,7 @@ def times(step: Any, state: Any, count: int, *data: Any) -> Any:
     """A loop that no sample leaves before its end."""
     if _trace_of(state, data) is None:
         return SCALAR_PRIMITIVES["times"](step, state, count, *data)
-    after, _ = repeat(lambda s, *given: (step(s[0], *given), True), (state, True), count, *data)
+    after, _ = repeat(lambda s, *data: (step(s[0], *data), True), (state, True), count, *data)
     return after
 
 
@@ -277,11 +277,11 @@ def solve(a: Any, right: Any) -> tuple[Any, ...]:
         column, pivot, rows = _pivot(rows, columns)
         columns.remove(column)
         pivots.append((column, pivot))
-        kept = [k for k in (*columns, -1) if not _is_zero(pivot[k])]
+        filled_columns = [k for k in (*columns, -1) if not _is_zero(pivot[k])]
         for row in rows:
             if not _is_zero(row[column]):
                 factor = row[column] / pivot[column]
-                for k in kept:
+                for k in filled_columns:
                     row[k] = row[k] - factor * pivot[k]
     solution: list[Any] = [0.0] * len(pivots)
     for n, (column, pivot) in enumerate(reversed(pivots)):
@@ -307,8 +307,8 @@ def _pivot(rows: list[list[Any]], columns: list[int]) -> tuple[int, list[Any], l
         _, i, column = best
         return column, rows[i], rows[:i] + rows[i + 1 :]
     column = min(columns, key=high.__getitem__)
-    pivot, *others = sorted(rows, key=lambda row: _is_zero(row[column]))
-    for n, row in enumerate(others):
+    pivot, *remaining = sorted(rows, key=lambda row: _is_zero(row[column]))
+    for n, row in enumerate(remaining):
         if not _is_zero(row[column]):
             larger = abs(row[column]) > abs(pivot[column])
             swapped = [
@@ -317,8 +317,8 @@ def _pivot(rows: list[list[Any]], columns: list[int]) -> tuple[int, list[Any], l
                 else (where(larger, b, a), where(larger, a, b))
                 for a, b in zip(pivot, row, strict=True)
             ]
-            pivot, others[n] = map(list, zip(*swapped, strict=True))
-    return column, pivot, others
+            pivot, remaining[n] = map(list, zip(*swapped, strict=True))
+    return column, pivot, remaining
 
 
 def _is_zero(x: Any) -> bool:
