@@ -46,7 +46,7 @@ def library_of(name):
 
 
 @cache
-def asked(name):
+def request_of(name):
     """A mechanism, its run over a range beyond its dead centres, and the inputs of the samples."""
     mech = mechanism(name)
     drivers = mech.drivers
@@ -89,7 +89,7 @@ def test_all_outputs_are_those_of_a_run_with_friction(library, name, request):
         with pytest.raises(bm.RequestError, match=DECLINED[name]):
             mech.function([*(mech._of_driver(d, "q") for d in mech.drivers), "time"], library=of)
         return
-    mech, result, inputs = asked(name)
+    mech, result, inputs = request_of(name)
     f = mech.function(list(inputs), library=of, static=result.samples.at_rest)
     if library == "jax":
         jit = request.getfixturevalue("without_jit")

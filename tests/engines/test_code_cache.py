@@ -15,7 +15,7 @@ TEXT, CODE = "cpu and text", b"machine code" * 100
 
 
 @pytest.fixture(autouse=True)
-def own_folders(tmp_path, monkeypatch):
+def temporary_folders(tmp_path, monkeypatch):
     """Caches and settings of this test alone."""
     for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.setenv(name, str(tmp_path / "caches"))
@@ -25,7 +25,7 @@ def own_folders(tmp_path, monkeypatch):
     monkeypatch.delenv(code_cache.FOLDER, raising=False)
 
 
-def kept_file(tmp_path):
+def code_file(tmp_path):
     (found,) = tmp_path.rglob("*.o")
     return found
 
@@ -41,14 +41,14 @@ def test_what_is_kept_is_found_by_its_text_alone(tmp_path):
     assert code_cache.load(TEXT) == CODE
     assert code_cache.load(f"{TEXT}!") is None
     if os.name == "posix":
-        assert kept_file(tmp_path).stat().st_mode & 0o077 == 0
+        assert code_file(tmp_path).stat().st_mode & 0o077 == 0
         assert key_file(tmp_path).stat().st_mode & 0o077 == 0
 
 
 @pytest.mark.parametrize("place", [0, 31, 32, 500, -1])
 def test_a_changed_byte_is_never_loaded(tmp_path, place):
     code_cache.keep(TEXT, CODE)
-    file = kept_file(tmp_path)
+    file = code_file(tmp_path)
     data = bytearray(file.read_bytes())
     data[place] ^= 1
     file.write_bytes(data)
@@ -58,14 +58,14 @@ def test_a_changed_byte_is_never_loaded(tmp_path, place):
 @pytest.mark.parametrize("length", [0, 31, 32, 200])
 def test_half_a_file_is_never_loaded(tmp_path, length):
     code_cache.keep(TEXT, CODE)
-    file = kept_file(tmp_path)
+    file = code_file(tmp_path)
     file.write_bytes(file.read_bytes()[:length])
     assert code_cache.load(TEXT) is None
 
 
 def test_code_under_another_name_is_never_loaded(tmp_path):
     code_cache.keep("other", b"other code")
-    other = kept_file(tmp_path).read_bytes()
+    other = code_file(tmp_path).read_bytes()
     code_cache.keep(TEXT, CODE)
     for file in tmp_path.rglob("*.o"):
         file.write_bytes(other)
@@ -85,7 +85,7 @@ def test_a_folder_from_elsewhere_is_signed_with_another_key(tmp_path):
 @pytest.mark.parametrize("mode", [0o620, 0o602, 0o666])
 def test_what_others_may_write_is_never_loaded(tmp_path, mode):
     code_cache.keep(TEXT, CODE)
-    kept_file(tmp_path).chmod(mode)
+    code_file(tmp_path).chmod(mode)
     assert code_cache.load(TEXT) is None
 
 
@@ -99,7 +99,7 @@ def test_a_key_that_others_may_read_signs_nothing(tmp_path):
 @POSIX
 def test_a_link_is_not_followed(tmp_path):
     code_cache.keep(TEXT, CODE)
-    file = kept_file(tmp_path)
+    file = code_file(tmp_path)
     file.rename(file.with_suffix(".moved"))
     file.symlink_to(file.with_suffix(".moved"))
     assert code_cache.load(TEXT) is None
@@ -108,12 +108,12 @@ def test_a_link_is_not_followed(tmp_path):
 def test_a_named_folder_and_none(tmp_path, monkeypatch):
     monkeypatch.setenv(code_cache.FOLDER, str(tmp_path / "named"))
     code_cache.keep(TEXT, CODE)
-    assert kept_file(tmp_path / "named").is_file()
+    assert code_file(tmp_path / "named").is_file()
     assert code_cache.load(TEXT) == CODE
     monkeypatch.setenv(code_cache.FOLDER, "")
     code_cache.keep("other", CODE)
     assert code_cache.load(TEXT) is None
-    assert kept_file(tmp_path).is_file()
+    assert code_file(tmp_path).is_file()
 
 
 def test_where_nothing_can_be_kept_nothing_is_said(tmp_path, monkeypatch):

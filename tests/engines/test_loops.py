@@ -251,7 +251,7 @@ def test_steps_are_those_of_python(name, lanes, weight):
     def same(_x, numbers, out, *_):
         fill(x, numbers.ctypes.data, out.ctypes.data, lanes, lanes, 0, 1)
 
-    def made(call):
+    def integrate(call):
         y, t = np.zeros((lanes, 13, n)), np.zeros(lanes * 13)
         y[:, 0, :2] = 0.7, 2.0
         tolerances = np.full((2, n, lanes), 1e-8)
@@ -267,7 +267,10 @@ def test_steps_are_those_of_python(name, lanes, weight):
         call(stages.Rhs(*rhs), by, run, work, most)
         return run
 
-    fast, slow = made(by_places(over, rates)), made(in_python(stages.steps, sizes, same, rates))
+    fast, slow = (
+        integrate(by_places(over, rates)),
+        integrate(in_python(stages.steps, sizes, same, rates)),
+    )
     assert all(np.abs(fast.counts) > 3)
     for one, other in zip(fast, slow, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -299,7 +302,7 @@ def test_stiff_steps_are_those_of_python(name):
     def same(_x, numbers, out, *_):
         rates.fill(x, numbers.ctypes.data, out.ctypes.data, 1, 1, 0, 1)
 
-    def made(call):
+    def integrate(call):
         y, t = np.zeros((most + 1, n)), np.zeros(most + 1)
         y[0, :2], state[n + 2 :, 0] = (0.7, 2.0), (1.0, 1e-9)
         rhs = np.frombuffer(x), rates.numbers, np.zeros((by.stages, of.width, 1)), state
@@ -312,7 +315,10 @@ def test_stiff_steps_are_those_of_python(name):
         call(stages.Rhs(*rhs), by.scheme, run, work, most)
         return run
 
-    fast, slow = made(by_places(rates.steps, rates)), made(in_python(radau.steps, of, same, rates))
+    fast, slow = (
+        integrate(by_places(rates.steps, rates)),
+        integrate(in_python(radau.steps, of, same, rates)),
+    )
     assert abs(fast.counts[0]) > 5
     for one, other in zip(fast, slow, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -435,14 +441,14 @@ def test_dense_output_is_that_of_python_and_passes_levels_where_it_does():
     rng = np.random.default_rng(5)
     m, n = 5, 3
     steps = rng.uniform(0.1, 1.0, m)
-    made = dense.Dense(np.cumsum(steps) - steps, steps, rng.normal(size=(m, 8, n)))
+    record = dense.Dense(np.cumsum(steps) - steps, steps, rng.normal(size=(m, 8, n)))
     times = np.linspace(0.0, steps.sum(), 40)
     same = np.empty((n, 40))
-    dense.states(made.t, made.h, made.series.ravel(), times, same.ravel(), m, n, 40)
-    np.testing.assert_array_equal(made(times), same)
-    np.testing.assert_array_equal(made(float(times[7])), same[:, 7])
+    dense.states(record.t, record.h, record.series.ravel(), times, same.ravel(), m, n, 40)
+    np.testing.assert_array_equal(record(times), same)
+    np.testing.assert_array_equal(record(float(times[7])), same[:, 7])
     for i, way in itertools.product(range(n), (-1, 0, 1)):
-        first = made.part(2, 3)
+        first = record.part(2, 3)
         level = 0.6 * first(first.t[0])[i] + 0.4 * first(first.t[0] + first.h[0])[i]
         ends = [float(first(t)[i]) - level for t in (first.t[0], first.t[0] + first.h[0])]
         known, found = first.series.ravel()[i:], np.empty(8)
