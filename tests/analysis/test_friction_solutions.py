@@ -279,3 +279,12 @@ def test_the_command_lists_them(call, tmp_path):
     drawn = call("solutions", file, "--at", "5.5:6:4", "--plot", tmp_path / "all.png")
     assert drawn.code == 0
     assert call("solutions", file, "--at", "1", "--scale", "two").code == 2
+
+
+def test_a_pose_whose_loads_are_undefined_has_no_solution():
+    """Its drive was nan, and the pose one with one solution, proved."""
+    mech = bm.Graph.load(GRAPHS / "motions/gas_crank.json").replace({"piston.l": 2.0}).compile()
+    answer = mech.friction_solutions({"crank": [0.0, 0.1]})
+    assert len(answer) == 0
+    assert answer.proof == ("no-assembly",) * 2
+    assert "nan" not in str(answer)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -202,7 +203,10 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         """The solutions as a table, and what proves that there are no others."""
         columns, more = self._fitting(self._columns(degrees))
         head = [column.head for column in columns]
-        words = [[f"{x + 0.0:.7g}" for x in column.values[:ROWS].tolist()] for column in columns]
+        words = [
+            [f"{x + 0.0:.7g}" if math.isfinite(x) else "-" for x in column.values[:ROWS].tolist()]
+            for column in columns
+        ]
         index = [[f"{x:+d}" for x in column[:ROWS]] for column in self.index.values()]
         counts = self.counts
         which = [
@@ -252,11 +256,11 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         )
         yield f"solutions: {', '.join(several)}"
         proofs = Counter(self.proof)
-        yield "complete: " + ", ".join(
-            f"{counted(proofs[word], 'pose')} by {word}"
-            for word in (CONTRACTION, COUNT)
-            if proofs[word]
-        )
+        complete = [
+            f"{counted(proofs[word], 'pose')} by {word}" for word in PROOFS[:2] if proofs[word]
+        ]
+        if complete:
+            yield f"complete: {', '.join(complete)}"
         for word in (UNDECIDED, NO_POSE):
             if proofs[word]:
                 yield f"{word}: {counted(proofs[word], 'pose')}, first {self._place(word, degrees)}"

@@ -378,6 +378,10 @@ def friction_solutions(
     given = Samples(len(pose), inputs, inputs.get("t"))
     values, engine = mechanism._evaluate(plan, given, "numpy")
     answers = Result(mechanism, plan, given, values, engine, settings)
+    forces = [answers[name] for name in outputs if name.endswith(DEFAULT)]
+    defined = np.isfinite([np.ones(len(pose)), *forces]).all(axis=0)  # loads may be undefined there
+    tree.proof[pose[~defined]] = PROOFS.index(NO_POSE)
+    order, pose, answers = order[defined], pose[defined], answers.isel(np.flatnonzero(defined))
     every = np.arange(taken.n)
     rest = equations.at(poses, every, np.zeros((taken.n, len(equations.joints))))
     resting = zip(equations.joints, equations.rest, strict=True)
