@@ -92,13 +92,13 @@ def closed_pieces(
     ends = (None, None) if span.turn else (Bound(span.low), Bound(span.high))
     pieces, nearest = [Piece(span, *ends)], None
     for k, block in enumerate(closure.blocks):
-        taken = closure.blocks[: k + 1]
-        if taken not in known:
+        blocks = closure.blocks[: k + 1]
+        if blocks not in known:
             looked = [_Margin(closure, k, piece, samples) for piece in pieces]
-            left = [part for margin in looked for part in margin.parts()]
-            most = None if left else max((m.nearest() for m in looked), key=lambda m: m[1])
-            known[taken] = left, most and Nearest(block, *most)
-        pieces, nearest = known[taken]
+            parts = [part for margin in looked for part in margin.parts()]
+            nearest_pose = None if parts else max((m.nearest() for m in looked), key=lambda m: m[1])
+            known[blocks] = parts, nearest_pose and Nearest(block, *nearest_pose)
+        pieces, nearest = known[blocks]
         if nearest:
             return (), nearest
     return tuple(sorted(pieces, key=lambda p: p.start.q if p.start else 0.0)), None
@@ -139,20 +139,20 @@ class _Margin:
         self.whole = bool(np.all(series.resolved & ~series.may_vanish() & (series.c[:, 0] > 0)))
         if self.whole:
             return
-        others = np.concatenate([cuts, series.extrema(at_zero=True)])
-        x = places(series, piece.span, others)
+        extra = np.concatenate([cuts, series.extrema(at_zero=True)])
+        x = places(series, piece.span, extra)
         y = self._row(x)
         noise = np.full(len(x), ROUNDED)  # a margin is a share of one
-        near = np.flatnonzero(~(np.abs(y) > DOUBLE_ROOT))
-        around = self._row((x[near, None] + PROBES).ravel()).reshape(len(near), len(PROBES))
+        doubtful = np.flatnonzero(~(np.abs(y) > DOUBLE_ROOT))
+        around = self._row((x[doubtful, None] + PROBES).ravel()).reshape(len(doubtful), len(PROBES))
         # Undefined at one place, as where two pins meet: what is beside counts. Undefined all
         # round it: an earlier group fails there, within its rounding.
-        lost = np.isnan(y[near])
-        y[near[lost]] = around[lost, -3]
+        lost = np.isnan(y[doubtful])
+        y[doubtful[lost]] = around[lost, -3]
         spread = np.nanmax(around, axis=1, initial=-1.0) - np.nanmin(around, axis=1, initial=1.0)
-        noise[near] += 4 * np.maximum(spread, 0.0)
-        for end, beside in ((0, 1), (-1, -2)):
-            y[end] = y[beside] if np.isnan(y[end]) else y[end]
+        noise[doubtful] += 4 * np.maximum(spread, 0.0)
+        for end, neighbour in ((0, 1), (-1, -2)):
+            y[end] = y[neighbour] if np.isnan(y[end]) else y[end]
         noise = np.where(np.isnan(y), np.inf, noise)
         self.x, self.y, self.sure = x, np.nan_to_num(y), np.abs(np.nan_to_num(y)) > noise
         if piece.start is None:
@@ -215,32 +215,32 @@ class _Margin:
         Where the margin is not beyond its rounding, it has no sign. Between two places with
         the same sign it touches zero if it is nearer to it than at both.
         """
-        x, y, kept, closes = self.x, self.y, self.sure.copy(), self.y >= 0
+        x, y, signed, closes = self.x, self.y, self.sure.copy(), self.y >= 0
         passes: list[Bound] = []
         corners = self.piece.corners
         if self.piece.start is not None:
-            kept[[0, -1]] = True
+            signed[[0, -1]] = True
         for low, high in runs(~self.sure):
             if low == 0 or high == len(x) - 1 or closes[low - 1] != closes[high + 1]:
                 continue
             i = low + int(np.argmin(np.abs(y[low : high + 1])))
             if abs(y[i]) > min(abs(y[low - 1]), abs(y[high + 1])):
                 continue
-            kept[i], closes[i] = True, True
+            signed[i], closes[i] = True, True
             if closes[low - 1]:  # it closes on both sides
                 q, size = self._place(float(x[i])), self.piece.span.size
-                here = corners[np.abs(corners - q) <= DOUBLE_ROOT]  # known to more digits
-                q = next(iter(here[np.isfinite(self._row(here))].tolist()), q)
-                beside = BESIDE * (1.0 if math.isinf(size) else size)
-                closes[i] = self.closure.passable(self.block, q, beside)
-                known = any(abs(q - p.q) <= beside for p in passes)  # nearer, touches are one
-                passes += [Bound(q, self.block)] * bool(closes[i] and not known)
-        return x[kept], closes[kept], passes
+                close_corners = corners[np.abs(corners - q) <= DOUBLE_ROOT]  # known to more digits
+                q = next(iter(close_corners[np.isfinite(self._row(close_corners))].tolist()), q)
+                distance = BESIDE * (1.0 if math.isinf(size) else size)
+                closes[i] = self.closure.passable(self.block, q, distance)
+                repeated = any(abs(q - p.q) <= distance for p in passes)  # nearer, touches are one
+                passes += [Bound(q, self.block)] * bool(closes[i] and not repeated)
+        return x[signed], closes[signed], passes
 
     def _part(self, x: Floats, low: int, high: int, passes: Iterable[Bound]) -> Piece:
         """The part between samples that are the first and the last one to close."""
-        whole = self.piece.start is None
-        turns = math.floor(((x[low] + x[high]) / 2 - SEAM) / TURN) * TURN if whole else 0.0
+        closed_turn = self.piece.start is None
+        turns = math.floor(((x[low] + x[high]) / 2 - SEAM) / TURN) * TURN if closed_turn else 0.0
         start, end = self.piece.start, self.piece.end
         if low > 0:
             start = self._end(x[low] - turns, x[low - 1] - turns)
@@ -248,15 +248,15 @@ class _Margin:
             end = self._end(x[high] - turns, x[high + 1] - turns)
         assert start is not None
         assert end is not None
-        around = (0.0, -TURN, TURN) if whole else (0.0,)
+        around = (0.0, -TURN, TURN) if closed_turn else (0.0,)
         shifted = {Bound(p.q + t, p.block) for p in passes for t in around}
         inside = sorted((p for p in shifted if start.q < p.q < end.q), key=lambda p: p.q)
         return Piece(Span(start.q, end.q, size=self.piece.span.size), start, end, tuple(inside))
 
     def _end(self, inside: float, outside: float) -> Bound:
         low, high = sorted((inside, outside))
-        known = next((q for q in self.ends if low < q < high), None)
-        return Bound(self._last(inside, outside) if known is None else known, self.block)
+        limit = next((q for q in self.ends if low < q < high), None)
+        return Bound(self._last(inside, outside) if limit is None else limit, self.block)
 
     def _last(self, inside: float, outside: float) -> float:
         return last_place(lambda q: self.closure.margin(self.k, q), inside, outside)

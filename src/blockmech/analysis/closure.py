@@ -46,10 +46,10 @@ class Closure:
         self.mechanism = _sharp(mechanism)
         self.driver = driver
         self.held = held
-        kept = self.mechanism._once(_kept)
-        if groups not in kept:
-            kept[groups] = _Program(self.mechanism.structure, self.mechanism.scene, groups)
-        self._program = kept[groups]
+        programs = self.mechanism._once(_kept)
+        if groups not in programs:
+            programs[groups] = _Program(self.mechanism.structure, self.mechanism.scene, groups)
+        self._program = programs[groups]
         self.blocks = self._program.rows
         self._known = cache(self._evaluated)
         self._paths_at = cache(self._paths)  # of a chain, all groups touch zero together
@@ -62,15 +62,15 @@ class Closure:
         """Margin number k at one place."""
         return float(self._program.read(k, self._at(q)))
 
-    def _evaluated(self, places: bytes) -> Floats:
-        q = np.frombuffer(places)
+    def _evaluated(self, coordinates: bytes) -> Floats:
+        q = np.frombuffer(coordinates)
         values = self._run(self._program.batch, q)
         with np.errstate(all="ignore"):
             rows = [self._program.read(k, values) for k in range(len(self.blocks))]
             return np.array([np.broadcast_to(row, q.shape) for row in rows], dtype=float)
 
-    def _paths(self, places: bytes) -> list[Any]:
-        q = np.frombuffer(places)
+    def _paths(self, coordinates: bytes) -> list[Any]:
+        q = np.frombuffer(coordinates)
         values = self._run(self._program.paths[0], q)
         return [np.broadcast_to(z.real + 1j * z.imag, q.shape) for z in values]
 
@@ -93,10 +93,10 @@ class Closure:
         A corner or a smooth passage moves as far from -d to d as from -2d to -d and d to 2d
         together; a pole or a flip moves much farther.
         """
-        places = np.array([q - 2 * d, q - d, q + d, q + 2 * d])
-        if not (self.margins(places)[self.blocks.index(block)] >= 0).all():
+        coordinates = np.array([q - 2 * d, q - d, q + d, q + 2 * d])
+        if not (self.margins(coordinates)[self.blocks.index(block)] >= 0).all():
             return False
-        paths = self._paths_at(places.tobytes())
+        paths = self._paths_at(coordinates.tobytes())
         for z in paths[self._program.paths[1][block]]:
             step = np.abs(np.diff(z))
             noise = 1e-9 * float(np.abs(z).max())
@@ -109,8 +109,8 @@ class Closure:
         block: Any = self.mechanism.structure.blocks[name]
         if block.kind not in ("RRR", "RPR"):
             return WORDS.get(block.kind, "dead centre")
-        there, (B, D) = self._at(q), self._program.pivots[name]
-        apart = abs(complex(there[B] - there[D]))
+        values, (B, D) = self._at(q), self._program.pivots[name]
+        apart = abs(complex(values[B] - values[D]))
         if apart <= COINCIDENT * block.largest_length() or _hides_its_pole(block):
             return "coincident"
         if block.kind == "RPR":

@@ -56,10 +56,10 @@ class Contact(NamedTuple):
         d = self.on.p - self.lead.p
         return np.abs(d), (np.conj(d) * self.F).real / np.abs(d)
 
-    def of_wheels(self, left: Array, radius: Any) -> tuple[Array, Array]:
+    def of_wheels(self, residual: Array, radius: Any) -> tuple[Array, Array]:
         """What is left [N], by forces, and moments at the radius of the driven wheel."""
         digits = 1 + self.reach / self.between()[0]
-        return left, (self.force + self.moment / radius) * digits
+        return residual, (self.force + self.moment / radius) * digits
 
 
 # -- the line of action: what is left, and its size -------------------------------------------
@@ -68,8 +68,8 @@ class Contact(NamedTuple):
 def _gear(kind: Gear, c: Contact) -> tuple[Array, Array]:
     """Outer wheels push each other apart; a ring and the wheel in it are pushed together."""
     distance, apart = c.between()
-    one, two = kind.teeth
-    radius = distance * two / abs(two - one if kind.internal else two + one)
+    driving, driven = kind.teeth
+    radius = distance * driven / abs(driven - driving if kind.internal else driven + driving)
     radial = math.tan(kind.pressure_angle) * np.abs(c.M) / radius
     return c.of_wheels(apart + (radial if kind.internal else -radial), radius)
 
@@ -78,19 +78,19 @@ def _rack(kind: Rack, c: Contact) -> tuple[Array, Array]:
     """The rack passes right of its pinion where the side is 1; they push each other apart."""
     guide = c.lead.e if c.slides else c.on.e
     outward = -1j * kind.side * guide  # from the pinion to the rack
-    along = c.M / kind.radius if c.slides else (np.conj(guide) * c.F).real
+    push = c.M / kind.radius if c.slides else (np.conj(guide) * c.F).real
     apart = (np.conj(outward) * c.F).real * (-1 if c.slides else 1)
-    left = apart - math.tan(kind.pressure_angle) * np.abs(along)
-    return left, c.force + c.moment / kind.radius
+    residual = apart - math.tan(kind.pressure_angle) * np.abs(push)
+    return residual, c.force + c.moment / kind.radius
 
 
 def _belt(kind: Belt, c: Contact) -> tuple[Array, Array]:
     """Strands pull the wheels together: by twice the preload, or by what the tight side has."""
     distance, apart = c.between()
-    one, two = kind.radii
-    sine = (two + one if kind.crossed else two - one) / distance
-    pull = 2 * kind.preload if kind.preload else np.abs(c.M) / two
-    return c.of_wheels(apart + np.sqrt(1 - sine**2) * pull, two)
+    driving, driven = kind.radii
+    sine = (driven + driving if kind.crossed else driven - driving) / distance
+    pull = 2 * kind.preload if kind.preload else np.abs(c.M) / driven
+    return c.of_wheels(apart + np.sqrt(1 - sine**2) * pull, driven)
 
 
 def _cam(kind: Cam, c: Contact) -> tuple[Array, Array]:
@@ -98,8 +98,8 @@ def _cam(kind: Cam, c: Contact) -> tuple[Array, Array]:
     if kind.follower == "flat":
         return (np.conj(c.link.e * np.exp(1j * kind.face)) * c.F).imag, c.force
     tip = c.link.at(kind.at.z).p
-    left = (np.conj(tip - c.on.p) * c.F).imag - c.M
-    return left, c.moment + c.force * (c.reach + np.abs(tip))
+    residual = (np.conj(tip - c.on.p) * c.F).imag - c.M
+    return residual, c.moment + c.force * (c.reach + np.abs(tip))
 
 
 LINES: Mapping[type, Callable[[Any, Contact], tuple[Array, Array]]] = {
@@ -128,9 +128,9 @@ def lines_of_action(e: Evidence) -> Iterator[Residual]:
         F, M = e.run[f"{name}.force"], e.run[f"{name}.moment"]
         slides = leader is not None and not s.joint(leader).rotary
         c = Contact(lead, on, link, F, M, np.abs(F) + size.force, size.moment, reach, slides)
-        left, scale = LINES[type(kind)](kind, c)
-        left = np.where(e.exact, left, 0.0)
-        yield Residual("line of action of", name, left, scale * e.condition(ref.block))
+        residual, scale = LINES[type(kind)](kind, c)
+        residual = np.where(e.exact, residual, 0.0)
+        yield Residual("line of action of", name, residual, scale * e.condition(ref.block))
 
 
 # -- the law: coordinate and two derivatives, with what each is made of -------------------------
@@ -158,11 +158,11 @@ def _table(law: Table, x: Array) -> Law:
     level[-1] = level[0] if law.period else level[-1]
     order, ends = (5 if law.interpolation == "quintic" else 3), "periodic" if law.period else None
     F = make_interp_spline(at, level, order, bc_type=ends)
-    least = np.diff(at).min()
-    most = max(np.max(np.abs(y)), np.max(np.abs(F.c)))
-    size = most * (1 + (np.abs(x) + np.max(np.abs(at))) / least)
+    step = np.diff(at).min()
+    largest = max(np.max(np.abs(y)), np.max(np.abs(F.c)))
+    size = largest * (1 + (np.abs(x) + np.max(np.abs(at))) / step)
     value = F(u) + slope * (x - first), F(u, 1) + slope, F(u, 2)
-    return value, (size, size / least, size / least**2)
+    return value, (size, size / step, size / step**2)
 
 
 def _linear(slope: float, x: Array) -> Law:
@@ -190,10 +190,10 @@ def laws(e: Evidence) -> Iterator[Residual]:
     s = e.structure
     for driver, follower in s.followers.items():
         kind, leader = s.couplings[follower.coupling], follower.leader
-        places, rates, accelerations = (
-            _counted(e, driver, follower, what) for what in ("q", "rate", "acceleration")
+        coordinates, rates, accelerations = (
+            _counted(e, driver, follower, quantity) for quantity in ("q", "rate", "acceleration")
         )
-        (q, x, carried), (qd, xd, spin), (qdd, xdd, push) = places, rates, accelerations
+        (q, x, carried), (qd, xd, spin), (qdd, xdd, push) = coordinates, rates, accelerations
         judged = _law(kind, x, leader is not None and not s.joint(leader).rotary)
         if judged is None:
             continue
@@ -223,13 +223,13 @@ def derivatives(e: Evidence) -> Iterator[Residual]:
             yield Residual("slope of", name, over.gap(value, rate), over.size(value, rate))
 
 
-def _counted(e: Evidence, driver: str, f: Follower, what: str) -> tuple[Array, Array, Array]:
+def _counted(e: Evidence, driver: str, f: Follower, quantity: str) -> tuple[Array, Array, Array]:
     """The driven value, the argument's, and the carrier's share; counter-clockwise of a mesh."""
     meshes = e.structure.couplings[f.coupling].meshes
 
     def of(name: str) -> Array:
         sign = e.structure.coordinate(name).sign if meshes else 1.0
-        return np.asarray(sign * e.run[f"{name}.{what}"])
+        return np.asarray(sign * e.run[f"{name}.{quantity}"])
 
     x, add = (sum((k * of(d) for d, k in terms), 0 * of(driver)) for terms in (f.terms, f.added))
     return of(driver), x, add

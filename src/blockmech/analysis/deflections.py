@@ -49,16 +49,16 @@ RELATIVE, ABSOLUTE = 1e-11, 1e-13  # tolerances of the integration; the second o
 OCTAVES = 20  # above the deflection of steady slip, in which a periodic one is looked for
 
 
-def _with_deflections(mechanism: Compiled, taken: Samples) -> Samples:
+def _with_deflections(mechanism: Compiled, samples: Samples) -> Samples:
     """Samples with the states of friction laws among their inputs."""
     structure = mechanism.structure
     course: Course = mechanism._once(Course)
-    z = course.at(taken)
-    places = (f"{STATE}{structure.states[ref]}" for ref in structure.remembering)
-    return replace(taken, inputs={**taken.inputs, **dict(zip(places, z, strict=True))})
+    z = course.at(samples)
+    names = (f"{STATE}{structure.states[ref]}" for ref in structure.remembering)
+    return replace(samples, inputs={**samples.inputs, **dict(zip(names, z, strict=True))})
 
 
-def refuse_deflections(mechanism: Compiled, plan: Plan, what: str) -> None:
+def refuse_deflections(mechanism: Compiled, plan: Plan, subject: str) -> None:
     """Refuse what would take the deflections of one design for those of others."""
     structure = mechanism.structure
     read = [
@@ -67,9 +67,9 @@ def refuse_deflections(mechanism: Compiled, plan: Plan, what: str) -> None:
         if f"{STATE}{structure.states[ref]}" in plan.program.inputs
     ]
     if read:
-        found = f"{what} of what friction laws with a state make along a motion"
+        message = f"{subject} of what friction laws with a state make along a motion"
         remedy = 'leave joint friction out with friction="none", or compare runs of single designs'
-        raise refused(str(read[0]), found, remedy, code="friction-state")
+        raise refused(str(read[0]), message, remedy, code="friction-state")
 
 
 class Piece(NamedTuple):
@@ -94,18 +94,18 @@ class Course:
         self._slips = NumpyEngine(s.program([s.ask(forward.slip, ref) for ref in self.pairs]))
         self._known: dict[tuple[int, float], list[Piece]] = {}
 
-    def at(self, taken: Samples) -> Floats:
+    def at(self, samples: Samples) -> Floats:
         """States (m, n) of the pairs at samples."""
-        return np.array([self.of(j, taken) for j in range(len(self.pairs))])
+        return np.array([self.of(j, samples) for j in range(len(self.pairs))])
 
-    def of(self, j: int, taken: Samples) -> Floats:
+    def of(self, j: int, samples: Samples) -> Floats:
         """States (n,) of one pair at samples."""
-        t = taken.time
-        if taken.at_rest:
-            return np.zeros(taken.n)
+        t = samples.time
+        if samples.at_rest:
+            return np.zeros(samples.n)
         if t is not None and np.isfinite(t).all():
             return self._along(j, t)
-        law, slip = self.laws[j], self.slips(taken.inputs, taken.n)[j]
+        law, slip = self.laws[j], self.slips(samples.inputs, samples.n)[j]
         return np.asarray(_bound(law.steady_kernel())(slip, law.parameters()))
 
     def slips(self, inputs: Any, n: int) -> Floats:
@@ -114,10 +114,10 @@ class Course:
             columns = self._slips.run({x: inputs[x] for x in self._slips.program.inputs}, n)
         return np.array([np.broadcast_to(w, n) for w in columns], dtype=np.float64)
 
-    def same(self, j: int, other: Course) -> bool:
+    def same(self, j: int, course: Course) -> bool:
         """Whether nothing that a pair's states follow from is another one's, under one motion."""
-        slips = self._slips.program.parameters == other._slips.program.parameters
-        return slips and self.laws[j] == other.laws[j]
+        slips = self._slips.program.parameters == course._slips.program.parameters
+        return slips and self.laws[j] == course.laws[j]
 
     # -- the motion ----------------------------------------------------------------------
 
@@ -150,8 +150,8 @@ class Course:
         if max(periods) - min(periods) > 1e-12 * max(periods):
             return math.inf
         period = max(periods)
-        whole = self.slips_at(self.begin + np.linspace(0.0, period, 16 * PANELS, endpoint=False))
-        return period if np.isfinite(whole).all() else math.inf
+        slips = self.slips_at(self.begin + np.linspace(0.0, period, 16 * PANELS, endpoint=False))
+        return period if np.isfinite(slips).all() else math.inf
 
     def _along(self, j: int, t: Floats) -> Floats:
         """States (n,) of a pair at times (n,) [s]."""
@@ -205,12 +205,12 @@ def _periodic(after: Callable[[float], float], size: float) -> float:
     z = after(after(0.0))
     if abs(after(z) - z) <= RELATIVE * size:
         return z
-    for far in size * 2.0 ** np.arange(OCTAVES):
-        if after(far) < far and after(-far) > -far:
-            return float(brentq(lambda z: after(z) - z, -far, far, xtol=RELATIVE * size))
-    found = f"after a period no deflection below {far:.3g} m or rad is as it was before"
+    for bound in size * 2.0 ** np.arange(OCTAVES):
+        if after(bound) < bound and after(-bound) > -bound:
+            return float(brentq(lambda z: after(z) - z, -bound, bound, xtol=RELATIVE * size))
+    message = f"after a period no deflection below {bound:.3g} m or rad is as it was before"
     remedy = "give a law whose bristles slip, or times instead of a periodic law of motion"
-    raise refused("friction", found, remedy, code="no-periodic-state")
+    raise refused("friction", message, remedy, code="no-periodic-state")
 
 
 def _integrated(
@@ -235,8 +235,8 @@ def _integrated(
             rate, (a, b), [z], "LSODA", rtol=RELATIVE, atol=ABSOLUTE * size, dense_output=True
         )
         if not leg.success:
-            found = f"bristles cannot be followed: {leg.message}"
-            raise refused("friction", found, "check the numbers of the law", code="no-deflection")
+            message = f"bristles cannot be followed: {leg.message}"
+            raise refused("friction", message, "check the numbers of the law", code="no-deflection")
         z = float(leg.y[0, -1])
         yield Piece(a, b, lambda t, sol=leg.sol: np.asarray(sol(t)[0]))  # type: ignore[misc]
 

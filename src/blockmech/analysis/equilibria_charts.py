@@ -38,8 +38,8 @@ class _Leading:
 
     def left_at(self, piece: Piece) -> Iterator[_Leading]:
         """Where others lead on beyond the ends of an arc."""
-        for way, end in ((-1, piece.low), (1, piece.high)):
-            stop = self.line.system.stops[0][way > 0]
+        for side, end in ((-1, piece.low), (1, piece.high)):
+            stop = self.line.system.stops[0][side > 0]
             if not piece.closed and end != stop and (on := self._beyond(piece, end)) is not None:
                 yield on
 
@@ -54,12 +54,13 @@ class _Leading:
                 or (on := chart.successor(q, (), partial(_at_rest, chart, q))) is None
             ):
                 continue
-            made, starts = on
-            stops = made.mechanism.scene.stops.get(made.mechanism.drivers[0])
+            successor, starts = on
+            stops = successor.mechanism.scene.stops.get(successor.mechanism.drivers[0])
             bounds = (-math.inf, math.inf) if stops is None else stops.bounds
-            system = System(made.mechanism, stops=(bounds,), method=self.line.system.method)
+            system = System(successor.mechanism, stops=(bounds,), method=self.line.system.method)
             return _Leading(
-                made, Line(made.mechanism, system, self.line.t, next(iter(starts.values()))[0])
+                successor,
+                Line(successor.mechanism, system, self.line.t, next(iter(starts.values()))[0]),
             )
         return None
 
@@ -82,42 +83,42 @@ def equilibria_through_charts(line: Line) -> Equilibria:
     if home.home.couplings:
         return answer
     poses = [home.poses(e.q) for e in answer]
-    found, ahead, seen = list(answer.found), [(_Leading(home, line), pieces)], set[object]()
-    while ahead and len(seen) < MOST:
-        at, pieces = ahead.pop()
+    equilibria, queue, visited = list(answer.found), [(_Leading(home, line), pieces)], set[object]()
+    while queue and len(visited) < MOST:
+        at, pieces = queue.pop()
         for on in (on for piece in pieces for on in at.left_at(piece)):
-            more = list(on.line.arcs())
-            arcs = tuple(round(x, 6) for piece in more for x in piece[:2])
+            next_pieces = list(on.line.arcs())
+            arcs = tuple(round(x, 6) for piece in next_pieces for x in piece[:2])
             key = on.chart.joints if on.chart.is_general else id(on.chart), arcs
-            if not more or key in seen:
+            if not next_pieces or key in visited:
                 continue
-            seen.add(key)
-            ahead.append((on, more))
+            visited.add(key)
+            queue.append((on, next_pieces))
             for e in equilibria_of_one(on.line):
                 pose = on.chart.poses(e.q)
-                if not e.stop and not any(_alike(pose, other, home) for other in poses):
+                if not e.stop and not any(_alike(pose, earlier, home) for earlier in poses):
                     poses.append(pose)
-                    found += _said(e, on.chart, home, line)
-    return replace(answer, found=tuple(sorted(found, key=lambda e: e.q[0])))
+                    equilibria += _said(e, on.chart, home, line)
+    return replace(answer, found=tuple(sorted(equilibria, key=lambda e: e.q[0])))
 
 
-def _alike(one: Poses, other: Poses, home: Chart) -> bool:
+def _alike(first: Poses, second: Poses, home: Chart) -> bool:
     """Whether two poses are one, to what rounding and a root leave."""
     return all(
-        abs(one[link].o - other[link].o) <= ALIKE * home.layout.size
-        and abs(cmath.rect(1.0, one[link].theta) - cmath.rect(1.0, other[link].theta)) <= ALIKE
-        for link in one
+        abs(first[link].o - second[link].o) <= ALIKE * home.layout.size
+        and abs(cmath.rect(1.0, first[link].theta) - cmath.rect(1.0, second[link].theta)) <= ALIKE
+        for link in first
     )
 
 
 def _said(e: Equilibrium, chart: Chart, home: Chart, line: Line) -> Iterator[Equilibrium]:
     """An equilibrium of a chart in the user's words, if it is between the stops of the driver."""
     (driver,) = home.mechanism.drivers
-    place = float(chart.pairs([*home.users]).state(e.q, 0 * e.q)[0][0])
+    coordinate = float(chart.pairs([*home.users]).state(e.q, 0 * e.q)[0][0])
     low, high = line.system.stops[0]
     if line.system.rotary[0] and math.isfinite(low):
-        place = low + (place - low) % math.tau
-    if low <= place <= high:
+        coordinate = low + (coordinate - low) % math.tau
+    if low <= coordinate <= high:
         name = home.mechanism._of_driver(driver, "q")
         leads = {
             f"{home.in_outputs(joint=joint)}.{COORDINATE}": float(e.q[0])
@@ -126,5 +127,5 @@ def _said(e: Equilibrium, chart: Chart, home: Chart, line: Line) -> Iterator[Equ
         }
         unit = home.mechanism.structure.driver_joint(driver).coordinate_unit
         units = {name: unit, **dict.fromkeys(leads, next(iter(e.units.values())))}
-        here = replace(e, at={name: place}, units=units, leads=leads, chart=chart)
-        yield replace(here, potential=None, interval=None)
+        described = replace(e, at={name: coordinate}, units=units, leads=leads, chart=chart)
+        yield replace(described, potential=None, interval=None)

@@ -74,10 +74,10 @@ class Line:
         """Each arc between the end stops that is looked at."""
         for piece in self._arcs():
             middle = (piece.low + piece.high) / 2
-            near = middle if self.near is None else self.near
+            target = middle if self.near is None else self.near
             if self.system.rotary[0]:
-                near -= TURN * round((near - middle) / TURN)
-            if piece.low <= near <= piece.high:
+                target -= TURN * round((target - middle) / TURN)
+            if piece.low <= target <= piece.high:
                 yield piece
 
     def _arcs(self) -> Iterator[Piece]:
@@ -85,9 +85,9 @@ class Line:
         closure = limits(self.mechanism)
         free = math.isinf(stop_low) and math.isinf(stop_high)
         size = loads.largest_length(self.mechanism.structure)
-        far = math.inf if rotary else loads.REACH * size
+        farthest = math.inf if rotary else loads.REACH * size
         for arc in closure.arcs:
-            low, high = (min(max(end.q, -far), far) for end in (arc.start, arc.end))
+            low, high = (min(max(end.q, -farthest), farthest) for end in (arc.start, arc.end))
             passed = [point.q for point in arc.change_points]
             if closure.whole_turn and free:
                 yield self._cut(low, low + (self.system.period or TURN), True, passed)
@@ -132,8 +132,8 @@ class Line:
     def roots(self, span: Span, series: Series) -> Iterator[float]:
         """Places at which the effort of the loads vanishes, to rounding."""
         broken = [] if series.resolved.all() else self._between_samples(span)
-        for place in [*span.place(series.roots()).tolist(), *broken]:
-            q = self._polished(place)
+        for guess in [*span.place(series.roots()).tolist(), *broken]:
+            q = self._polished(guess)
             if q is not None and span.low - EPS <= q <= span.high + EPS:
                 yield q
 
@@ -160,10 +160,10 @@ class Line:
         """A root by Newton's method with the exact slope; None where it is none."""
         span = self.system.span
         for _ in range(STEPS):
-            here = tangents(self.mechanism, [[q]], t=self.t)
-            slope = float(here.K[0, 0, 0])
-            step = -float(here.effort[0, 0]) / slope if slope else 0.0
-            if not (math.isfinite(step) and here.margin[0] > 0 and abs(step) < SAME * span * 1e4):
+            local = tangents(self.mechanism, [[q]], t=self.t)
+            slope = float(local.K[0, 0, 0])
+            step = -float(local.effort[0, 0]) / slope if slope else 0.0
+            if not (math.isfinite(step) and local.margin[0] > 0 and abs(step) < SAME * span * 1e4):
                 return None
             q += step
             if abs(step) <= 4 * EPS * max(abs(q), span):
@@ -190,30 +190,32 @@ def equilibria_of_one(line: Line) -> Equilibria:
         rows = [line.series(span) for span in spans]
         curve = _curve(line, spans, rows, has_potential)
         curves.append(curve)
-        places: list[float] = []
+        balances: list[float] = []
         jumps: list[float] = []
         if np.all(np.abs(np.nan_to_num(curve.effort)) <= 8 * system.rounding(curve.q)):
             balanced.append((low, high))
         else:
             roots = [
-                q for span, one in zip(spans, rows, strict=True) for q in line.roots(span, one)
+                q
+                for span, series in zip(spans, rows, strict=True)
+                for q in line.roots(span, series)
             ]
-            places = _distinct(sorted(roots), SAME * system.span, (high - low) * closed)
+            balances = _distinct(sorted(roots), SAME * system.span, (high - low) * closed)
             ends = cuts[:-1] if closed else cuts[1:-1]  # dead centres are no jumps
             jumps = [q for q in ends if line.jump(q)]
-        held = held_intervals(system, line.effort, line.t, low, high, closed, places)
-        rests += held
-        at = tangents(mechanism, np.array([*places, *jumps])[:, None], t=line.t)
-        energy = _potentials(spans, rows, places) if has_potential else [None] * len(places)
+        intervals = held_intervals(system, line.effort, line.t, low, high, closed, balances)
+        rests += intervals
+        at = tangents(mechanism, np.array([*balances, *jumps])[:, None], t=line.t)
+        energy = _potentials(spans, rows, balances) if has_potential else [None] * len(balances)
         massless = at.M[:, 0, 0] <= NONE**2 * system.typical_inertia(low)
         at.M[massless] = 0.0
         points += [
             equilibrium_of(
-                {name: q}, {name: unit}, at, i, energy[i], interval_about(q, held, closed)
+                {name: q}, {name: unit}, at, i, energy[i], interval_about(q, intervals, closed)
             )
-            for i, q in enumerate(places)
+            for i, q in enumerate(balances)
         ]
-        for i, q in enumerate(jumps, start=len(places)):
+        for i, q in enumerate(jumps, start=len(balances)):
             kind: Kind = "unstable" if line.jump(q) > 0 else "stable"
             of = at.M[i], at.C[i], at.K[i]
             points.append(Equilibrium({name: q}, {name: unit}, kind, *of, np.empty(0), jump=True))
@@ -230,27 +232,29 @@ def _curve(line: Line, spans: Sequence[Span], rows: list[Series], has_potential:
     u = np.linspace(0.0, 1.0, max(9, SCANNED // 2 // len(spans)) + 1)
     q = np.concatenate([span.place(u) for span in spans])
     work, total = [], 0.0
-    for one in rows:
-        integral = _whole(one).integral()(u)
+    for series in rows:
+        integral = _whole(series).integral()(u)
         work.append(total + integral)
         total += float(integral[-1])
-    whole = -np.concatenate(work)
-    potential = whole if has_potential and np.isfinite(whole).all() else None
+    integral_of_effort = -np.concatenate(work)
+    potential = (
+        integral_of_effort if has_potential and np.isfinite(integral_of_effort).all() else None
+    )
     return Curve(q, line.effort(q), potential)
 
 
 def _potentials(
-    spans: Sequence[Span], rows: list[Series], places: list[float]
+    spans: Sequence[Span], rows: list[Series], coordinates: list[float]
 ) -> list[float | None]:
     """Potential [J] at places of an arc, from the lowest of them."""
     from scipy.optimize import brentq
 
     potentials: list[float] = []
     total = 0.0
-    for span, one in zip(spans, rows, strict=True):
-        integral = _whole(one).integral()
-        for q in places:
-            if span.low <= q <= span.high and len(potentials) <= places.index(q):
+    for span, series in zip(spans, rows, strict=True):
+        integral = _whole(series).integral()
+        for q in coordinates:
+            if span.low <= q <= span.high and len(potentials) <= coordinates.index(q):
 
                 def off(u: float, span: Span = span, q: float = q) -> float:
                     return float(span.place(np.array([u]))[0]) - q
@@ -263,17 +267,17 @@ def _potentials(
                 potentials.append(-(total + float(integral(np.array([u]))[0])))
         total += float(integral(np.array([1.0]))[0])
     lowest = min(potentials, default=0.0)
-    made = [x - lowest if math.isfinite(x - lowest) else None for x in potentials]
-    return made + [None] * (len(places) - len(made))
+    relative = [x - lowest if math.isfinite(x - lowest) else None for x in potentials]
+    return relative + [None] * (len(coordinates) - len(relative))
 
 
 def _repeated(
-    places: Iterable[float], period: float | None, low: float, high: float
+    coordinates: Iterable[float], period: float | None, low: float, high: float
 ) -> list[float]:
     """Places between two ends, repeated with a period if there is one."""
     copies = {
         float(q + k * (period or 0.0))
-        for q in places
+        for q in coordinates
         for k in (
             range(math.floor((low - q) / period), math.ceil((high - q) / period) + 1)
             if period
@@ -283,23 +287,23 @@ def _repeated(
     return sorted(q for q in copies if low <= q <= high)
 
 
-def _whole(one: Series) -> Series:
+def _whole(series: Series) -> Series:
     """A series without the panels around a change point, which are too short to count."""
-    bad = np.asarray(~np.isfinite(one.c).all(axis=1))
-    if not bad.any() or np.diff(one.edges)[bad].sum() > SAME:
-        return one
-    return replace(one, c=np.where(bad[:, None], 0.0, one.c))
+    bad = np.asarray(~np.isfinite(series.c).all(axis=1))
+    if not bad.any() or np.diff(series.edges)[bad].sum() > SAME:
+        return series
+    return replace(series, c=np.where(bad[:, None], 0.0, series.c))
 
 
 def _distinct(rising: list[float], apart: float, turn: float) -> list[float]:
     """Places without those that are said twice; of a closed arc the last is the first."""
-    kept: list[float] = []
+    distinct: list[float] = []
     for q in rising:
-        if not kept or q - kept[-1] > apart:
-            kept.append(q)
-    if turn and len(kept) > 1 and kept[0] + turn - kept[-1] <= apart:
-        kept.pop()
-    return kept
+        if not distinct or q - distinct[-1] > apart:
+            distinct.append(q)
+    if turn and len(distinct) > 1 and distinct[0] + turn - distinct[-1] <= apart:
+        distinct.pop()
+    return distinct
 
 
 def _at_stops(
@@ -318,10 +322,10 @@ def _at_stops(
 
 
 def _notes(line: Line, curves: Iterable[Curve]) -> Iterator[str]:
-    far = loads.REACH * loads.largest_length(line.mechanism.structure)
+    farthest = loads.REACH * loads.largest_length(line.mechanism.structure)
     ends = np.abs([q for curve in curves for q in (curve.q[0], curve.q[-1])])
-    if not line.system.rotary[0] and np.isclose(ends, far).any():
-        yield f"looked for from {-far:.6g} to {far:.6g} m: no group ends the travel"
+    if not line.system.rotary[0] and np.isclose(ends, farthest).any():
+        yield f"looked for from {-farthest:.6g} to {farthest:.6g} m: no group ends the travel"
     if "time" in line.system.depends_on:
         yield f"loads follow the time, which is held at {line.t:.9g} s"
     if line.system.friction is None and line.mechanism.frictional_joints:

@@ -98,12 +98,12 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
     rest = np.where((ends[:, 0] <= 0.0) & (ends[:, 1] >= 0.0), 0.0, ends.mean(axis=1))
     search = Search(mechanism, t, rest, live, rotary[live], ends[live])
 
-    def new(q: Floats, known: list[Floats]) -> list[Floats]:
+    def new(q: Floats, roots: list[Floats]) -> list[Floats]:
         """Equilibria near some places that are not known."""
-        kept = _apart([*known, *_newton(search, q)], search)[len(known) :]
-        of = search.tangents(np.reshape(kept, (-1, len(live))))
+        candidates = _apart([*roots, *_newton(search, q)], search)[len(roots) :]
+        of = search.tangents(np.reshape(candidates, (-1, len(live))))
         good = (of.margin > 0) & (np.abs(of.effort) <= NONE * size[live]).all(axis=1)
-        return [x for x, sound in zip(kept, good.tolist(), strict=True) if sound]
+        return [x for x, sound in zip(candidates, good.tolist(), strict=True) if sound]
 
     roots_: list[Floats] = [] if len(live) else [rest[:0]] * bool(alive.any())
     fresh = new(q[np.ix_(alive, live)], roots_) if len(live) else []
@@ -119,12 +119,12 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
         for n, d in zip(names, mechanism.drivers, strict=True)
     }
     families = _families(search, roots_, size[live])
-    places = search.whole(np.reshape(families, (len(families), len(live))))
-    of = tangents(mechanism, places, t=t)
+    poses = search.whole(np.reshape(families, (len(families), len(live))))
+    of = tangents(mechanism, poses, t=t)
     free = tuple(names[i] for i in search.neutral)
     rows = [
         equilibrium_of(dict(zip(names, x.tolist(), strict=True)), units, of, i, free=free)
-        for i, x in enumerate(places)
+        for i, x in enumerate(poses)
     ]
     notes = [
         "Newton's method from many places, then along balanced curves: more starts look closer"
@@ -159,21 +159,21 @@ def _regular(search: Search, roots: list[Floats]) -> Floats:
 def _families(search: Search, roots: list[Floats], size: Floats) -> list[Floats]:
     """The equilibria, one of those that others lead to in a straight line of equilibria."""
     regular = {x.tobytes() for x in _regular(search, roots)} if roots and roots[0].size else set()
-    kept: list[Floats] = []
+    families: list[Floats] = []
     for q in roots:
         if q.size and q.tobytes() not in regular:
-            others = [x for x in kept if x.tobytes() not in regular]
-            if any(_joined(search, q, x, size) for x in others):
+            isolated = [x for x in families if x.tobytes() not in regular]
+            if any(_joined(search, q, x, size) for x in isolated):
                 continue
-        kept.append(q)
-    return kept
+        families.append(q)
+    return families
 
 
-def _joined(search: Search, one: Floats, other: Floats, size: Floats) -> bool:
+def _joined(search: Search, first: Floats, second: Floats, size: Floats) -> bool:
     """Whether two equilibria are ends of a line of equilibria, angles the nearer way round."""
-    way = other - one
-    way = np.where(search.rotary, np.remainder(way + math.pi, math.tau) - math.pi, way)
-    of = search.tangents(one + np.linspace(0.0, 1.0, BETWEEN)[1:-1, None] * way)
+    offset = second - first
+    offset = np.where(search.rotary, np.remainder(offset + math.pi, math.tau) - math.pi, offset)
+    of = search.tangents(first + np.linspace(0.0, 1.0, BETWEEN)[1:-1, None] * offset)
     return bool(_whole(of).all() and (np.abs(of.effort) <= math.sqrt(NONE) * size).all())
 
 
@@ -186,7 +186,7 @@ def _whole(of: Tangents) -> Any:
 def _newton(search: Search, q: Floats) -> list[Floats]:
     """Where Newton's method from places (n, m) ends; steps are a tenth of the span at most."""
     span = search.span
-    done: list[Floats] = []
+    roots: list[Floats] = []
     for _ in range(STEPS):
         of = search.tangents(q) if len(q) else None
         if of is None or not (good := _whole(of)).any():
@@ -196,9 +196,9 @@ def _newton(search: Search, q: Floats) -> list[Floats]:
         longest = (np.abs(step) / span).max(axis=1, keepdims=True)
         q = q + step * np.minimum(1.0, 0.1 / np.maximum(longest, EPS))
         ready = longest[:, 0] <= 64 * EPS
-        done += [*q[ready]]
+        roots += [*q[ready]]
         q = q[~ready]
-    return done
+    return roots
 
 
 def _crossings(search: Search, roots: Floats) -> Floats:
@@ -206,22 +206,22 @@ def _crossings(search: Search, roots: Floats) -> Floats:
     (r, k), span, ends, rotary = roots.shape, search.span, search.ends, search.rotary
     driver = np.tile(np.repeat(np.arange(k), 2), r)
     q = start = np.repeat(roots, 2 * k, axis=0)
-    others = np.array([[j for j in range(k) if j != i] for i in range(k)])[driver]
+    constrained = np.array([[j for j in range(k) if j != i] for i in range(k)])[driver]
 
-    def along(K: Floats, others: Any) -> Floats:
-        rows = np.take_along_axis(K * span, others[..., None], axis=1)
+    def along(K: Floats, constrained: Any) -> Floats:
+        rows = np.take_along_axis(K * span, constrained[..., None], axis=1)
         return np.asarray(np.linalg.svd(rows)[2][:, -1])
 
-    way = along(search.tangents(q).K, others)
-    way *= np.where(np.arange(len(q)) % 2, -1.0, 1.0)[:, None]
-    held = np.zeros(len(q))
+    tangent = along(search.tangents(q).K, constrained)
+    tangent *= np.where(np.arange(len(q)) % 2, -1.0, 1.0)[:, None]
+    residual = np.zeros(len(q))
     crossings: list[Floats] = []
     for step in range(LONG):
-        trial, strayed = q + STRIDE * way * span, np.zeros(len(q), bool)
+        trial, strayed = q + STRIDE * tangent * span, np.zeros(len(q), bool)
         for _ in range(3):
             of = search.tangents(trial)
-            rows = np.take_along_axis(of.K * span, others[..., None], axis=1)
-            gap = np.take_along_axis(of.effort, others, axis=1)
+            rows = np.take_along_axis(of.K * span, constrained[..., None], axis=1)
+            gap = np.take_along_axis(of.effort, constrained, axis=1)
             rows, gap = (np.where(np.isfinite(x), x, 0.0) for x in (rows, gap))
             move = -(np.linalg.pinv(rows, rcond=EPS) @ gap[..., None])[..., 0]
             strayed |= np.abs(move).max(axis=1) > STRAY * STRIDE
@@ -235,14 +235,16 @@ def _crossings(search: Search, roots: Floats) -> Floats:
                         trial - start)  # fmt: skip
         back = (step > 3) & (np.abs(gone / span).max(axis=1) < STRIDE)
         alive = _whole(of) & ~strayed & inside
-        crossings += [*((q + trial) / 2)[alive & (held * now < 0)]]
+        crossings += [*((q + trial) / 2)[alive & (residual * now < 0)]]
         alive &= ~back
         if not alive.any():
             break
         K = np.where(np.isfinite(of.K), of.K, 0.0)[alive]
-        q, start, driver, others, held = (x[alive] for x in (trial, start, driver, others, now))
-        old, way = way[alive], along(K, others)
-        way *= np.where((old * way).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+        q, start, driver, constrained, residual = (
+            x[alive] for x in (trial, start, driver, constrained, now)
+        )
+        old, tangent = tangent[alive], along(K, constrained)
+        tangent *= np.where((old * tangent).sum(axis=1) < 0, -1.0, 1.0)[:, None]
     return np.reshape(crossings, (-1, k))
 
 
@@ -252,29 +254,29 @@ def _range(mechanism: Compiled, driver: str) -> tuple[float, float]:
     low, high = scene.stops[driver].bounds if driver in scene.stops else (-math.inf, math.inf)
     law: Any = scene.drive.get(driver)
     if mechanism.structure.driver_joint(driver).rotary:
-        near = (-math.pi, math.pi)
+        bounds = (-math.pi, math.pi)
     elif law is not None and law.by_coordinate and law.travelled[0] != law.travelled[1]:
-        near = (min(law.travelled), max(law.travelled))
+        bounds = (min(law.travelled), max(law.travelled))
     else:
         size = 2 * loads.largest_length(mechanism.structure)
-        near = (-size, size)
+        bounds = (-size, size)
     both = math.isfinite(low) and math.isfinite(high)
-    return (low, high) if both else (max(low, near[0]), min(high, near[1]))
+    return (low, high) if both else (max(low, bounds[0]), min(high, bounds[1]))
 
 
-def _apart(known: list[Floats], search: Search) -> list[Floats]:
+def _apart(roots: list[Floats], search: Search) -> list[Floats]:
     """Places that are not the same, angles within a turn from where they were looked for."""
     rotary, ends, span = search.rotary, search.ends, search.span
-    kept: list[Floats] = []
-    for q in known:
+    distinct: list[Floats] = []
+    for q in roots:
         q = np.where(rotary, ends[:, 0] + np.mod(q - ends[:, 0], math.tau), q)
         q = np.where(rotary & (np.abs(q - ends[:, 0] - math.tau) < SAME), ends[:, 0], q)
         inside = (q >= ends[:, 0] - SAME * span) & (q <= ends[:, 1] + SAME * span)
 
-        def gap(other: Floats, q: Floats = q) -> float:
-            d = np.abs(other - q)
+        def gap(root: Floats, q: Floats = q) -> float:
+            d = np.abs(root - q)
             return float((np.where(rotary, np.minimum(d, math.tau - d), d) / span).max())
 
-        if inside.all() and all(gap(other) > SAME for other in kept):
-            kept.append(q)
-    return kept
+        if inside.all() and all(gap(root) > SAME for root in distinct):
+            distinct.append(q)
+    return distinct

@@ -175,17 +175,19 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         Raises `RequestError` of several drivers.
         """
         if not self.curves:
-            found = "there is no picture of the equilibria of several drivers"
-            raise refused("plot", found, "their text lists them", code="nothing-to-draw")
+            message = "there is no picture of the equilibria of several drivers"
+            raise refused("plot", message, "their text lists them", code="nothing-to-draw")
         factor, unit = angle_scale(self.unit, degrees)
-        drawn = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
+        curves = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
         counts = {kind: sum(e.kind == kind for e in self) for kind in MARKS}
-        words = [f"{n} {kind} ({MARKS[kind][1]})" for kind, n in counts.items() if n] or ["none"]
-        caption = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(words)}"
+        counted_kinds = [f"{n} {kind} ({MARKS[kind][1]})" for kind, n in counts.items() if n] or [
+            "none"
+        ]
+        caption = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(counted_kinds)}"
         caption += "; shaded: where friction holds it." if self.rests else "."
-        with panelled(caption, len(drawn) * PANEL + 2 * ink.ROW, len(drawn), ax=ax) as panels:
-            for (axes,), what in zip(panels, drawn, strict=True):
-                self._draw(axes, what, factor)
+        with panelled(caption, len(curves) * PANEL + 2 * ink.ROW, len(curves), ax=ax) as panels:
+            for (axes,), curve in zip(panels, curves, strict=True):
+                self._draw(axes, curve, factor)
             axes.set_xlabel(f"{shown_name(self.coordinate)} [{unit}]", labelpad=1)
         return axes.figure
 

@@ -39,12 +39,12 @@ class Term(NamedTuple):
 class Residual(NamedTuple):
     """What is left of an equation (n,), and the size (n,) of what it is made of.
 
-    what, of : the equation in words, and the link, joint, load, driver or block that it is of
+    equation, of : the equation in words, and the link, joint, load, driver or block that it is of
     """
 
-    what: str
+    equation: str
     of: Part
-    left: Array
+    error: Array
     scale: Array
 
 
@@ -123,8 +123,8 @@ class Evidence:
             joints = self.bodies.joints_on(link)  # a guide's point may be far from its slider
             moments = [plain(m) for _, _, m in terms]
             moments += [moment(p - o, f) for f, p, _ in terms]
-            places = [p for _, p, _ in terms] + [e.p for j in joints for e in self.bodies.ends(j)]
-            reach = np.max([np.abs(p) + np.abs(o) for p in places], axis=0, initial=0.0)
+            points = [p for _, p, _ in terms] + [e.p for j in joints for e in self.bodies.ends(j)]
+            reach = np.max([np.abs(p) + np.abs(o) for p in points], axis=0, initial=0.0)
             terms_of[link] = [plain(f) for f, _, _ in terms], moments, reach
         return terms_of
 
@@ -137,31 +137,31 @@ class Evidence:
         than coordinates show. So are its rates, and those that wires bring from a block before.
         """
         links = [LinkRef(block, link) for link in self.structure.blocks[block].link_names]
-        own = [self.balances[link] for link in links]
-        force = np.sum([total(forces).size for forces, _, _ in own], axis=0)
-        reach = np.max([reach for _, _, reach in own], axis=0)
-        moment = np.sum([total(moments).size for _, moments, _ in own], axis=0) + force * reach
+        balances = [self.balances[link] for link in links]
+        force = np.sum([total(forces).size for forces, _, _ in balances], axis=0)
+        reach = np.max([reach for _, _, reach in balances], axis=0)
+        moment = np.sum([total(moments).size for _, moments, _ in balances], axis=0) + force * reach
         v, om = self._speeds(block, self.bodies)
         return Sizes(force, moment, total(self.powers(block)).size + force * v + moment * om)
 
     def _speeds(self, block: str, bodies: FreeBodies) -> tuple[Array, Array]:
         """Largest speed [m/s] and rate [rad/s] (n,) of a block and those that it hangs on."""
         outer = self.outer(block)
-        near = {block, *(self.structure.earlier_link(ref).block for ref in outer)}
-        moving = [bodies.link(link) for link in self.structure.links if link.block in near]
+        blocks = {block, *(self.structure.earlier_link(ref).block for ref in outer)}
+        moving = [bodies.link(link) for link in self.structure.links if link.block in blocks]
         wired = [end for ref in outer for end in bodies.ends(ref)]
-        least = float(np.finfo(np.float64).tiny)  # below it digits go, whatever the force
-        v = np.max(np.abs([body.v for body in moving + wired]), axis=0, initial=least)
-        return v, np.max(np.abs([body.om for body in moving]), axis=0, initial=least)
+        smallest = float(np.finfo(np.float64).tiny)  # below it digits go, whatever the force
+        v = np.max(np.abs([body.v for body in moving + wired]), axis=0, initial=smallest)
+        return v, np.max(np.abs([body.om for body in moving]), axis=0, initial=smallest)
 
     @cached_property
     def efforts(self) -> dict[str, Array]:
         """What the effort (n,) of each driver is made of [N m or N]: powers at its unit rate."""
         drivers, flow = self.structure.drivers, 0.0
-        places = np.array([self.run[f"{driver}.q"] for driver in drivers])
-        bodies = unit_motions(self.run.mechanism, places)
+        coordinates = np.array([self.run[f"{driver}.q"] for driver in drivers])
+        bodies = unit_motions(self.run.mechanism, coordinates)
         for name in self.structure.blocks:
-            v, om = (x.reshape(places.shape) for x in self._speeds(name, bodies))
+            v, om = (x.reshape(coordinates.shape) for x in self._speeds(name, bodies))
             size = self.sizes(name)
             flow = flow + (size.force * v + size.moment * om) * self.condition(name)
         return dict(zip(drivers, np.asarray(flow), strict=True))
@@ -232,7 +232,7 @@ class Evidence:
     def _power(self, body: Body, loads: Iterable[tuple[Array, Array, Array]]) -> list[Term]:
         """Powers of forces and couples on a link."""
         powers = []
-        for force, place, couple in loads:
-            powers.append(power(force, body.v + 1j * body.om * (place - body.p)))
+        for force, point, couple in loads:
+            powers.append(power(force, body.v + 1j * body.om * (point - body.p)))
             powers.append(plain(couple * body.om))
         return powers

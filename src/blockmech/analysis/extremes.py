@@ -115,9 +115,9 @@ class Extremes(Facts, Report):
         """The extremes of each part, one a line."""
         for part, span in self.ranges.items():
             name = f"{self.name}.{part}".rstrip(".")
-            for one in (span.minimum, span.maximum):
-                value = with_unit(one.value, self.unit, degrees)
-                yield f"{name}  {one.kind} {value} at {one.place(degrees)}"
+            for extreme in (span.minimum, span.maximum):
+                value = with_unit(extreme.value, self.unit, degrees)
+                yield f"{name}  {extreme.kind} {value} at {extreme.place(degrees)}"
 
     def to_dict(self) -> Data:
         """The extremes as a JSON object."""
@@ -151,8 +151,8 @@ def extremes(
     RequestError for an unknown output, one that is not real, or no range to follow
     SampleError where the output exists at no sample
     """
-    how = {"friction": friction}
-    cycle = cycle_of(source, **how, static=static)
+    settings = {"friction": friction}
+    cycle = cycle_of(source, **settings, static=static)
     output, parts = parts_of(cycle.mechanism, name)
     ranges = {}
     for part in parts:
@@ -175,15 +175,15 @@ def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
     head, _, tail = name.rpartition(".")
     if tail in PARTS and head in mechanism.outputs:
         output, part = head, tail
-    fits = mechanism.outputs.match([output])
-    if output not in fits:
-        found = f"it is a pattern, which {len(fits)} outputs fit"
-        valid = f"outputs: {listed(fits)}"
-        raise refused(name, found, "name one of them", valid)
+    matches = mechanism.outputs.match([output])
+    if output not in matches:
+        message = f"it is a pattern, which {len(matches)} outputs fit"
+        valid = f"outputs: {listed(matches)}"
+        raise refused(name, message, "name one of them", valid)
     kind = mechanism.outputs[output].kind
     if kind not in ("real", "vector") or (part and kind == "real"):
-        what = {"real": "it is a real number without parts"}.get(kind, f"it is a {kind}")
-        raise refused(name, what, "name a real output, or a vector or its part")
+        reason = {"real": "it is a real number without parts"}.get(kind, f"it is a {kind}")
+        raise refused(name, reason, "name a real output, or a vector or its part")
     return output, (part,) if part or kind == "real" else PARTS
 
 

@@ -34,11 +34,11 @@ def frame(e: Evidence) -> Iterator[Residual]:
     forces, moments, reach = e.balances[e.structure.frame_link]
     if forces:
         force, couple = total(forces), total(moments)
-        left = force.value - e.run["mechanism.shaking_force"]
-        yield Residual("forces on", e.structure.frame, left, force.size)
-        left = couple.value - e.run["mechanism.shaking_moment"]
+        residual = force.value - e.run["mechanism.shaking_force"]
+        yield Residual("forces on", e.structure.frame, residual, force.size)
+        residual = couple.value - e.run["mechanism.shaking_moment"]
         size = couple.size + force.size * reach
-        yield Residual("moments on", e.structure.frame, left, size)
+        yield Residual("moments on", e.structure.frame, residual, size)
 
 
 def blocks(e: Evidence) -> Iterator[Residual]:
@@ -57,13 +57,13 @@ def couplings(e: Evidence) -> Iterator[Residual]:
         through, kind = total(e.through_coupling(driver)), e.structure.coupling_of(driver)
         lost = 1 - kind.efficiency if isinstance(kind, LossyCoupling) else kind.lost
         scale = through.size + e.sizes(e.structure.driven[driver].block).power
-        taken = e.run[f"{follower.coupling}.loss"] if kind.lossy else 0.0
-        yield Residual("power through", follower.coupling, through.value + taken, scale)
+        loss = e.run[f"{follower.coupling}.loss"] if kind.lossy else 0.0
+        yield Residual("power through", follower.coupling, through.value + loss, scale)
         if lost and e.exact.any():
-            given = e.bodies.felt(driver) * e.bodies.argument(driver)
-            most = np.maximum(np.abs(given), np.abs(given + taken))
-            left = np.where(e.exact, taken - np.where(e.smooth, 0.0, lost) * most, 0.0)
-            yield Residual("efficiency of", follower.coupling, left, scale)
+            power = e.bodies.felt(driver) * e.bodies.argument(driver)
+            larger = np.maximum(np.abs(power), np.abs(power + loss))
+            residual = np.where(e.exact, loss - np.where(e.smooth, 0.0, lost) * larger, 0.0)
+            yield Residual("efficiency of", follower.coupling, residual, scale)
 
 
 def whole(e: Evidence) -> Iterator[Residual]:
@@ -87,7 +87,7 @@ def friction(e: Evidence) -> Iterator[Residual]:
     moving = [e.bodies.link(link) for link in e.structure.links]
     speed = np.max(np.abs([body.v for body in moving]), axis=0)
     turning = np.max(np.abs([body.om for body in moving]), axis=0)
-    least = math.sqrt(EPS) * _acceleration(e) if r.motion is not None else math.inf
+    threshold = math.sqrt(EPS) * _acceleration(e) if r.motion is not None else math.inf
     for name, block in e.structure.blocks.items():
         size = e.sizes(name)
         for joint, law in block.friction.items():
@@ -96,41 +96,46 @@ def friction(e: Evidence) -> Iterator[Residual]:
             slides = block.joints[joint].kind == "P"
             if not slides:
                 load, terms = np.abs(r[f"{ref}.reaction"]), size.force
-                way = block.characteristic_length()
+                arm = block.characteristic_length()
             else:
                 edges = 2 / law.edge_distance if law.edge_distance else 0.0
                 load = np.maximum(np.abs(r[f"{ref}.N"]), edges * np.abs(r[f"{ref}.C"]))
-                terms, way = size.force + edges * size.moment, 1.0
+                terms, arm = size.force + edges * size.moment, 1.0
             if law.remembers:
                 k, d = bound_kernel(law.kernel())(slip, r[f"{ref}.deflection"], law.parameters())
                 scale = (np.abs(k) * terms + np.abs(d)) * e.condition(name)
-                left = t + np.where(e.smooth, 0.0, k * load + d)
-                yield Residual("friction in", ref, np.where(e.exact, np.abs(left), 0.0), scale)
+                residual = t + np.where(e.smooth, 0.0, k * load + d)
+                yield Residual("friction in", ref, np.where(e.exact, np.abs(residual), 0.0), scale)
                 continue
             factor, drag = law.sliding(bound_kernel)(np.abs(slip), load)
             bound = np.where(e.smooth, 0.0, factor * load + drag)
             scale = (np.abs(factor) * terms + np.abs(drag)) * e.condition(name)
             # a thousand times: the solver measures speed and size of the group alone
-            rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
-            one, other = e.bodies.ends(ref)
-            push = one.parting(other, slides)
-            starts = rests & (np.abs(push) * way > least)
+            rests = np.abs(slip) * arm <= 1e3 * REST_SHARE * np.maximum(speed, turning * arm)
+            earlier, later = e.bodies.ends(ref)
+            push = earlier.parting(later, slides)
+            starts = rests & (np.abs(push) * arm > threshold)
             rests &= ~starts
             sense = np.where(starts & (slip * push >= 0), np.sign(push), np.sign(slip))
             driven = np.where(rests, 0.0, np.maximum(t * sense, 0.0))
             yield Residual("friction in", ref, driven, scale)
             still = law.at_rest()
-            most = np.where(e.smooth, 0.0, still.factor * load + still.drag)
-            left = np.where(rests, np.maximum(np.abs(t) - most, 0.0), np.abs(np.abs(t) - bound))
-            yield Residual("friction in", ref, np.where(e.exact, left, 0.0), scale)
+            capacity = np.where(e.smooth, 0.0, still.factor * load + still.drag)
+            residual = np.where(
+                rests, np.maximum(np.abs(t) - capacity, 0.0), np.abs(np.abs(t) - bound)
+            )
+            yield Residual("friction in", ref, np.where(e.exact, residual, 0.0), scale)
 
 
 def _acceleration(e: Evidence) -> Array:
     """Acceleration (n,) [m/s2] that all forces and moments would give to all masses at once."""
-    blocks, own = e.structure.blocks, [e.structure.properties(link) for link in e.structure.links]
+    blocks, properties = (
+        e.structure.blocks,
+        [e.structure.properties(link) for link in e.structure.links],
+    )
     reach = max(block.largest_length() for block in blocks.values()) or 1.0
     size = np.sum([e.sizes(name).force * reach + e.sizes(name).moment for name in blocks], axis=0)
-    return np.asarray(size * reach / sum(x.mass * reach**2 + x.inertia for x in own))
+    return np.asarray(size * reach / sum(x.mass * reach**2 + x.inertia for x in properties))
 
 
 def bound_kernel(kernel: Any) -> Any:
@@ -142,6 +147,6 @@ def reduction(e: Evidence) -> Iterator[Residual]:
     """Driving effort by reactions against the one by reduction, without friction."""
     r = e.run
     for driver in e.structure.drivers if e.smooth.any() else ():
-        left = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
-        left = np.where(e.smooth, left, 0.0)
-        yield Residual("two routes to", f"{driver}.drive", left, e.efforts[driver])
+        residual = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
+        residual = np.where(e.smooth, residual, 0.0)
+        yield Residual("two routes to", f"{driver}.drive", residual, e.efforts[driver])

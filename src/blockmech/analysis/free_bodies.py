@@ -47,31 +47,31 @@ class Body(NamedTuple):
     om: Array
     al: Array
 
-    def at(self, place: complex) -> Body:
+    def at(self, point: complex) -> Body:
         """The same of a place [m] in the link's frame, where self is its origin."""
-        arm = self.e * place
+        arm = self.e * point
         spin = 1j * self.al - self.om**2
         return self._replace(p=self.p + arm, v=self.v + 1j * self.om * arm, a=self.a + spin * arm)
 
-    def seen(self, other: Body) -> tuple[Array, Array, Array]:
+    def seen(self, point: Body) -> tuple[Array, Array, Array]:
         """Place, velocity and acceleration of another point as self's link sees them."""
-        d = other.p - self.p
-        w = other.v - self.v - 1j * self.om * d
+        d = point.p - self.p
+        w = point.v - self.v - 1j * self.om * d
         spin = 1j * self.al - self.om**2
-        b = other.a - self.a - spin * d - 2j * self.om * w
+        b = point.a - self.a - spin * d - 2j * self.om * w
         return d, w, b
 
-    def parting(self, other: Body, slides: bool) -> Array:
+    def parting(self, partner: Body, slides: bool) -> Array:
         """Acceleration (n,) of another link along self's direction, or of its turning."""
-        along: Array = (np.conj(self.e) * self.seen(other)[2]).real
-        return along if slides else other.al - self.al
+        relative: Array = (np.conj(self.e) * self.seen(partner)[2]).real
+        return relative if slides else partner.al - self.al
 
-    def sizes(self, other: Body) -> tuple[Array, Array, Array]:
+    def sizes(self, point: Body) -> tuple[Array, Array, Array]:
         """Sums of the absolute terms of `seen`, from the coordinates on."""
-        s = np.abs(self.p) + np.abs(other.p)
-        rate = np.abs(self.om) + np.abs(other.om)
-        v = np.abs(self.v) + np.abs(other.v) + rate * s
-        a = np.abs(self.a) + np.abs(other.a) + (np.abs(self.al) + np.abs(other.al)) * s
+        s = np.abs(self.p) + np.abs(point.p)
+        rate = np.abs(self.om) + np.abs(point.om)
+        v = np.abs(self.v) + np.abs(point.v) + rate * s
+        a = np.abs(self.a) + np.abs(point.a) + (np.abs(self.al) + np.abs(point.al)) * s
         return s, v, a + rate * v
 
 
@@ -120,7 +120,7 @@ class FreeBodies:
             still = zero + 0j
             return Body(still, still, still, still + 1, zero, zero)
         r = self.run
-        o, v, a, angle, om, al = (r[f"{link}.{what}"] for what in MOTION)
+        o, v, a, angle, om, al = (r[f"{link}.{quantity}"] for quantity in MOTION)
         return Body(o, v, a, np.exp(1j * angle), om, al)
 
     # -- pairs ---------------------------------------------------------------------
@@ -186,11 +186,11 @@ class FreeBodies:
         """Forces and couples of springs, dampers and other loads."""
         r, zero = self.run, np.zeros(self.run.n)
         for terminal in self.structure.loaded[link]:
-            place = self.held(terminal).p
+            point = self.held(terminal).p
             if f"{terminal}.force" in r:
-                yield r[f"{terminal}.force"], place, zero
+                yield r[f"{terminal}.force"], point, zero
             else:
-                yield zero + 0j, place, r[f"{terminal}.couple"]
+                yield zero + 0j, point, r[f"{terminal}.couple"]
 
     def couplings(self, link: LinkRef, only: str = "") -> Iterator[tuple[Array, Array, Array]]:
         """What couplings do to a link: contacts, and what black boxes take from the leader.
@@ -205,8 +205,8 @@ class FreeBodies:
             if f"{name}.force" in r:
                 ends = {s.later_link(ref): 1.0, later or centre.on: -1.0}
                 if (sign := ends.get(link)) is not None:
-                    place = self.ends(ref)[0].p
-                    yield sign * r[f"{name}.force"], place, sign * r[f"{name}.moment"]
+                    point = self.ends(ref)[0].p
+                    yield sign * r[f"{name}.force"], point, sign * r[f"{name}.moment"]
             elif leader is not None and link in (later, s.earlier_link(leader)):
                 x, felt = self.argument(driver), self.felt(driver)
                 if f"{name}.loss" in r:
@@ -239,11 +239,13 @@ class FreeBodies:
 
     def joints_on(self, link: LinkRef) -> list[JointRef]:
         """Pairs of a link, its block's own and those that it carries."""
-        own = []
+        pairs = []
         if link != self.structure.frame_link:
             joints = self.structure.blocks[link.block].joints.values()
-            own = [JointRef(link.block, j.name) for j in joints if link.link in (j.link, *j.links)]
-        return own + list(self.structure.carried[link])
+            pairs = [
+                JointRef(link.block, j.name) for j in joints if link.link in (j.link, *j.links)
+            ]
+        return pairs + list(self.structure.carried[link])
 
     def _pair(self, ref: JointRef, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
         """What a pair does to one of its links: the reported reaction, friction and drive.
@@ -254,15 +256,15 @@ class FreeBodies:
         sign = 1.0 if self.structure.later_link(ref) == link else -1.0
         earlier, _ = self.ends(ref)
         revolute = joint.kind == "R"
-        place, zero = earlier.p if revolute else self._slider(ref), np.zeros(r.n)
-        yield sign * r[f"{ref}.reaction"], place, zero if revolute else sign * r[f"{ref}.C"]
-        along = [sign * r[f"{ref}.friction"]]
-        along += [sign * self.pushes[ref]] if ref in self.pushes else []
+        point, zero = earlier.p if revolute else self._slider(ref), np.zeros(r.n)
+        yield sign * r[f"{ref}.reaction"], point, zero if revolute else sign * r[f"{ref}.C"]
+        efforts = [sign * r[f"{ref}.friction"]]
+        efforts += [sign * self.pushes[ref]] if ref in self.pushes else []
         if joint.driven:
             driver = self.structure.blocks[ref.block].driver_name(*ref)
-            along += [sign * x for x in self._drive(driver)]
-        for t in along:
-            yield (zero + 0j, place, t) if revolute else (t * earlier.e, place, zero)
+            efforts += [sign * x for x in self._drive(driver)]
+        for t in efforts:
+            yield (zero + 0j, point, t) if revolute else (t * earlier.e, point, zero)
 
     def _drive(self, driver: str) -> Iterator[Array]:
         """What drives the later link of a driven pair from its support, if anything does."""

@@ -117,14 +117,14 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         """
         moving = {name: q for name, q in self.drivers.items() if np.ptp(q) > 0}
         if len(moving) != 1:
-            found = f"{len(moving)} driver coordinates vary"
-            raise refused("friction_solutions", found, "give several poses of one driver")
+            message = f"{len(moving)} driver coordinates vary"
+            raise refused("friction_solutions", message, "give several poses of one driver")
         ((name, q),) = moving.items()
         factor, unit = angle_scale(self.answers._unit_of_driver(name), degrees)
         draw = self._map if np.ptp(self.scale) > 0 else self._curves
         return draw(factor * q, f"{shown_name(name)} [{unit}]", ax)
 
-    def _curves(self, q: Any, words: str, ax: Any) -> Any:
+    def _curves(self, q: Any, axis_label: str, ax: Any) -> Any:
         """One output of each solution, and where there is none."""
         real = [name for name in self.answers if self.answers.output(name).kind == "real"]
         if not real:
@@ -154,20 +154,20 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             cells, none = _edges(q[order]), (self.counts == 0)[order]
             for i in np.flatnonzero(none):
                 axes.axvspan(cells[i], cells[i + 1], color=ink.PALE, lw=0, label="none: it jams")
-            axes.set_xlabel(words, labelpad=1)
+            axes.set_xlabel(axis_label, labelpad=1)
             axes.set_ylabel(f"{shown_name(name)} [{unit or '–'}]")
             grow(axes, legend_above(axes, ink.COLUMN), ax)
         return axes.figure
 
-    def _map(self, q: Any, words: str, ax: Any) -> Any:
+    def _map(self, q: Any, label: str, ax: Any) -> Any:
         """The number of solutions over a coordinate and the scale of friction."""
         from matplotlib.colors import ListedColormap
 
-        places, scales = np.unique(q), np.unique(self.scale)
-        if len(places) < 2 or len(places) * len(scales) != self.n:
+        coordinates, scales = np.unique(q), np.unique(self.scale)
+        if len(coordinates) < 2 or len(coordinates) * len(scales) != self.n:
             raise refused("friction_solutions", "its poses are no grid", "give each pose once")
-        at = np.searchsorted(scales, self.scale), np.searchsorted(places, q)
-        counts = np.zeros((len(scales), len(places)), int)
+        at = np.searchsorted(scales, self.scale), np.searchsorted(coordinates, q)
+        counts = np.zeros((len(scales), len(coordinates)), int)
         counts[at] = np.minimum(self.counts, len(FILLS) - 1)
         caption = (
             "Number of solutions of Coulomb's equations. At the red line (existence 1) reactions "
@@ -177,7 +177,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             axes.grid(False)
             colours = ListedColormap(FILLS)
             axes.pcolormesh(
-                _edges(places),
+                _edges(coordinates),
                 _edges(scales),
                 counts,
                 cmap=colours,
@@ -191,19 +191,21 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
                 with np.errstate(invalid="ignore"):
                     crossed = np.nanmin(lines) < 1.0 < np.nanmax(lines)
                 if crossed:
-                    axes.contour(places, scales, lines, [1.0], colors=ink.ALARM, linewidths=1.0)
+                    axes.contour(
+                        coordinates, scales, lines, [1.0], colors=ink.ALARM, linewidths=1.0
+                    )
             for i in np.unique(counts):
                 axes.fill([], [], facecolor=FILLS[i], edgecolor=ink.INK, lw=0.6, label=WORDS[i])
             grow(axes, legend_above(axes, ink.COLUMN), ax)
-            axes.set_xlabel(words, labelpad=1)
+            axes.set_xlabel(label, labelpad=1)
             axes.set_ylabel("scale of friction [–]")
         return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The solutions as a table, and what proves that there are no others."""
-        columns, more = self._fitting(self._columns(degrees))
+        columns, hidden = self._fitting(self._columns(degrees))
         head = [column.head for column in columns]
-        words = [
+        texts = [
             [f"{x + 0.0:.7g}" if math.isfinite(x) else "-" for x in column.values[:ROWS].tolist()]
             for column in columns
         ]
@@ -213,13 +215,13 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             f"{i} of {counts[p]}" for i, p in zip(self.number[:ROWS], self.pose[:ROWS], strict=True)
         ]
         linked = ["yes" if x else "no" for x in self.connected[:ROWS]]
-        rows = zip(*words[: self._led], which, linked, *index, *words[self._led :], strict=True)
+        rows = zip(*texts[: self._led], which, linked, *index, *texts[self._led :], strict=True)
         names = [f"{self._said(group)} index" for group in self.index]
         title = [*head[: self._led], "solution", "connected", *names, *head[self._led :]]
         name = self.answers.mechanism.name
         yield f"{name}: {counted(self.n, 'pose')}, {counted(len(self), 'solution')}"
         yield from ("", *aligned(title, rows))
-        yield from self._foot(degrees, more)
+        yield from self._foot(degrees, hidden)
 
     def _fitting(self, columns: list[Column]) -> tuple[list[Column], list[str]]:
         """The columns that a line has room for, one at least, and the names of the others."""
@@ -245,9 +247,9 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             columns += output_columns(answers, name)
         return columns
 
-    def _foot(self, degrees: bool, more: Sequence[str]) -> Iterator[str]:
-        if more:
-            yield f"{counted(len(more), 'more column')}: {listed(more, 3)}"
+    def _foot(self, degrees: bool, hidden: Sequence[str]) -> Iterator[str]:
+        if hidden:
+            yield f"{counted(len(hidden), 'more column')}: {listed(hidden, 3)}"
         if len(self) > ROWS:
             yield f"{ROWS} of {len(self)} solutions shown"
         counts = Counter(self.counts.tolist())

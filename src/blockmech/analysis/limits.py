@@ -126,8 +126,8 @@ class Limits(Facts, Pictured):
         """
         for arc in self.arcs:
             middle = (arc.start.q + arc.end.q) / 2
-            near = middle + math.remainder(q - middle, TURN) if self.unit == "rad" else q
-            if arc.start.q <= near <= arc.end.q:
+            unwrapped = middle + math.remainder(q - middle, TURN) if self.unit == "rad" else q
+            if arc.start.q <= unwrapped <= arc.end.q:
                 return arc
         return None
 
@@ -160,14 +160,16 @@ class Limits(Facts, Pictured):
         """The arcs, their ends and change points, one a line."""
         turned = degrees and self.unit == "rad"
         scale, unit = (180 / math.pi, "deg") if turned else (1.0, self.unit)
-        held = ", ".join(f"{self._q(d)} = {q:.9g}" for d, q in self.held.items())
+        fixed = ", ".join(f"{self._q(d)} = {q:.9g}" for d, q in self.held.items())
         count = "turns fully" if self.whole_turn else f"{len(self.arcs) or 'no'} feasible arc"
         plural = "s" if len(self.arcs) > 1 else ""
-        yield f"{self._q(self.driver)}: {count}{plural}" + (f", with {held}" if held else "")
+        yield f"{self._q(self.driver)}: {count}{plural}" + (f", with {fixed}" if fixed else "")
         if self.nearest:
-            near = self.nearest
-            place = _shown(near.q * scale, 6)
-            yield (f"  {near.block} never closes; it comes nearest at {place} {unit}: {self.why}")
+            nearest = self.nearest
+            position = _shown(nearest.q * scale, 6)
+            yield (
+                f"  {nearest.block} never closes; it comes nearest at {position} {unit}: {self.why}"
+            )
         for arc in self.arcs:
             if not self.whole_turn:
                 start, end = (_shown(e.q * scale) for e in (arc.start, arc.end))
@@ -175,16 +177,16 @@ class Limits(Facts, Pictured):
                     f"  from {start} ({arc.start}) to {end} ({arc.end}), "
                     f"{arc.length * scale:.6g} {unit} long"
                 )
-            for first, *more in _together(arc.change_points):
-                others = f" and {len(more)} more" if more else ""
-                yield f"  change point at {_shown(first.q * scale)} {unit} ({first}{others})"
+            for first, *neighbours in _together(arc.change_points):
+                rest = f" and {len(neighbours)} more" if neighbours else ""
+                yield f"  change point at {_shown(first.q * scale)} {unit} ({first}{rest})"
         if any(end.block for arc in self.arcs for end in (arc.start, arc.end, *arc.change_points)):
             yield f"  {SECOND_KIND}"
 
     def to_dict(self) -> Data:
         """The limits as a JSON object, drivers by the names of their coordinates."""
-        held = {self._q(d): q for d, q in self.held.items()}
-        return {"driver": self._q(self.driver), "held": held, **super().to_dict()}
+        fixed = {self._q(d): q for d, q in self.held.items()}
+        return {"driver": self._q(self.driver), "held": fixed, **super().to_dict()}
 
 
 @declared
@@ -220,31 +222,31 @@ def limits(
     if samples < FEWEST:
         raise refused("samples", f"got {samples}", f"give at least {FEWEST}")
     moved = _moved(mechanism, driver)
-    held = _held(mechanism, moved, at or {})
-    return limits_of(mechanism, moved, held, blocks, {}, samples)
+    fixed = _held(mechanism, moved, at or {})
+    return limits_of(mechanism, moved, fixed, blocks, {}, samples)
 
 
 def limits_of(
     mechanism: Compiled,
     moved: str,
-    held: Mapping[str, float],
+    fixed: Mapping[str, float],
     blocks: Iterable[str] | None,
-    known: Known,
+    pieces_of_groups: Known,
     samples: int = SCANNED,
 ) -> Limits:
-    """The feasible arcs of a driver; what is ``known`` of some groups serves for those after."""
+    """The feasible arcs of a driver; ``pieces_of_groups`` of some serve for those after."""
     joint = mechanism.structure.driver_joint(moved)
-    closure = Closure(mechanism._of_blocks, moved, held, _groups(mechanism.structure, blocks))
+    closure = Closure(mechanism._of_blocks, moved, fixed, _groups(mechanism.structure, blocks))
     span = one_turn() if joint.rotary else travel(mechanism, moved)
-    pieces, nearest = closed_pieces(closure, span, samples, known)
+    pieces, nearest = closed_pieces(closure, span, samples, pieces_of_groups)
     why = ""
     if nearest:
-        places = {**held, moved: nearest.q}
-        why = shortfall(mechanism, nearest.block, places, nearest.margin)
+        coordinates = {**fixed, moved: nearest.q}
+        why = shortfall(mechanism, nearest.block, coordinates, nearest.margin)
     return Limits(
         driver=moved,
         unit=joint.coordinate_unit,
-        held=held,
+        held=fixed,
         arcs=tuple(_arc(closure, p) for p in pieces),
         whole_turn=len(pieces) == 1 and pieces[0].start is None,
         nearest=nearest,
@@ -264,8 +266,8 @@ def arcs_sentence(
     chosen = None if blocks is None else tuple(blocks)
     sentences = []
     for driver in mechanism.drivers:
-        others = {d: q for d, q in drivers.items() if d != driver}
-        sentences.append(limits(mechanism, driver, others, blocks=chosen).sentence())
+        rest = {d: q for d, q in drivers.items() if d != driver}
+        sentences.append(limits(mechanism, driver, rest, blocks=chosen).sentence())
     return "; ".join(sentences)
 
 
@@ -299,10 +301,10 @@ def _end(closure: Closure, bound: Bound) -> End:
 
 def _groups(structure: Structure, blocks: Iterable[str] | None) -> tuple[str, ...]:
     """Groups in formation order: all, or the named ones and their ancestors."""
-    kept = set(structure.blocks) if blocks is None else set()
+    selected = set(structure.blocks) if blocks is None else set()
     for name in among(structure.blocks, "block", blocks or ()):
-        kept |= structure.ancestors(name)
-    return tuple(n for n, b in structure.blocks.items() if n in kept and b.closes)
+        selected |= structure.ancestors(name)
+    return tuple(n for n, b in structure.blocks.items() if n in selected and b.closes)
 
 
 def _moved(mechanism: Compiled, driver: str | None) -> str:
@@ -311,25 +313,25 @@ def _moved(mechanism: Compiled, driver: str | None) -> str:
     if driver is None and len(drivers) == 1:
         return drivers[0]
     if driver is None:
-        found = f"the mechanism has {len(drivers)} drivers" if drivers else "it has no driver"
+        message = f"the mechanism has {len(drivers)} drivers" if drivers else "it has no driver"
         remedy = f"name one of: {listed(drivers)}" if drivers else ""
-        raise refused("limits", found, remedy)
+        raise refused("limits", message, remedy)
     return among(drivers, "driver", driver)[0]
 
 
 def _held(mechanism: Compiled, moved: str, at: Record) -> dict[str, float]:
     """Where the drivers stand that do not move: as asked, or where their motion begins."""
-    others = [d for d in mechanism.drivers if d != moved]
-    valid = f"held: {listed(others)}"
+    rest = [d for d in mechanism.drivers if d != moved]
+    valid = f"held: {listed(rest)}"
     why = {moved: "this driver is the one that moves"}
-    odd = [d for d in at if d not in others]
-    problems = [_wrong(f"at[{d}]", why.get(d, "there is no such driver"), valid) for d in odd]
-    held = {}
-    for d in others:
+    invalid = [d for d in at if d not in rest]
+    problems = [_wrong(f"at[{d}]", why.get(d, "there is no such driver"), valid) for d in invalid]
+    fixed = {}
+    for d in rest:
         q = at[d] if d in at else mechanism.scene.begin(d)
         x = number_in_si(q, mechanism._coordinate_units[d]) if isinstance(q, str) else q
         if isinstance(x, int | float) and math.isfinite(x):
-            held[d] = float(x)
+            fixed[d] = float(x)
         elif d in at:
             problems.append(_wrong(f"at[{d}]", f"not a finite number: {q!r}", valid))
         else:
@@ -337,8 +339,8 @@ def _held(mechanism: Compiled, moved: str, at: Record) -> dict[str, float]:
             problems.append(_wrong(d, "nothing says where this driver is held", "", remedy))
     if problems:
         raise RequestError(problems)
-    return held
+    return fixed
 
 
-def _wrong(where: str, found: str, valid: str = "", remedy: str = "") -> Problem:
-    return Problem("bad-request", where, found, valid, remedy)
+def _wrong(where: str, message: str, valid: str = "", remedy: str = "") -> Problem:
+    return Problem("bad-request", where, message, valid, remedy)

@@ -22,32 +22,32 @@ from blockmech.model.structure import JointRef
 Ends = Mapping[str, Body]
 
 
-def _argument(e: Evidence, load: Following, what: str, ends: Ends) -> tuple[Array, Array]:
+def _argument(e: Evidence, load: Following, variable: str, ends: Ends) -> tuple[Array, Array]:
     """An argument of a law (n,), and the size of what it is made of."""
-    if what == "signal":
+    if variable == "signal":
         name = next(n for n, x in e.structure.elements.items() if x is load)
-        given = e.run[e.structure.signal_wires[JointRef(name, LAW)]]
-        return given, np.abs(given)
-    if what == "time":
+        value = e.run[e.structure.signal_wires[JointRef(name, LAW)]]
+        return value, np.abs(value)
+    if variable == "time":
         time = np.asarray(e.run.time)
         return time, np.abs(time)
     if load.driver is not None:
-        given = e.run[f"{load.driver}.{'q' if what == 'coordinate' else 'rate'}"]
-        return given, np.abs(given)
+        value = e.run[f"{load.driver}.{'q' if variable == 'coordinate' else 'rate'}"]
+        return value, np.abs(value)
     if isinstance(load, Force):
         at = ends["at"]
         speed = np.abs(at.v) + np.abs(at.om) * np.abs(at.p)
-        vector, size = (at.p, np.abs(at.p)) if what == "coordinate" else (at.v, speed)
+        vector, size = (at.p, np.abs(at.p)) if variable == "coordinate" else (at.v, speed)
         return (np.conj(_direction(load, at)) * vector).real, size
     a, b = ends["a"], ends["b"]
     if isinstance(load, Motor):
-        if what == "coordinate":
+        if variable == "coordinate":
             return np.angle(b.e * np.conj(a.e)), np.ones(e.run.n)
         return b.om - a.om, np.abs(a.om) + np.abs(b.om)
-    k = int(what == "rate")
+    k = int(variable == "rate")
     u = _line(load, a, b)
-    along = (np.conj(u) * a.seen(b)[k]).real
-    return along, a.sizes(b)[k]
+    component = (np.conj(u) * a.seen(b)[k]).real
+    return component, a.sizes(b)[k]
 
 
 def _line(load: Any, a: Body, b: Body) -> Array:
@@ -59,7 +59,7 @@ def _line(load: Any, a: Body, b: Body) -> Array:
 
 def _law(e: Evidence, load: Following, ends: Ends) -> Term:
     """What a law says (n,), and by how much its arguments' rounding may change it."""
-    pairs_read = [_argument(e, load, what, ends) for what in load.variables()]
+    pairs_read = [_argument(e, load, variable, ends) for variable in load.variables()]
     x = [value for value, _ in pairs_read]
 
     def of(*arguments: Array) -> Array:
@@ -69,9 +69,9 @@ def _law(e: Evidence, load: Following, ends: Ends) -> Term:
 
     value = of(*x)
     size = np.abs(value)
-    for i, (_, known) in enumerate(pairs_read):
+    for i, (_, magnitude) in enumerate(pairs_read):
         for step in (-TOLERANCE, TOLERANCE):
-            moved = of(*x[:i], x[i] + step * known, *x[i + 1 :])
+            moved = of(*x[:i], x[i] + step * magnitude, *x[i + 1 :])
             size = np.fmax(size, np.abs(value) + np.abs(moved - value) / TOLERANCE)
     return Term(value, size)
 
@@ -102,10 +102,10 @@ def _spring(e: Evidence, load: Spring, ends: Ends) -> dict[str, Term]:
     u = np.where(meet, v, d) / np.where(meet, np.abs(v) + (v == 0), length)
     rest = np.where(meet & (load.free_length * load.stiffness != 0), math.nan, load.free_length)
     pull = u * (load.stiffness * (length - rest) + load.damping * (np.conj(u) * v).real)
-    place, speed, _ = a.sizes(b)
+    reach, speed, _ = a.sizes(b)
     apart = np.where(meet, 1.0, length)
-    size = abs(load.stiffness) * (place + load.free_length * (1 + place / apart))
-    size = size + load.damping * (speed + np.abs(v) * place / apart)
+    size = abs(load.stiffness) * (reach + load.free_length * (1 + reach / apart))
+    size = size + load.damping * (speed + np.abs(v) * reach / apart)
     return {"a": Term(pull, size), "b": Term(-pull, size)}
 
 
@@ -146,7 +146,7 @@ def loads(e: Evidence) -> Iterator[Residual]:
     """Each load gives what it declares, and its power is what it gives times the motion."""
     for name, load in e.structure.elements.items():
         ends = {t: e.bodies.held(JointRef(name, t)) for t in load.terminals}
-        given = {
+        efforts = {
             t: e.run[f"{name}.{t}.{'force' if terminal.kind == 'point' else 'couple'}"]
             for t, terminal in load.terminals.items()
         }
@@ -154,17 +154,17 @@ def loads(e: Evidence) -> Iterator[Residual]:
             with np.errstate(all="ignore"):
                 declared = DECLARED[type(load)](e, load, ends)
             for t, term in declared.items():
-                yield Residual("load of", name, given[t] - term.value, term.size)
+                yield Residual("load of", name, efforts[t] - term.value, term.size)
         powers = [plain(-e.run[f"{name}.power"])]
         for t, end in ends.items():
             if load.terminals[t].kind == "point":
                 link = e.bodies.link(e.structure.holds[JointRef(name, t)].on)
-                size = np.abs(given[t]) * link.sizes(end)[1]  # its speed may cancel on its link
-                powers.append(power(given[t], end.v)._replace(size=size))
+                size = np.abs(efforts[t]) * link.sizes(end)[1]  # its speed may cancel on its link
+                powers.append(power(efforts[t], end.v)._replace(size=size))
             else:
-                powers.append(plain(given[t] * end.om))
-        whole = total(powers)
-        yield Residual("load of", name, whole.value, whole.size)
+                powers.append(plain(efforts[t] * end.om))
+        balance = total(powers)
+        yield Residual("load of", name, balance.value, balance.size)
 
 
 def energies(e: Evidence) -> Iterator[Residual]:
@@ -173,20 +173,23 @@ def energies(e: Evidence) -> Iterator[Residual]:
     kinetic, potential = [], []
     gravity = e.run.mechanism.scene.gravity.z
     for link in moving:
-        own = e.structure.properties(link)
-        cm = e.bodies.link(link).at(own.cm.z)
-        kinetic += [plain(own.mass * np.abs(cm.v) ** 2 / 2), plain(own.inertia * cm.om**2 / 2)]
-        potential.append(power(np.full(e.run.n, -own.mass * gravity), cm.p))
+        properties = e.structure.properties(link)
+        cm = e.bodies.link(link).at(properties.cm.z)
+        kinetic += [
+            plain(properties.mass * np.abs(cm.v) ** 2 / 2),
+            plain(properties.inertia * cm.om**2 / 2),
+        ]
+        potential.append(power(np.full(e.run.n, -properties.mass * gravity), cm.p))
     elastic = [(n, x) for n, x in e.structure.elements.items() if x.energy() is not None]
-    known = all(type(load) in DECLARED for _, load in elastic)
-    for name, load in elastic if known else ():
+    declared = all(type(load) in DECLARED for _, load in elastic)
+    for name, load in elastic if declared else ():
         a, b = (e.bodies.held(JointRef(name, t)) for t in load.terminals)
         potential.append(_stored(load, a, b))
-    for what, terms in {"kinetic": kinetic, "potential": potential if known else []}.items():
+    for kind, terms in {"kinetic": kinetic, "potential": potential if declared else []}.items():
         if terms:
-            given = plain(-e.run[f"mechanism.{what}_energy"])
-            whole = total([given, *terms])
-            yield Residual(f"{what} energy of", "the whole", whole.value, whole.size)
+            reported = plain(-e.run[f"mechanism.{kind}_energy"])
+            balance = total([reported, *terms])
+            yield Residual(f"{kind} energy of", "the whole", balance.value, balance.size)
 
 
 def _stored(load: Any, a: Body, b: Body) -> Term:

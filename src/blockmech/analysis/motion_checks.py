@@ -31,7 +31,7 @@ def closures(e: Evidence) -> Iterator[Residual]:
     """
     for block, kind in e.structure.blocks.items():
         ends = {ref: e.bodies.ends(ref) for ref in (JointRef(block, n) for n in kind.joints)}
-        sizes = np.sum([one.sizes(other) for one, other in ends.values()], axis=0)
+        sizes = np.sum([earlier.sizes(later) for earlier, later in ends.values()], axis=0)
         rate, spin = (
             sum(np.abs(getattr(b, x)) for e in ends.values() for b in e) for x in ("om", "al")
         )
@@ -39,17 +39,17 @@ def closures(e: Evidence) -> Iterator[Residual]:
         sizes[2] += spin * sizes[0] + rate * sizes[1]
         sizes[1:] *= e.condition(block)
         reach = kind.largest_length() or 1.0
-        for ref, (one, other) in ends.items():
-            sliding, turns = kind.joints[ref.name].kind == "P", _turns(one, other)
-            for k, seen in enumerate(one.seen(other)):
-                left = (np.conj(one.e) * seen).imag if sliding else seen
-                yield Residual("closure of", ref, left, sizes[k])
+        for ref, (earlier, later) in ends.items():
+            sliding, turns = kind.joints[ref.name].kind == "P", _turns(earlier, later)
+            for k, relative in enumerate(earlier.seen(later)):
+                residual = (np.conj(earlier.e) * relative).imag if sliding else relative
+                yield Residual("closure of", ref, residual, sizes[k])
                 if sliding:
                     size = np.abs(turns[k][0]) + np.abs(turns[k][1]) + sizes[k] / reach
                     yield Residual("closure of", ref, turns[k][1] - turns[k][0], size)
-            left = _along(one, other)[1] if sliding else turns[1][1] - turns[1][0]
-            size = sizes[1] if sliding else sizes[1] / reach + np.abs(one.om) + np.abs(other.om)
-            yield Residual("closure of", ref, left - e.run[f"{ref}.slip"], size)
+            residual = _along(earlier, later)[1] if sliding else turns[1][1] - turns[1][0]
+            size = sizes[1] if sliding else sizes[1] / reach + np.abs(earlier.om) + np.abs(later.om)
+            yield Residual("closure of", ref, residual - e.run[f"{ref}.slip"], size)
 
 
 def markers(e: Evidence) -> Iterator[Residual]:
@@ -59,40 +59,42 @@ def markers(e: Evidence) -> Iterator[Residual]:
             at = e.structure.block(block).place_of(e.structure.marker(marker))
             body = e.bodies.link(marker.on)
             point, sizes = body.at(at), body.sizes(body.at(at))
-            for k, what in enumerate("pva"):
-                left = point[k] - e.run[f"{marker}.{what}"]
-                yield Residual("markers on", marker.on, left, sizes[k])
+            for k, quantity in enumerate("pva"):
+                residual = point[k] - e.run[f"{marker}.{quantity}"]
+                yield Residual("markers on", marker.on, residual, sizes[k])
 
 
-def _turns(one: Body, other: Body) -> tuple[tuple[Array, Array], ...]:
+def _turns(earlier: Body, later: Body) -> tuple[tuple[Array, Array], ...]:
     """Directions, rates and angular accelerations of both ends of a pair."""
-    return (one.e, other.e), (one.om, other.om), (one.al, other.al)
+    return (earlier.e, later.e), (earlier.om, later.om), (earlier.al, later.al)
 
 
-def _along(one: Body, other: Body) -> list[Array]:
+def _along(earlier: Body, later: Body) -> list[Array]:
     """Way, rate and acceleration of a pair along its guide."""
-    return [(np.conj(one.e) * seen).real for seen in one.seen(other)]
+    return [(np.conj(earlier.e) * relative).real for relative in earlier.seen(later)]
 
 
 def drivers(e: Evidence) -> Iterator[Residual]:
     """Each driven pair has the coordinate, rate and acceleration that were asked for."""
     for driver, ref in e.structure.driven.items():
-        one, other = e.bodies.ends(ref)
+        earlier, later = e.bodies.ends(ref)
         sign, offset = e.structure.coordinate(driver)
         q, rate, acceleration = (e.run[f"{driver}.{x}"] for x in ("q", "rate", "acceleration"))
         prescribed = sign * q + offset, sign * rate, sign * acceleration
         condition = e.condition(ref.block)
         if e.structure.joint(ref).rotary:
-            turn = other.e * np.conj(one.e) - np.exp(1j * prescribed[0])
+            turn = later.e * np.conj(earlier.e) - np.exp(1j * prescribed[0])
             size = 1 + np.abs(q) + abs(offset)
             yield Residual("value of", driver, turn, size)
-            for k, (a, b) in enumerate(_turns(one, other)[1:], start=1):
+            for k, (a, b) in enumerate(_turns(earlier, later)[1:], start=1):
                 size = np.abs(a) + np.abs(b) + np.abs(prescribed[k])
                 yield Residual("value of", driver, b - a - prescribed[k], size * condition)
             continue
-        for k, (way, size) in enumerate(zip(_along(one, other), one.sizes(other), strict=True)):
+        for k, (travel, size) in enumerate(
+            zip(_along(earlier, later), earlier.sizes(later), strict=True)
+        ):
             size = (size + np.abs(prescribed[k]) + abs(offset)) * (condition if k else 1.0)
-            yield Residual("value of", driver, way - prescribed[k], size)
+            yield Residual("value of", driver, travel - prescribed[k], size)
 
 
 def laws_of_motion(e: Evidence) -> Iterator[Residual]:
@@ -112,9 +114,9 @@ def laws_of_motion(e: Evidence) -> Iterator[Residual]:
             )
         if isinstance(law, OverRange):
             q, rate = q[:, 0], rate[:, 0]
-            _, along, push = law.at_coordinates(q)
+            _, speed, push = law.at_coordinates(q)
             size = rate**2 + 2 * np.abs(push) * (np.abs(q) + abs(law.start))
-            yield Residual("law of motion of", driver, along**2 - rate**2, size)
+            yield Residual("law of motion of", driver, speed**2 - rate**2, size)
 
 
 def modes(e: Evidence) -> Iterator[Residual]:
@@ -157,14 +159,14 @@ def _asked(e: Evidence, name: str) -> Array | int:
         branch: int = block.branch
         return branch
     ((driver, home),) = block.home.drivers.items()
-    q, there = e.run[f"{driver}.q"], e.structure.followed[name]
+    q, change_points = e.run[f"{driver}.q"], e.structure.followed[name]
     rotary = e.structure.driver_joint(driver).rotary
     passed = np.zeros(e.run.n)
-    for point in there.points:
-        one, other = q - point, home - point
+    for point in change_points.points:
+        offset, home_offset = q - point, home - point
         if rotary:  # once a turn
-            passed += np.floor(one / math.tau) - math.floor(other / math.tau)
+            passed += np.floor(offset / math.tau) - math.floor(home_offset / math.tau)
         else:
-            passed += (one > 0) != (other > 0)
+            passed += (offset > 0) != (home_offset > 0)
     sign_now: Array = block.home.branch * (1 - 2 * (passed % 2))
     return sign_now

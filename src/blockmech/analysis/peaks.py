@@ -60,12 +60,12 @@ class Peaks(NamedTuple):
         """Above which (m,) there is more."""
         return self.value + ENDED * np.abs(self.value)
 
-    def rise(self, row: Indices, value: Floats, place: Floats) -> None:
+    def rise(self, row: Indices, value: Floats, position: Floats) -> None:
         """Put in values of functions, of some several, where they are larger."""
         before = self.value[row]
         np.maximum.at(self.value, row, value)
         new = (value == self.value[row]) & (value > before)
-        self.place[row[new]] = place[new]
+        self.place[row[new]] = position[new]
 
 
 @dataclass
@@ -118,7 +118,7 @@ class Search:
     def _smooth(self) -> tuple[Indices, Indices]:
         """Find the tops of smooth functions; functions, and cells of them, that are left."""
         m, n = self.y.shape
-        at, others = np.empty(m, np.intp), np.empty(m)
+        at, bounds = np.empty(m, np.intp), np.empty(m)
         value = np.empty(m)
         for first in range(0, m, ROWS):
             some = slice(first, first + ROWS)
@@ -126,11 +126,13 @@ class Search:
             row, at[some] = np.arange(len(size)), size.argmax(axis=1)
             bound = self._bound(self.y[some], size)
             self._leave_out(bound, row, at[some])
-            value[some], others[some] = size[row, at[some]], bound[row, bound.argmax(axis=1)]
+            value[some], bounds[some] = size[row, at[some]], bound[row, bound.argmax(axis=1)]
         self.peaks = Peaks(value, self.s[at], np.zeros(m))
         sure = self._put_tops(np.arange(m), at)
-        left = ~sure | (others > self.peaks.limit)
-        rows = np.flatnonzero(left if self.suspects is None else left | self.suspects.any(axis=1))
+        unresolved = ~sure | (bounds > self.peaks.limit)
+        rows = np.flatnonzero(
+            unresolved if self.suspects is None else unresolved | self.suspects.any(axis=1)
+        )
         if not len(rows):
             return rows, rows
         high = self._put_others(rows, at[rows], sure[rows])
@@ -146,8 +148,8 @@ class Search:
             row, k = row[sure], k[sure]
             self._leave_out(bound, row, k)
             k = bound[row].argmax(axis=1)
-            more = bound[row, k] > self.peaks.limit[rows[row]]
-            row, k = row[more], k[more]
+            higher = bound[row, k] > self.peaks.limit[rows[row]]
+            row, k = row[higher], k[higher]
             if not len(row):
                 break
             sure = self._put_tops(rows[row], k)
@@ -216,21 +218,21 @@ class Search:
             k = np.where(np.isnan(values), -np.inf, values).argmax(axis=1)
             top = values[np.arange(len(row)), k]
             z, summit, tail = summits(values, NODES[k])
-            ended, inside = tail <= self.ended * scale[row], (np.abs(z) < 1.0) & (summit > top)
+            smooth, inside = tail <= self.ended * scale[row], (np.abs(z) < 1.0) & (summit > top)
             bound = np.maximum(top, summit) + len(NODES) * tail
-            risen = ended & inside
+            risen = smooth & inside
             z, top = np.where(risen, z, NODES[k]), np.where(risen, summit, top)
             error[row[np.isnan(values).any(axis=1)]] = np.inf
-            known = top == top
-            self.peaks.rise(row[known], top[known], (middle + half * z)[known])
+            finite = top == top
+            self.peaks.rise(row[finite], top[finite], (middle + half * z)[finite])
             np.add.at(spent, row, 1)
-            left = ~ended & (bound > value[row]) & np.isfinite(error[row])
-            left &= half > NARROW * np.maximum(np.abs(low), np.abs(high))
-            over = left & (spent[row] > MOST)
+            open_ = ~smooth & (bound > value[row]) & np.isfinite(error[row])
+            open_ &= half > NARROW * np.maximum(np.abs(low), np.abs(high))
+            over = open_ & (spent[row] > MOST)
             np.maximum.at(error, row[over], (bound - value[row])[over])
-            left &= ~over
-            row = np.repeat(row[left], 2)
-            ends = np.stack([low[left], middle[left], middle[left], high[left]], 1)
+            open_ &= ~over
+            row = np.repeat(row[open_], 2)
+            ends = np.stack([low[open_], middle[open_], middle[open_], high[open_]], 1)
             low, high = ends.reshape(-1, 2).T
         doubt = np.flatnonzero((error > 0.0) & np.isfinite(error))
         if len(doubt) and self.y.shape[1] > 2:
@@ -239,16 +241,16 @@ class Search:
 
 
 @cache
-def polynomial(places: tuple[float, ...]) -> Floats:
+def polynomial(nodes: tuple[float, ...]) -> Floats:
     """Values (k,) at places -> coefficients (k,) of the polynomial through them, rising."""
-    return np.ascontiguousarray(np.linalg.inv(np.vander(places, increasing=True)).T)
+    return np.ascontiguousarray(np.linalg.inv(np.vander(nodes, increasing=True)).T)
 
 
 @cache
 def series_end() -> Floats:
     """Values (8,) at the nodes of a panel -> the last two coefficients of its Chebyshev series."""
-    whole = np.linalg.inv(chebyshev.chebvander(NODES, len(NODES) - 1))
-    return np.ascontiguousarray(whole[-2:].T)
+    inverse = np.linalg.inv(chebyshev.chebvander(NODES, len(NODES) - 1))
+    return np.ascontiguousarray(inverse[-2:].T)
 
 
 def turning(c: Floats, x: Floats) -> Floats:

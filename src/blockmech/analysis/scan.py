@@ -113,17 +113,17 @@ def scan(
     return Scan(x, np.asarray((value or function)(x), dtype=float))
 
 
-def places(series: Series, span: Span, others: Floats) -> Floats:
+def places(series: Series, span: Span, extra: Floats) -> Floats:
     """Where to look, rising: ends of panels, and where there is no series all samples.
 
-    ``others`` are shares of the span.
+    ``extra`` are shares of the span.
     """
     inner = (series.edges[:-1, None] + series.edges[1:, None]) / 2
     inner = inner + np.diff(series.edges)[:, None] / 2 * nodes(NODES)
-    kept = np.zeros(inner.shape, dtype=bool)
-    kept[:, [0, -1]] = True
-    kept[~series.resolved] = True
-    return np.unique(span.place(np.concatenate([series.edges[[0, -1]], inner[kept], others])))
+    mask = np.zeros(inner.shape, dtype=bool)
+    mask[:, [0, -1]] = True
+    mask[~series.resolved] = True
+    return np.unique(span.place(np.concatenate([series.edges[[0, -1]], inner[mask], extra])))
 
 
 def shown_place(q: float) -> float:

@@ -114,8 +114,8 @@ def stroke(
         is not run to and fro, or no range to follow
     SampleError where the output exists at no sample
     """
-    how = {"friction": friction}
-    cycle = cycle_of(source, **how, static=static)
+    settings = {"friction": friction}
+    cycle = cycle_of(source, **settings, static=static)
     output, parts = parts_of(cycle.mechanism, name)
     path: Path = "scalar"
     chord: float | None = None
@@ -173,30 +173,30 @@ def _curve(cycle: Cycle, output: str) -> Turns:
 
     def velocity(s: Floats) -> NDArray[np.complex128]:
         """Derivative of the place with respect to s: the velocity at unit rate."""
-        given = cycle.request(s)
-        given |= {"rates": 1.0, "accelerations": 0.0} if cycle.by == "coordinate" else {}
-        run = cycle.mechanism.run(want=rate, on_gap="mark", **given)
+        request = cycle.request(s)
+        request |= {"rates": 1.0, "accelerations": 0.0} if cycle.by == "coordinate" else {}
+        run = cycle.mechanism.run(want=rate, on_gap="mark", **request)
         return np.asarray(run[rate])
 
     rate = output.removesuffix("p") + "v"
-    ends, *more = cycle.stretches(velocity)
-    if more:
+    ends, *stretches = cycle.stretches(velocity)
+    if stretches:
         raise refused(output, "its path is not in one piece", ASK)
     closed = cycle.turns and ends == (cycle.low, cycle.high)
     marks = _reversals(cycle, velocity, ends, closed)
     if closed and len(marks) < 2:
         raise refused(output, "the marker runs round a closed path and never reverses", ASK)
     marks = [*marks, marks[0] + cycle.high - cycle.low] if closed else [ends[0], *marks, ends[1]]
-    place = [0.0]
+    lengths = [0.0]
     for i, (a, b) in enumerate(pairwise(marks)):
-        place.append(place[-1] + (-1) ** i * _length(velocity, Span(a, b)))
+        lengths.append(lengths[-1] + (-1) ** i * _length(velocity, Span(a, b)))
     if closed:
-        way = sum(abs(b - a) for a, b in pairwise(place))
-        if abs(place[-1] - place[0]) > ALIKE * way:
+        distance = sum(abs(b - a) for a, b in pairwise(lengths))
+        if abs(lengths[-1] - lengths[0]) > ALIKE * distance:
             raise refused(output, "the marker does not return on the path it came on", ASK)
-        marks, place = [cycle.wrapped(s) for s in marks[:-1]], place[:-1]
-    low, high = int(np.argmin(place)), int(np.argmax(place))
-    last = Turn(marks[high], place[high] - place[low], 1)
+        marks, lengths = [cycle.wrapped(s) for s in marks[:-1]], lengths[:-1]
+    low, high = int(np.argmin(lengths)), int(np.argmax(lengths))
+    last = Turn(marks[high], lengths[high] - lengths[low], 1)
     return Turns(Turn(marks[low], 0.0, -1), last, (), closed)
 
 

@@ -59,19 +59,19 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
 
 def _continued(cycle: Cycle, read: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
     """An angle that does not jump by a turn on any stretch: it stays near the samples."""
-    places = cycle.places()
-    known = np.array(read(places))
-    good = np.isfinite(known)
+    coordinates = cycle.places()
+    angles = np.array(read(coordinates))
+    good = np.isfinite(angles)
     for a, b in runs(good):
-        known[a : b + 1] = np.unwrap(known[a : b + 1])
-    places, known = places[good], known[good]
-    between = (places[1:] + places[:-1]) / 2
+        angles[a : b + 1] = np.unwrap(angles[a : b + 1])
+    coordinates, angles = coordinates[good], angles[good]
+    between = (coordinates[1:] + coordinates[:-1]) / 2
 
     def value(s: Floats) -> Floats:
         angle = np.asarray(read(s))
-        if not len(known):
+        if not len(angles):
             return angle
-        turns = np.round((known[np.searchsorted(between, s)] - angle) / (2 * math.pi))
+        turns = np.round((angles[np.searchsorted(between, s)] - angle) / (2 * math.pi))
         return np.asarray(angle + 2 * math.pi * turns)
 
     return value
@@ -100,11 +100,11 @@ class Turns(NamedTuple):
 
 def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     """Follow a signal over a cycle."""
-    places, values = cycle.places(), signal.value(cycle.places())
+    coordinates, values = cycle.places(), signal.value(cycle.places())
     good = np.isfinite(values)
     if not good.any():
         # The run's own error says which block fails, and where.
-        without_gaps(cycle.run(places, signal.name), "raise")
+        without_gaps(cycle.run(coordinates, signal.name), "raise")
         raise refused(signal.name, "it has no value anywhere in the cycle")
     largest = float(np.abs(values[good]).max())
     repeats = abs(values[-1] - values[0]) <= ALIKE * largest
@@ -113,9 +113,10 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     ends: list[Turn] = []
     if good.all() and np.ptp(values) <= ROUNDING * largest:
         ends = [Turn(cycle.low, float(values[0]), 1, True)]
-    elif good.all() and _is_noise(signal, places, values):  # there is nothing to close in on
+    elif good.all() and _is_noise(signal, coordinates, values):  # there is nothing to close in on
         ends = [
-            Turn(float(places[i]), float(values[i]), 1) for i in (values.argmax(), values.argmin())
+            Turn(float(coordinates[i]), float(values[i]), 1)
+            for i in (values.argmax(), values.argmin())
         ]
     else:
         for low, high in cycle.stretches(signal.value):
@@ -123,15 +124,15 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
             inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed))
             if not closed:
                 ends += [_end(cycle, signal, edge) for edge in (low, high)]
-    least = min([*inner, *ends], key=lambda t: t.value)
-    most = max([*inner, *ends], key=lambda t: t.value)
-    return Turns(least._replace(sign=-1), most._replace(sign=1), tuple(sorted(inner)), closed)
+    minimum = min([*inner, *ends], key=lambda t: t.value)
+    maximum = max([*inner, *ends], key=lambda t: t.value)
+    return Turns(minimum._replace(sign=-1), maximum._replace(sign=1), tuple(sorted(inner)), closed)
 
 
-def _is_noise(signal: Signal, places: Floats, values: Floats) -> bool:
+def _is_noise(signal: Signal, samples: Floats, values: Floats) -> bool:
     """Whether a signal changes at random from one place to one beside it."""
-    beside = signal.value(places[:-1] + NEAR * np.ptp(places))
-    return bool(np.mean(np.abs(beside - values[:-1])) > NOISY * np.ptp(values))
+    neighbours = signal.value(samples[:-1] + NEAR * np.ptp(samples))
+    return bool(np.mean(np.abs(neighbours - values[:-1])) > NOISY * np.ptp(values))
 
 
 def _inner(cycle: Cycle, signal: Signal, span: Span) -> list[Turn]:
@@ -141,28 +142,28 @@ def _inner(cycle: Cycle, signal: Signal, span: Span) -> list[Turn]:
     curve = scan(signal.smooth, span, edges, signal.value)
     good = np.isfinite(curve.y)
     x, y = curve.x[good], curve.y[good]
-    made = []
+    turns = []
     for i, sign in _turning(y, span.turn):
         s = float(x[i])
         if 0 < i < len(x) - 1:
             s = _cornered(signal, s, min(s - float(x[i - 1]), float(x[i + 1]) - s), sign)
-        made.append(Turn(cycle.wrapped(s) if span.turn else s, _at(signal, s), sign))
-    return made
+        turns.append(Turn(cycle.wrapped(s) if span.turn else s, _at(signal, s), sign))
+    return turns
 
 
 def _cornered(signal: Signal, s: float, room: float, sign: int) -> float:
     """An extremum, closed in on where values beside it are better: then it is no smooth one."""
     aside = np.outer([-1, 1], room * BESIDE).ravel()
-    at, *beside = (sign * signal.value(np.append(s, s + aside))).tolist()
-    if not max(beside) > at + ROUNDING * abs(at):
+    at, *neighbours = (sign * signal.value(np.append(s, s + aside))).tolist()
+    if not max(neighbours) > at + ROUNDING * abs(at):
         return s
-    near = np.array([s - room, s, s + room])
+    samples = np.array([s - room, s, s + room])
 
-    def value(row: Any, places: Floats) -> Floats:
-        return sign * signal.value(places.ravel()).reshape(places.shape)
+    def value(row: Any, coordinates: Floats) -> Floats:
+        return sign * signal.value(coordinates.ravel()).reshape(coordinates.shape)
 
-    known = sign * signal.value(near)[None]
-    return float(Search(value, near, known, ended=EPS).found().place[0])
+    values = sign * signal.value(samples)[None]
+    return float(Search(value, samples, values, ended=EPS).found().place[0])
 
 
 def _at(signal: Signal, s: float) -> float:
@@ -205,7 +206,7 @@ def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:
         return Turn(edge, at, 1, True)
     inward = (cycle.high - cycle.low) / cycle.steps
     inward = inward if math.isfinite(_at(signal, edge + 1e-6 * inward)) else -inward
-    far, near, nearest = (_at(signal, edge + inward * x) for x in (1e-2, 1e-4, 1e-6))
-    if abs(nearest - near) > 2 * abs(near - far) + ROUNDING * abs(near):
-        at = math.copysign(math.inf, nearest - near)
+    first, second, third = (_at(signal, edge + inward * x) for x in (1e-2, 1e-4, 1e-6))
+    if abs(third - second) > 2 * abs(second - first) + ROUNDING * abs(second):
+        at = math.copysign(math.inf, third - second)
     return Turn(edge, at, 1, True)

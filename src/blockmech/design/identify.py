@@ -124,10 +124,10 @@ class Identification(Facts, Pictured):
 
     def __getitem__(self, address: str) -> float:
         if address not in self.values:
-            found = (
+            message = (
                 "the data do not tell it" if address in self.not_apart else "it was not asked for"
             )
-            raise refused(address, found, f"identified: {listed(self.values)}")
+            raise refused(address, message, f"identified: {listed(self.values)}")
         return self.values[address]
 
     @property
@@ -194,9 +194,9 @@ class _Fit:
     @cached_property
     def _near(self) -> tuple[Variation, Plan]:
         """The mechanism as these numbers vary, and its plan."""
-        near = Variation.of(self.mechanism, self.chosen.values())
+        variation = Variation.of(self.mechanism, self.chosen.values())
         outputs = (part_of(self.mechanism, n)[0] for n in self.record.columns)
-        return near, near.general.plan(tuple(dict.fromkeys(outputs)), **self.settings)
+        return variation, variation.general.plan(tuple(dict.fromkeys(outputs)), **self.settings)
 
     def _about(self, x: Floats) -> tuple[Variation, Plan, dict[str, Parameter]]:
         """The same about other numbers, whatever the file says of them by themselves.
@@ -206,39 +206,47 @@ class _Fit:
         numbers = dict(zip(self.chosen, x.tolist(), strict=True))
         chosen = {a: p._replace(value=numbers[a]) for a, p in self.chosen.items()}
         if of_links(self.mechanism) or is_written_out(self.mechanism):
-            other = replace(self, mechanism=remade(self.mechanism, numbers), chosen=chosen)
-            return *other._near, chosen
-        near, plan = self._near
+            fit = replace(self, mechanism=remade(self.mechanism, numbers), chosen=chosen)
+            return *fit._near, chosen
+        variation, plan = self._near
         seeds = zip(chosen.values(), np.eye(len(chosen)), strict=True)
-        return replace(near, numbers={p.path: Varied(p.value, e) for p, e in seeds}), plan, chosen
+        return (
+            replace(variation, numbers={p.path: Varied(p.value, e) for p, e in seeds}),
+            plan,
+            chosen,
+        )
 
     def at(self, x: Floats, rows: Any = slice(None)) -> tuple[Floats, NDArray[Any]]:
         """Residuals (c, n) and derivatives (c, n, k) of the outputs at numbers (k,).
 
         Raises `BlockmechError` for a design that does not assemble.
         """
-        near, plan, chosen = self._about(x)
+        variation, plan, chosen = self._about(x)
         parts = [part_of(self.mechanism, n) for n in self.record.columns]
         sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])
         seeds = np.diag(sizes)
-        taken = self.record.samples.at(rows) if not isinstance(rows, slice) else self.record.samples
-        refuse_deflections(self.mechanism, plan, "derivatives")
-        given = {k: np.asarray(v) for k, v in taken.given(plan.program.inputs).items()}
-        shape = len(chosen), taken.n
-        values = DualEngine(plan.program).run(
-            given, program_numbers(plan, near, seeds), *shape[::-1]
+        samples = (
+            self.record.samples.at(rows) if not isinstance(rows, slice) else self.record.samples
         )
-        outputs, residuals, slopes = near.outputs(seeds), [], []
+        refuse_deflections(self.mechanism, plan, "derivatives")
+        inputs = {k: np.asarray(v) for k, v in samples.given(plan.program.inputs).items()}
+        shape = len(chosen), samples.n
+        values = DualEngine(plan.program).run(
+            inputs, program_numbers(plan, variation, seeds), *shape[::-1]
+        )
+        outputs, residuals, slopes = variation.outputs(seeds), [], []
         with np.errstate(all="ignore"):
             for (output, part), measured in zip(parts, self.record.columns.values(), strict=True):
-                made = outputs[output].read(*(values[i] for i in plan.layout[output]))
-                made = {"x": lambda m: m.real, "y": lambda m: m.imag, "": lambda m: m}[part](made)
-                residuals.append(measured[rows] - np.broadcast_to(value(made), shape[1:]))
-                slopes.append((np.broadcast_to(slope(made), shape) / sizes[:, None]).T)
+                output_values = outputs[output].read(*(values[i] for i in plan.layout[output]))
+                output_values = {"x": lambda m: m.real, "y": lambda m: m.imag, "": lambda m: m}[
+                    part
+                ](output_values)
+                residuals.append(measured[rows] - np.broadcast_to(value(output_values), shape[1:]))
+                slopes.append((np.broadcast_to(slope(output_values), shape) / sizes[:, None]).T)
         return np.array(residuals), np.array(slopes)
 
 
-def _solved(fit: _Fit, kept: list[int], start: Floats, sizes: Floats) -> Floats:
+def _solved(fit: _Fit, free: list[int], start: Floats, sizes: Floats) -> Floats:
     """Numbers that fit best, those not kept where they are."""
     from scipy.optimize import least_squares
 
@@ -247,14 +255,14 @@ def _solved(fit: _Fit, kept: list[int], start: Floats, sizes: Floats) -> Floats:
     measured = np.array([*fit.record.columns.values()])
     largest = np.abs(measured).max(axis=1)
     largest = np.where(largest > 0, largest, 1.0)
-    least = NOISE * largest
+    floor = NOISE * largest
     weight = 1.0 / np.maximum(np.std(measured, axis=1), START * largest)
     last: Data = {}
 
     def evaluated(u: Floats) -> tuple[Floats, NDArray[Any]]:
         if last.get("u") != u.tobytes():
             x = start.copy()
-            x[kept] = u * sizes[kept]
+            x[free] = u * sizes[free]
             try:
                 r, d = fit.at(x, rows)
             except BlockmechError:
@@ -269,16 +277,16 @@ def _solved(fit: _Fit, kept: list[int], start: Floats, sizes: Floats) -> Floats:
 
     def jacobian(u: Floats) -> Floats:
         d = evaluated(u)[1] * weight[:, None, None]
-        return np.asarray(-np.nan_to_num(d[..., kept] * sizes[kept]).reshape(-1, len(kept)))
+        return np.asarray(-np.nan_to_num(d[..., free] * sizes[free]).reshape(-1, len(free)))
 
     x = start.copy()
     for _ in range(2):  # by the size of the columns first, then by their noise
         optimum = least_squares(
-            residual, x[kept] / sizes[kept], jacobian, method="lm", xtol=1e-10, ftol=1e-10
+            residual, x[free] / sizes[free], jacobian, method="lm", xtol=1e-10, ftol=1e-10
         )
-        x[kept] = optimum.x * sizes[kept]
+        x[free] = optimum.x * sizes[free]
         noise = np.sqrt(np.mean(evaluated(optimum.x)[0] ** 2, axis=1))
-        weight = 1.0 / np.maximum(noise, least)
+        weight = 1.0 / np.maximum(noise, floor)
     return x
 
 
@@ -302,9 +310,11 @@ def dependent(J: Floats) -> tuple[list[int], list[int], Floats]:
     _, R, order = qr(J, mode="economic", pivoting=True)
     size = np.abs(np.diag(R))
     rank = int((size > SAME * size.max(initial=0.0)).sum()) if size.size else 0
-    how = solve_triangular(R[:rank, :rank], R[:rank, rank:]) if rank else np.zeros((0, J.shape[1]))
-    how = np.where(np.abs(how) > math.sqrt(SAME), how, 0.0)
-    return order[:rank].tolist(), order[rank:].tolist(), how
+    factors = (
+        solve_triangular(R[:rank, :rank], R[:rank, rank:]) if rank else np.zeros((0, J.shape[1]))
+    )
+    factors = np.where(np.abs(factors) > math.sqrt(SAME), factors, 0.0)
+    return order[:rank].tolist(), order[rank:].tolist(), factors
 
 
 @declared
@@ -347,8 +357,8 @@ def identify(
     chosen = chosen_numbers(mechanism, (numbers,) if isinstance(numbers, str) else tuple(numbers))
     record = record_of(mechanism, data)
     if record.samples.n * len(record.columns) <= len(chosen):
-        found = f"{record.samples.n} rows for {len(chosen)} numbers"
-        raise refused("data", found, "measure more, or identify less")
+        message = f"{record.samples.n} rows for {len(chosen)} numbers"
+        raise refused("data", message, "measure more, or identify less")
     settings = {"friction": friction, "static": static or record.samples.at_rest}
     fit = _Fit(mechanism, chosen, record, settings)
     start = np.array([float(p.value) for p in chosen.values()])
@@ -360,9 +370,9 @@ def identify(
     scale = np.abs([*record.columns.values()]).max(axis=1)
     scale = np.where(scale > 0, scale, 1.0)
     J = (d * sizes / scale[:, None, None]).reshape(-1, k)
-    seen = [i for i in range(k) if np.abs(J[:, i]).max() > SAME * np.abs(J).max(initial=0.0)]
-    columns, others, how = dependent(J[:, seen])
-    base, rest = [seen[i] for i in columns], [seen[i] for i in others]
+    visible = [i for i in range(k) if np.abs(J[:, i]).max() > SAME * np.abs(J).max(initial=0.0)]
+    columns, dependents, factors = dependent(J[:, visible])
+    base, rest = [visible[i] for i in columns], [visible[i] for i in dependents]
     x = _solved(fit, base, start, sizes) if base else start
     cov = np.empty((0, 0))
     for _ in range(FULL):
@@ -377,7 +387,7 @@ def identify(
         if n <= PART or np.abs(step / np.sqrt(np.diag(cov))).max() <= ENOUGH:
             break
         x[base] += step * sizes[base]
-    return _made(fit, names, x, (base, rest, how, seen), sizes, cov, r, noise)
+    return _made(fit, names, x, (base, rest, factors, visible), sizes, cov, r, noise)
 
 
 def _made(
@@ -390,11 +400,11 @@ def _made(
     r: Floats,
     noise: Floats,
 ) -> Identification:
-    base, rest, how, seen = parts
+    base, rest, factors, visible = parts
     values: dict[str, float] = {}
     deviations: dict[str, float] = {}
     together: list[Combination] = []
-    unseen = [names[i] for i in range(len(names)) if i not in seen]
+    unseen = [names[i] for i in range(len(names)) if i not in visible]
     for row, i in enumerate(base):
         deviation = math.sqrt(cov[row, row]) * sizes[i]
         if deviation > max(sizes[i], abs(x[i])):
@@ -402,28 +412,31 @@ def _made(
             continue
         weights = {names[i]: 1.0}
         weights |= {
-            names[j]: w * sizes[i] / sizes[j] for j, w in zip(rest, how[row], strict=True) if w
+            names[j]: w * sizes[i] / sizes[j] for j, w in zip(rest, factors[row], strict=True) if w
         }
         if len(weights) == 1:
             values[names[i]], deviations[names[i]] = float(x[i]), float(deviation)
         else:
             total = sum(w * x[names.index(a)] for a, w in weights.items())
             together.append(Combination(weights, float(total), float(deviation)))
-    lone = [names[j] for n, j in enumerate(rest) if not how[:, n].any()]
-    known = {a: p.unit for a, p in fit.chosen.items()}
+    lone = [names[j] for n, j in enumerate(rest) if not factors[:, n].any()]
+    units_of_numbers = {a: p.unit for a, p in fit.chosen.items()}
     columns = [*fit.record.columns]
     outputs = fit.mechanism.outputs
-    units = known | {c: outputs[part_of(fit.mechanism, c)[0]].unit for c in columns}
+    units = units_of_numbers | {c: outputs[part_of(fit.mechanism, c)[0]].unit for c in columns}
     order = np.argsort(fit.record.coordinate, kind="stable")
     doubts = [c for c, row in zip(columns, r, strict=True) if _is_pattern(row[order])]
-    shown = dict(sorted(values.items(), key=lambda kv: names.index(kv[0])))
+    ordered = dict(sorted(values.items(), key=lambda kv: names.index(kv[0])))
     notes = []
     try:
-        made = remade(fit.mechanism, values) if values else fit.mechanism
+        identified = remade(fit.mechanism, values) if values else fit.mechanism
     except BlockmechError as error:
-        made, notes = fit.mechanism, [f"no mechanism has these numbers: {error.problems[0].found}"]
+        identified, notes = (
+            fit.mechanism,
+            [f"no mechanism has these numbers: {error.problems[0].found}"],
+        )
     return Identification(
-        made, shown, deviations, tuple(together), tuple(dict.fromkeys([*unseen, *lone])),
+        identified, ordered, deviations, tuple(together), tuple(dict.fromkeys([*unseen, *lone])),
         dict(zip(columns, noise.tolist(), strict=True)), dict(zip(columns, r, strict=True)),
         fit.record.coordinate, units, tuple(doubts), tuple(notes),
     )  # fmt: skip

@@ -308,28 +308,30 @@ def linearize(
         refuse_friction_states(mechanism)
     drivers = dict(zip(mechanism.drivers, q.tolist(), strict=True))
     efforts = [mechanism._of_driver(d, "drive") for d in mechanism.drivers]
-    wanted = _outputs(mechanism, _names(outputs))
-    sources, own = sources_of(mechanism), states_of(mechanism)
+    selected = _outputs(mechanism, _names(outputs))
+    sources, signal_states = sources_of(mechanism), states_of(mechanism)
     extra = _names(inputs)
-    known = chosen_numbers(mechanism, [n for n in extra if n not in sources])
+    numbers = chosen_numbers(mechanism, [n for n in extra if n not in sources])
     motion = q, qd, np.zeros_like(q)
     x, notes = _signals(mechanism, motion, time, states or {}, slips)
-    of = derivatives_at(mechanism, motion, x, time, outputs=wanted, numbers=known, friction=slips)
+    of = derivatives_at(
+        mechanism, motion, x, time, outputs=selected, numbers=numbers, friction=slips
+    )
     if not of.margin > 0:  # the run's own error says which group fails
         mechanism.run(drivers, want=[mechanism._of_driver(d, "tau_red") for d in drivers])
-    fed = [(n in sources, sources[n] if n in sources else [*known].index(n)) for n in extra]
-    space = _space(of, len(q), [*own.values()], fed)
+    fed = [(n in sources, sources[n] if n in sources else [*numbers].index(n)) for n in extra]
+    space = _space(of, len(q), [*signal_states.values()], fed)
     k = len(q)
     K, damping, M = (of.by[:k, i * k : (i + 1) * k] for i in range(3))
     effort = 0 * of.effort if balanced else of.effort  # what is left of a balance is rounding
-    units = {n: mechanism.outputs[n].unit for n in (*efforts, *wanted)}
-    units |= {n: mechanism.outputs[n].unit if n in sources else known[n].unit for n in extra}
+    units = {n: mechanism.outputs[n].unit for n in (*efforts, *selected)}
+    units |= {n: mechanism.outputs[n].unit if n in sources else numbers[n].unit for n in extra}
     if mechanism.frictional_joints and not slips:
         notes.append("friction of joints is left out: what rests by it does not vibrate")
     speeds = dict(zip(mechanism.drivers, qd.tolist(), strict=True))
     return Linearization(
-        mechanism, drivers, speeds, effort, M, damping, K, *space, (*efforts, *extra), wanted,
-        units, tuple(notes), {n: float(x[i]) for n, i in own.items()},
+        mechanism, drivers, speeds, effort, M, damping, K, *space, (*efforts, *extra), selected,
+        units, tuple(notes), {n: float(x[i]) for n, i in signal_states.items()},
     )  # fmt: skip
 
 
@@ -337,17 +339,19 @@ def _signals(
     mechanism: Compiled,
     motion: tuple[Floats, Floats, Floats],
     t: float,
-    given: Mapping[str, float],
+    values: Mapping[str, float],
     slips: bool,
 ) -> tuple[Floats, list[str]]:
     """States (n,) of all signal blocks, those that are not given at rest, and what to know."""
-    own, x = states_of(mechanism), initial_states(mechanism, t)
-    for name, number in given.items():
-        if name not in own:
-            remedy = close_match(name, [*own])
-            raise refused(f"states[{name}]", "no state has that name", remedy, listed(own))
-        x[own[name]] = float(number)
-    free = [i for n, i in own.items() if n not in given]
+    state_numbers, x = states_of(mechanism), initial_states(mechanism, t)
+    for name, number in values.items():
+        if name not in state_numbers:
+            remedy = close_match(name, [*state_numbers])
+            raise refused(
+                f"states[{name}]", "no state has that name", remedy, listed(state_numbers)
+            )
+        x[state_numbers[name]] = float(number)
+    free = [i for n, i in state_numbers.items() if n not in values]
     k = len(motion[0])
     of: Derivatives | None = None
     for _ in range(ROUNDS if free else 0):
@@ -364,7 +368,7 @@ def _signals(
 
 
 def _space(
-    of: Derivatives, k: int, own: list[int], extra: list[tuple[bool, int]]
+    of: Derivatives, k: int, states: list[int], extra: list[tuple[bool, int]]
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """A, B, C, D of z = (x, x', s) from derivatives by motion, signals and numbers.
 
@@ -372,8 +376,8 @@ def _space(
     """
     n = len(of.rates)
     q, qd, qdd = (slice(i * k, (i + 1) * k) for i in range(3))
-    s = [3 * k + i for i in own]
-    v = [3 * k + i if held else 3 * k + n + i for held, i in extra]
+    s = [3 * k + i for i in states]
+    v = [3 * k + i if is_source else 3 * k + n + i for is_source, i in extra]
     u = of.by[:k]
     if np.linalg.matrix_rank(u[:, qdd]) < k:
         raise refused("linearize", "a driver moves no mass here", "give its links mass or inertia")
@@ -387,7 +391,7 @@ def _space(
         return direct + of_rows[:, qdd] @ by_z, fed + of_rows[:, qdd] @ by_in
 
     size = 2 * k + len(s)
-    signals, fed = rows(of.by[k + np.array(own, int)])
+    signals, fed = rows(of.by[k + np.array(states, int)])
     A = np.vstack([np.eye(k, size, k), by_z, signals])
     B = np.vstack([np.zeros_like(by_in), by_in, fed])
     return A, B, *rows(of.by[k + n :])
@@ -407,8 +411,8 @@ def _outputs(mechanism: Compiled, names: tuple[str, ...]) -> tuple[str, ...]:
     return matched
 
 
-def _names(given: Iterable[str] | str) -> tuple[str, ...]:
-    return (given,) if isinstance(given, str) else tuple(given)
+def _names(names: Iterable[str] | str) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _resting(mechanism: Compiled) -> Equilibrium:
@@ -417,10 +421,10 @@ def _resting(mechanism: Compiled) -> Equilibrium:
     every = ([e for e in look(charts=x).stable if not e.stop] for x in (False, True))
     stable = next(filter(None, every), [])
     if len(stable) != 1:
-        words = f"there are {len(stable)} stable equilibria"
+        message = f"there are {len(stable)} stable equilibria"
         remedy = "give at=, a pose or one of equilibria()"
         valid = listed(e.text() for e in stable) if stable else ""
-        raise refused("at", words, remedy, valid)
+        raise refused("at", message, remedy, valid)
     only: Equilibrium = stable[0]
     return only
 
@@ -428,9 +432,11 @@ def _resting(mechanism: Compiled) -> Equilibrium:
 def _state(mechanism: Compiled, at: Any, rates: Any) -> tuple[Floats, Floats]:
     """Coordinates and rates (k,) of a request."""
     none = dict.fromkeys(mechanism.drivers, 0.0)
-    taken = mechanism.samples(at, None, None, none if rates is None else rates, none)
-    if taken.n != 1:
-        raise refused("at", f"it names {taken.n} poses", "give one number for each driver")
+    samples = mechanism.samples(at, None, None, none if rates is None else rates, none)
+    if samples.n != 1:
+        raise refused("at", f"it names {samples.n} poses", "give one number for each driver")
     k = len(mechanism.drivers)
-    q, qd = ([float(np.ravel(taken.inputs[f"{x}_{i}"])[0]) for i in range(k)] for x in ("q", "qd"))
+    q, qd = (
+        [float(np.ravel(samples.inputs[f"{x}_{i}"])[0]) for i in range(k)] for x in ("q", "qd")
+    )
     return np.array(q), np.array(qd)

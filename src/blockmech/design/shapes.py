@@ -47,25 +47,25 @@ class Body:
 
     def at(self, x: float, y: float, angle: float = 0.0) -> Body:
         """The body turned by an angle [rad] about the origin, then moved by x, y [m]."""
-        place = complex(*self.cm) * complex(math.cos(angle), math.sin(angle)) + complex(x, y)
-        return Body(self.mass, self.inertia, (place.real, place.imag))
+        centre = complex(*self.cm) * complex(math.cos(angle), math.sin(angle)) + complex(x, y)
+        return Body(self.mass, self.inertia, (centre.real, centre.imag))
 
-    def __add__(self, other: Body) -> Body:
-        return self._with(other, 1)
+    def __add__(self, body: Body) -> Body:
+        return self._with(body, 1)
 
     def __sub__(self, hole: Body) -> Body:
         return self._with(hole, -1)
 
-    def _with(self, other: Body, sign: int) -> Body:
+    def _with(self, body: Body, sign: int) -> Body:
         """Both as one: centres by moments, inertias by parallel axes."""
-        mass = self.mass + sign * other.mass
+        mass = self.mass + sign * body.mass
         if not mass > 0:
-            found = f"{self.mass:.9g} kg less {other.mass:.9g} kg leave no mass"
-            raise RequestError([Problem("bad-value", "shapes", found, "", "take less away")])
-        a, b = complex(*self.cm), complex(*other.cm)
-        cm = (self.mass * a + sign * other.mass * b) / mass
+            message = f"{self.mass:.9g} kg less {body.mass:.9g} kg leave no mass"
+            raise RequestError([Problem("bad-value", "shapes", message, "", "take less away")])
+        a, b = complex(*self.cm), complex(*body.cm)
+        cm = (self.mass * a + sign * body.mass * b) / mass
         inertia = self.inertia + self.mass * abs(a - cm) ** 2
-        inertia += sign * (other.inertia + other.mass * abs(b - cm) ** 2)
+        inertia += sign * (body.inertia + body.mass * abs(b - cm) ** 2)
         return Body(mass, inertia, (cm.real, cm.imag))
 
 
@@ -115,8 +115,8 @@ def polygon(outline: Iterable[Sequence[float]], **amount: float) -> Body:
     """The area within corners (x, y) [m], in either sense of rotation."""
     z = np.array([complex(*corner) for corner in outline])
     if len(z) < 3 or not np.isfinite(z).all():
-        found = f"got {len(z)} corners"
-        raise RequestError([Problem("bad-value", "outline", found, "three or more, finite", "")])
+        message = f"got {len(z)} corners"
+        raise RequestError([Problem("bad-value", "outline", message, "three or more, finite", "")])
     origin = z.mean()  # about which little cancels
     a, b = z - origin, np.roll(z, -1) - origin
     cross = (a.conjugate() * b).imag
@@ -127,8 +127,8 @@ def polygon(outline: Iterable[Sequence[float]], **amount: float) -> Body:
     second = (cross * (np.abs(a) ** 2 + (a.conjugate() * b).real + np.abs(b) ** 2)).sum() / 12
     mass = _mass(abs(float(area)), amount)
     inertia = mass * (float(second / area) - abs(cm) ** 2)
-    place = complex(cm + origin)
-    return Body(mass, inertia, (place.real, place.imag))
+    centre = complex(cm + origin)
+    return Body(mass, inertia, (centre.real, centre.imag))
 
 
 def _mass(area: float, amount: dict[str, float]) -> float:
@@ -139,9 +139,9 @@ def _mass(area: float, amount: dict[str, float]) -> float:
     if "thickness" in amount and amount.keys() <= {"thickness", "density"}:
         _refuse(area=area, **amount)
         return float(area * amount["thickness"] * amount.get("density", STEEL))
-    found = f"got {', '.join(amount) or 'neither'}"
+    message = f"got {', '.join(amount) or 'neither'}"
     valid = "mass=, or thickness= and density= (steel)"
-    raise RequestError([Problem("bad-request", "shapes", found, valid, "say how much it is")])
+    raise RequestError([Problem("bad-request", "shapes", message, valid, "say how much it is")])
 
 
 def _refuse(**sizes: float) -> None:

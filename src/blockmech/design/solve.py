@@ -259,21 +259,21 @@ def _of_drivers(
     lows, highs = np.array(ranges).T
     sizes = highs - lows
     grid = itertools.product(*(np.linspace(low, high, STARTS) for low, high in ranges))
-    found: list[tuple[Floats, Floats]] = []
+    roots: list[tuple[Floats, Floats]] = []
     nearest = math.inf
     for start in grid:
         x, slopes, misfit = _solved(read, np.array(start), sizes)
         nearest = min(nearest, misfit)
-        off = [np.abs(x - other) for other, _ in found]
-        apart = [np.where(rotary, np.abs(_within_half_turn(d)), d) for d in off]
+        offsets = [np.abs(x - root) for root, _ in roots]
+        apart = [np.where(rotary, np.abs(_within_half_turn(d)), d) for d in offsets]
         inside = (lows - CLOSE * sizes <= x) & (x <= highs + CLOSE * sizes) | rotary
         if misfit <= CLOSE and inside.all() and not any((d <= ALIKE * sizes).all() for d in apart):
-            found.append((x, slopes))
+            roots.append((x, slopes))
     names = [mechanism._of_driver(d, "q") for d in mechanism.drivers]
     of = {n: mechanism.outputs[n].unit for n in names}
     solutions = tuple(
         Solution(dict(zip(names, x.tolist(), strict=True)), of, slopes, mode)
-        for x, slopes in sorted(found, key=lambda pair: pair[0].tolist())
+        for x, slopes in sorted(roots, key=lambda pair: pair[0].tolist())
     )
     return Solutions(dict(wanted), units, solutions, f"it misses by {nearest:.3g} of the values")
 

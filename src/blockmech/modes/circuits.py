@@ -123,7 +123,7 @@ def connect(
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         wrong = f"a range of the driver is needed, got {low} to {high}"
         raise refused("connect", wrong)
-    made: TriadAt = (lambda _: triad) if isinstance(triad, Triad) else triad
+    triad_at: TriadAt = (lambda _: triad) if isinstance(triad, Triad) else triad
     span = Span(low, high, turn=ends == WHOLE)  # in which supports are smooth again at its ends
 
     def to_q(p: Floats) -> Floats:
@@ -135,11 +135,11 @@ def connect(
         return TURN * (share if span.turn else 2 / math.pi * math.asin(math.sqrt(share)))
 
     middle = np.array([(low + high) / 2])
-    like = placed(made(middle), outer(middle))
+    like = placed(triad_at(middle), outer(middle))
 
     def held(p: Floats) -> Placed:
         q = to_q(p)
-        return placed(made(q), outer(q), like, len(q))
+        return placed(triad_at(q), outer(q), like, len(q))
 
     line = _Line(held, ends == WHOLE)
     line.connect([to_p(q) for q in also])
@@ -203,80 +203,82 @@ class _Line:
         h = self.nodes[b].p - self.nodes[a].p
         return h % TURN if self.turn else h
 
-    def _add(self, places: Sequence[float], nudges: Sequence[float]) -> None:
+    def _add(self, positions: Sequence[float], nudges: Sequence[float]) -> None:
         """Nodes at places, or a little beside where a mode is at a dead centre."""
-        p, nudge = np.array(places), np.array(nudges)
+        p, nudge = np.array(positions), np.array(nudges)
         nudge[p >= TURN] *= -1  # the end of a range
         if self.turn:
             p %= TURN
         for _ in range(CHECKS):
-            held = self.held(p)
-            poses_at = poses(held)
+            placed = self.held(p)
+            poses_at = poses(placed)
             row = np.repeat(np.arange(len(p)), [len(f.x) for f in poses_at])
             x = np.concatenate([f.x for f in poses_at])
-            rows = held.rows(row).conditions(x)[1]
+            rows = placed.rows(row).conditions(x)[1]
             loose = np.bincount(row, looseness(rows) <= DELTA, len(p)) > 0
-            near = loose | np.isnan(held.pivots).any(axis=1)
-            if not near.any():
+            singular = loose | np.isnan(placed.pivots).any(axis=1)
+            if not singular.any():
                 break
-            p[near] += nudge[near]
+            p[singular] += nudge[singular]
             nudge *= 1 + GOLDEN
         if any(double for f in poses_at for double in f.double):
             doubles = "the modes of the triad could not be followed along the driver without doubt"
             remedy = "ask for a shorter range of the driver"
             raise refused("modes", doubles, remedy, code="not-followed")
-        back, ahead = (p + d if self.turn else np.clip(p + d, 0, TURN) for d in (-DELTA, DELTA))
-        misses = [self.held(q).rows(row).conditions(x)[0] for q in (back, ahead)]
-        rate = solved(rows, (misses[0] - misses[1]) / (ahead - back)[row, None])
+        back, forward = (p + d if self.turn else np.clip(p + d, 0, TURN) for d in (-DELTA, DELTA))
+        misses = [self.held(q).rows(row).conditions(x)[0] for q in (back, forward)]
+        rate = solved(rows, (misses[0] - misses[1]) / (forward - back)[row, None])
         sign = np.sign(np.linalg.det(rows)).astype(int)
         for n, f in enumerate(poses_at):
-            own = row == n
-            node = _Node(float(p[n]), held.rows([n]), f, rate[own], sign[own].tolist())
+            mask = row == n
+            node = _Node(float(p[n]), placed.rows([n]), f, rate[mask], sign[mask].tolist())
             self.nodes.append(node)
 
     # -- from one node to the next ---------------------------------------------------------
 
     def _joined(self, a: int, b: int) -> bool:
         """Whether it is known how the modes go on from node a to node b; it is recorded."""
-        one, other, h = self.nodes[a], self.nodes[b], self._step(a, b)
-        x, y = one.found.x[:, None], other.found.x[None]
-        miss = np.maximum(apart(x + h * one.rate[:, None], y), apart(x, y - h * other.rate[None]))
-        near = miss <= SHARE * np.minimum(_gaps(one)[:, None], _gaps(other)[None])
-        on, back = near.sum(axis=1), near.sum(axis=0)
-        ahead = self._merging(a, np.flatnonzero(on == 0).tolist(), 1, h)
+        first, second, h = self.nodes[a], self.nodes[b], self._step(a, b)
+        x, y = first.found.x[:, None], second.found.x[None]
+        miss = np.maximum(
+            apart(x + h * first.rate[:, None], y), apart(x, y - h * second.rate[None])
+        )
+        close = miss <= SHARE * np.minimum(_gaps(first)[:, None], _gaps(second)[None])
+        on, back = close.sum(axis=1), close.sum(axis=0)
+        forward = self._merging(a, np.flatnonzero(on == 0).tolist(), 1, h)
         behind = self._merging(b, np.flatnonzero(back == 0).tolist(), 0, h)
         sure = max(on.max(initial=0), back.max(initial=0)) <= 1
-        if (ahead is None or behind is None or not sure) and h > NARROWEST:
+        if (forward is None or behind is None or not sure) and h > NARROWEST:
             return False
-        for i, j in np.argwhere(near & (on == 1)[:, None] & (back == 1)).tolist():
+        for i, j in np.argwhere(close & (on == 1)[:, None] & (back == 1)).tolist():
             self.right[a, i] = (b, j), h
-            if one.sign[i] != other.sign[j]:
+            if first.sign[i] != second.sign[j]:
                 self.passed[a, i] = self._change_point(a, i, b, j, h)
-        self.merged |= (ahead or {}) | (behind or {})
+        self.merged |= (forward or {}) | (behind or {})
         return True
 
     def _merging(
-        self, n: int, left: list[int], way: int, h: float
+        self, n: int, remaining: list[int], side: int, h: float
     ) -> dict[tuple[At, int], tuple[float, At]] | None:
         """The dead centres within a step h at which modes of a node end; None if in doubt."""
         node, merged = self.nodes[n], dict[tuple[At, int], tuple[float, At]]()
-        if len(left) % 2:
+        if len(remaining) % 2:
             return None
-        while left:
-            i = left.pop(0)
-            gaps = apart(node.found.x[i], node.found.x[left])
-            gap, j = float(gaps.min()), left.pop(int(gaps.argmin()))
-            one, other = node.found.x[[i, j]]
-            near = fold(self._system, one + _between(one, other) / 2, node.p)
-            if near is None or node.sign[i] == node.sign[j]:
+        while remaining:
+            i = remaining.pop(0)
+            gaps = apart(node.found.x[i], node.found.x[remaining])
+            gap, j = float(gaps.min()), remaining.pop(int(gaps.argmin()))
+            first, second = node.found.x[[i, j]]
+            dead_centre = fold(self._system, first + _between(first, second) / 2, node.p)
+            if dead_centre is None or node.sign[i] == node.sign[j]:
                 return None
-            step, half = near.parameter - node.p, near.half(node.p)
-            both = near.x + np.outer((half, -half), near.loose)
+            step, half = dead_centre.parameter - node.p, dead_centre.half(node.p)
+            both = dead_centre.x + np.outer((half, -half), dead_centre.loose)
             misses = (apart(both, node.found.x[pair]).max() for pair in ([i, j], [j, i]))
-            ahead = step if way else -step
-            if not (-NARROWEST <= ahead <= h + NARROWEST and min(misses) <= SHARE * gap):
+            offset = step if side else -step
+            if not (-NARROWEST <= offset <= h + NARROWEST and min(misses) <= SHARE * gap):
                 return None
-            merged |= {((n, i), way): (step, (n, j)), ((n, j), way): (step, (n, i))}
+            merged |= {((n, i), side): (step, (n, j)), ((n, j), side): (step, (n, i))}
         return merged
 
     def _system(self, x: Floats, p: Floats) -> tuple[Floats, Floats]:
@@ -284,15 +286,19 @@ class _Line:
 
     def _change_point(self, a: int, i: int, b: int, j: int, h: float) -> float:
         """The step from node a to where the determinant passes zero on the way to node b."""
-        one, other = self.nodes[a], self.nodes[b]
-        x, move = one.found.x[i], _between(one.found.x[i], other.found.x[j])
+        first_node, second_node = self.nodes[a], self.nodes[b]
+        x, move = first_node.found.x[i], _between(first_node.found.x[i], second_node.found.x[j])
 
         def determinant(step: Floats) -> Floats:
             s = (step / h)[:, None]  # of the cubic between both, with their rates
-            guess = x + h * s * (1 - s) ** 2 * one.rate[i] - h * s**2 * (1 - s) * other.rate[j]
-            held = self.held(one.p + step)
-            pose, _ = newton(held.conditions, guess + s**2 * (3 - 2 * s) * move)
-            return np.asarray(np.linalg.det(held.conditions(pose)[1]))
+            guess = (
+                x
+                + h * s * (1 - s) ** 2 * first_node.rate[i]
+                - h * s**2 * (1 - s) * second_node.rate[j]
+            )
+            placed = self.held(first_node.p + step)
+            pose, _ = newton(placed.conditions, guess + s**2 * (3 - 2 * s) * move)
+            return np.asarray(np.linalg.det(placed.conditions(pose)[1]))
 
         ends = np.array([0.0, h])
         first, last = np.abs(determinant(ends))
@@ -313,21 +319,21 @@ class _Line:
                 walk_of |= dict.fromkeys(walk.passes, walk)
         of: dict[At, At] = {at: min(walk.passes) for at, walk in walk_of.items()}
         met: nx.Graph[At] = nx.Graph(
-            (of[at], of[other]) for (at, _), (_, other) in self.merged.items()
+            (of[at], of[partner]) for (at, _), (_, partner) in self.merged.items()
         )
         met.add_nodes_from(of.values())
         circuits = sorted(map(sorted, nx.connected_components(met)))
         number = {at: n for n, at in enumerate(itertools.chain.from_iterable(circuits))}
-        arcs, passes, places = [], [], []
+        arcs, passes, positions = [], [], []
         for circuit, first in ((k, at) for k, part in enumerate(circuits) for at in part):
             walk = walk_of[first]
-            (low, *_), (high, *_) = ends_ = [self._end(walk, way) for way in (0, 1)]
+            (low, *_), (high, *_) = ends_ = [self._end(walk, side) for side in (0, 1)]
             # The middle of one that ends is on the first turn.
-            whole = self.turn and not walk.ring
-            shift = TURN * math.floor((low + high) / 2 / TURN) if whole else 0.0
+            open_turn = self.turn and not walk.ring
+            shift = TURN * math.floor((low + high) / 2 / TURN) if open_turn else 0.0
             start, end = (
-                ArcEnd(q(p - shift), ends if how == RANGE else how, at and number[of[at]])
-                for p, how, at in ends_
+                ArcEnd(q(p - shift), ends if reason == RANGE else reason, at and number[of[at]])
+                for p, reason, at in ends_
             )
             steps = zip(walk.passes, walk.places, strict=True)
             passed = tuple(q(p + self.passed[at] - shift) for at, p in steps if at in self.passed)
@@ -336,33 +342,33 @@ class _Line:
             turns = round(high / TURN) if walk.ring else 0
             arcs.append(Arc(start, end, None, sign, turns, passed, circuit))
             passes.append(tuple(walk.passes))
-            places.append(tuple(q(p - shift) for p in walk.places))
+            positions.append(tuple(q(p - shift) for p in walk.places))
         return Connections(
             tuple(q(node.p) for node in self.nodes),
             tuple(modes_of(node.held, node.found) for node in self.nodes),
             tuple(arcs),
             tuple(passes),
-            tuple(places),
+            tuple(positions),
             self.turn,
         )
 
     def _walk(self, at: At) -> _Walk:
-        passes, places = [at], [self.nodes[at[0]].p]
+        passes, positions = [at], [self.nodes[at[0]].p]
         while (on := self.right.get(passes[-1])) and on[0] != at:
             passes.append(on[0])
-            places.append(places[-1] + on[1])
-        return _Walk(passes, places, on is not None)
+            positions.append(positions[-1] + on[1])
+        return _Walk(passes, positions, on is not None)
 
-    def _end(self, walk: _Walk, way: int) -> tuple[float, str, At | None]:
+    def _end(self, walk: _Walk, side: int) -> tuple[float, str, At | None]:
         """Where an arc ends, backwards (0) or ahead (1): place, why, what it merges with."""
-        at, p = walk.passes[-way], walk.places[-way]
+        at, p = walk.passes[-side], walk.places[-side]
         if walk.ring:
             length = walk.places[-1] + self.right[walk.passes[-1]][1] - walk.places[0]
-            return TURN * round(length / TURN) * way, WHOLE, None
-        if (at, way) in self.merged:
-            step, other = self.merged[at, way]
-            return p + step, DEAD, other
-        return (TURN * way, RANGE, None) if at[0] == self.borders[way] else (p, LOST, None)
+            return TURN * round(length / TURN) * side, WHOLE, None
+        if (at, side) in self.merged:
+            step, partner = self.merged[at, side]
+            return p + step, DEAD, partner
+        return (TURN * side, RANGE, None) if at[0] == self.borders[side] else (p, LOST, None)
 
 
 def _gaps(node: _Node) -> Floats:
@@ -372,8 +378,8 @@ def _gaps(node: _Node) -> Floats:
     return np.asarray(apiece.min(axis=1, initial=LONGEST))
 
 
-def _between(one: Floats, other: Floats) -> Floats:
+def _between(first: Floats, second: Floats) -> Floats:
     """The way from one pose to another, the shorter way round."""
-    way = other - one
-    way[2] = math.remainder(float(way[2]), TURN)
-    return way
+    difference = second - first
+    difference[2] = math.remainder(float(difference[2]), TURN)
+    return difference

@@ -111,71 +111,71 @@ def triad_modes(triad: Triad, supports: Sequence[Support]) -> tuple[TriadMode, .
     >>> [round(m.angle, 3) for m in triad_modes(level, (0, 5, 1 + 4j))]
     [-1.294, -0.083, 0.063, 0.539, 0.672, 1.98]
     """
-    held = placed(triad, supports)
-    return modes_of(held, poses(held)[0])
+    placed_triad = placed(triad, supports)
+    return modes_of(placed_triad, poses(placed_triad)[0])
 
 
-def modes_of(held: Placed, found: Poses) -> tuple[TriadMode, ...]:
+def modes_of(placed: Placed, solutions: Poses) -> tuple[TriadMode, ...]:
     """Modes of one triad in SI units and the platform's own frame."""
-    held = held.rows([0] * len(found.x))
-    o, e = held.pose(found.x)
-    misses, rows = held.conditions(found.x)
-    signs = np.where(found.double, 0, np.sign(np.linalg.det(rows))).astype(int)
+    placed = placed.rows([0] * len(solutions.x))
+    o, e = placed.pose(solutions.x)
+    misses, rows = placed.conditions(solutions.x)
+    signs = np.where(solutions.double, 0, np.sign(np.linalg.det(rows))).astype(int)
     numbers = (o, e, np.abs(misses).max(axis=1), looseness(rows) ** 2, signs)
     columns = (x.tolist() for x in numbers)
-    return tuple(TriadMode(*m) for m in zip(*columns, found.double, strict=True))
+    return tuple(TriadMode(*m) for m in zip(*columns, solutions.double, strict=True))
 
 
-def poses(held: Placed) -> list[Poses]:
+def poses(placed: Placed) -> list[Poses]:
     """All modes of n triads; none of one whose supports are not finite."""
-    every = [directions(f) if np.isfinite(f).all() else f[:0] for f in coefficients(held)]
+    every = [directions(f) if np.isfinite(f).all() else f[:0] for f in coefficients(placed)]
     row, z = np.repeat(np.arange(len(every)), [len(e) for e in every]), np.concatenate(every)
-    near = np.abs(np.log(np.abs(z))) <= LONGEST  # others are complex beyond doubt
-    row, e = row[near], z[near] / np.abs(z[near])
+    real = np.abs(np.log(np.abs(z))) <= LONGEST  # others are complex beyond doubt
+    row, e = row[real], z[real] / np.abs(z[real])
     with np.errstate(divide="ignore", invalid="ignore"):
-        o = shifts(held.rows(row), e)
+        o = shifts(placed.rows(row), e)
     start = np.stack([o.real, o.imag, np.broadcast_to(np.angle(e)[:, None], o.shape)], axis=-1)
     row, start = np.repeat(row, o.shape[1]), start.reshape(-1, 3)
     start, row = start[np.isfinite(start).all(axis=1)], row[np.isfinite(start).all(axis=1)]
-    x, miss = newton(held.rows(row).conditions, start)
-    loose = looseness(held.rows(row).conditions(x)[1])
+    x, miss = newton(placed.rows(row).conditions, start)
+    loose = looseness(placed.rows(row).conditions(x)[1])
     closed = has_closed(x, miss)
-    every_known: list[list[_Known]] = [[] for _ in every]
+    rows_of_poses: list[list[_Known]] = [[] for _ in every]
     tried: list[list[_Known]] = [[] for _ in every]
     # Where tau is larger than at the distance that `NEAR` means, both modes were closed from
     # directions of their own, if there are any.
     for k in np.flatnonzero(closed | ((loose <= NEAR) & (miss <= NEAR**2))).tolist():
-        known_poses, begun = every_known[row[k]], tried[row[k]]
+        poses_of_row, starts = rows_of_poses[row[k]], tried[row[k]]
         first = _Known(x[k], float(loose[k]))
-        if any(map(first.same, begun)):
+        if any(map(first.same, starts)):
             continue
-        begun.append(first)
-        beside: Iterable[_Known] = [first]
+        starts.append(first)
+        solutions: Iterable[_Known] = [first]
         if first.loose <= NEAR:
-            beside = _about_fold(held.rows([row[k]]), first, bool(closed[k]))
-        for known in beside:
-            if not any(map(known.same, known_poses)):
-                known_poses.append(known)
-    return [_sorted(known) for known in every_known]
+            solutions = _about_fold(placed.rows([row[k]]), first, bool(closed[k]))
+        for pose in solutions:
+            if not any(map(pose.same, poses_of_row)):
+                poses_of_row.append(pose)
+    return [_sorted(pose) for pose in rows_of_poses]
 
 
 def newton(
     system: Callable[[Floats], tuple[Floats, Floats]], start: Floats
 ) -> tuple[Floats, Floats]:
     """Newton's method from n places at once: the best seen (n, k), and their misses (n,)."""
-    x, best, least = start.copy(), start.copy(), np.full(len(start), np.inf)
+    x, best, smallest = start.copy(), start.copy(), np.full(len(start), np.inf)
     for _ in range(STEPS):
         f, rows = system(x)
         miss = np.abs(f).max(axis=1)
-        better = miss < least
-        best[better], least[better] = x[better], miss[better]
+        better = miss < smallest
+        best[better], smallest[better] = x[better], miss[better]
         step = solved(rows, -f)
         longest = np.abs(step).max(axis=1, initial=0.0)
         moves = (longest > EPS) & (better | (miss > CLOSED))  # not where there is no step: NaN
         if not moves.any():
             break
         x[moves] += step[moves] * np.minimum(1.0, LONGEST / longest[moves])[:, None]
-    return best, least
+    return best, smallest
 
 
 def fold(system: System, x: Floats, parameter: float) -> Fold | None:
@@ -184,15 +184,15 @@ def fold(system: System, x: Floats, parameter: float) -> Fold | None:
     The rates are bordered so that the matrix stays regular; the last number g of what it
     gives to a unit right side is zero where they are singular. Solved by Newton's method.
     """
-    left, _, right = np.linalg.svd(system(x[None], np.array([parameter]))[1][0])
+    left_vectors, _, right = np.linalg.svd(system(x[None], np.array([parameter]))[1][0])
     border = np.zeros((4, 4))
-    border[:3, 3], border[3, :3] = left[:, 2], right[2]
+    border[:3, 3], border[3, :3] = left_vectors[:, 2], right[2]
     last = Fold(x, parameter, right[2], 0.0, 0.0)
 
     def singular(z: Floats) -> tuple[Floats, Floats]:
         nonlocal last
-        near = z + DELTA * np.concatenate([np.zeros((1, 4)), np.eye(4), -np.eye(4)])
-        f, rows = system(near[:, :3], near[:, 3])
+        steps = z + DELTA * np.concatenate([np.zeros((1, 4)), np.eye(4), -np.eye(4)])
+        f, rows = system(steps[:, :3], steps[:, 3])
         border[:3, :3] = rows[0]
         v, w = (solved(m[None], np.eye(4)[3:])[0] for m in (border, border.T))
         turning = w[:3] @ ((rows[1:5] - rows[5:]) / (2 * DELTA)) @ v[:3]  # (4,)
@@ -205,8 +205,8 @@ def fold(system: System, x: Floats, parameter: float) -> Fold | None:
 
     z, miss = newton(singular, np.append(x, parameter)[None])
     singular(z)
-    near = float(np.abs(z[0, :3] - x).max()) <= LONGEST and abs(last.bend) >= SAME
-    return last if near and miss[0] <= SAME else None
+    steps = float(np.abs(z[0, :3] - x).max()) <= LONGEST and abs(last.bend) >= SAME
+    return last if steps and miss[0] <= SAME else None
 
 
 def solved(matrices: Floats, right: Floats) -> Floats:
@@ -227,10 +227,10 @@ def has_closed(x: Floats, miss: Floats) -> NDArray[np.bool_]:
     return np.asarray(miss <= CLOSED * np.maximum(1.0, np.hypot(x[:, 0], x[:, 1])))
 
 
-def apart(one: Floats, other: Floats) -> Floats:
+def apart(first: Floats, second: Floats) -> Floats:
     """Distances of poses (..., 3), in sizes and radians."""
-    turned = np.abs(np.exp(1j * one[..., 2]) - np.exp(1j * other[..., 2]))
-    return np.asarray(np.hypot(np.hypot(*np.moveaxis(one - other, -1, 0)[:2]), turned))
+    turned = np.abs(np.exp(1j * first[..., 2]) - np.exp(1j * second[..., 2]))
+    return np.asarray(np.hypot(np.hypot(*np.moveaxis(first - second, -1, 0)[:2]), turned))
 
 
 class _Known(NamedTuple):
@@ -239,49 +239,49 @@ class _Known(NamedTuple):
     double: bool = False
     flat: bool = False  # no parabola: three modes in one, or a platform that moves
 
-    def same(self, other: _Known) -> bool:
-        if self.flat and other.flat:  # one of the poses between which the platform moves
+    def same(self, pose: _Known) -> bool:
+        if self.flat and pose.flat:  # one of the poses between which the platform moves
             return True
-        loose = min(self.loose, other.loose)
-        within = SAME if self.double or other.double else min(SAME, 4 * CLOSED / loose)
-        return bool(apart(self.x, other.x) <= within)
+        loose = min(self.loose, pose.loose)
+        within = SAME if self.double or pose.double else min(SAME, 4 * CLOSED / loose)
+        return bool(apart(self.x, pose.x) <= within)
 
 
-def _about_fold(held: Placed, near_it: _Known, closed: bool) -> Iterator[_Known]:
+def _about_fold(placed: Placed, pose: _Known, closed: bool) -> Iterator[_Known]:
     """The modes found from one pose near a dead centre: none, one, or the two about it."""
-    x = near_it.x
-    f, rows = held.conditions(x[None])
+    x = pose.x
+    f, rows = placed.conditions(x[None])
     lost = np.linalg.svd(rows[0])[0][:, 2]  # the force that is about to be lost
 
     def relaxed(x: Floats, tau: Floats) -> tuple[Floats, Floats]:
-        f, rows = held.rows([0] * len(x)).conditions(x)
+        f, rows = placed.rows([0] * len(x)).conditions(x)
         return f - tau[:, None] * lost, rows
 
-    near = fold(relaxed, x, float(f[0] @ lost))
-    if near is None:  # three modes or more in one, or a platform that moves
+    dead_centre = fold(relaxed, x, float(f[0] @ lost))
+    if dead_centre is None:  # three modes or more in one, or a platform that moves
         if closed:
-            flat = near_it.loose <= CUSP
-            yield near_it._replace(double=flat, flat=flat)
+            flat = pose.loose <= CUSP
+            yield pose._replace(double=flat, flat=flat)
         return
-    half, miss = near.half(0.0), abs(near.parameter)
-    hidden = max(CLOSED, abs(near.bend) * SAME**2)
-    beside = closed and apart(x, near.x) > 4 * math.sqrt(hidden / abs(near.bend))
-    if miss <= hidden or (math.isnan(half) and closed and not beside):
-        yield _Known(near.x, 0.0, double=True)
+    half, miss = dead_centre.half(0.0), abs(dead_centre.parameter)
+    hidden = max(CLOSED, abs(dead_centre.bend) * SAME**2)
+    distinct = closed and apart(x, dead_centre.x) > 4 * math.sqrt(hidden / abs(dead_centre.bend))
+    if miss <= hidden or (math.isnan(half) and closed and not distinct):
+        yield _Known(dead_centre.x, 0.0, double=True)
     elif not math.isnan(half):
-        start = near.x + np.outer((half, -half), near.loose)
-        y, misses = newton(held.rows([0, 0]).conditions, start)
-        ratios = looseness(held.rows([0, 0]).conditions(y)[1])
+        start = dead_centre.x + np.outer((half, -half), dead_centre.loose)
+        y, misses = newton(placed.rows([0, 0]).conditions, start)
+        ratios = looseness(placed.rows([0, 0]).conditions(y)[1])
         for k in np.flatnonzero(has_closed(y, misses)).tolist():
             yield _Known(y[k], float(ratios[k]))
-    if beside:
-        yield near_it
+    if distinct:
+        yield pose
 
 
-def _sorted(known: list[_Known]) -> Poses:
+def _sorted(modes: list[_Known]) -> Poses:
     """By rising angle in (-pi, pi]."""
-    for k in known:
+    for k in modes:
         k.x[2] = math.atan2(math.sin(k.x[2]), math.cos(k.x[2]))
-    known = sorted(known, key=lambda k: (k.x[2], k.x[0], k.x[1]))
-    x = np.array([k.x for k in known]).reshape(-1, 3)
-    return Poses(x, [k.double for k in known])
+    modes = sorted(modes, key=lambda k: (k.x[2], k.x[0], k.x[1]))
+    x = np.array([k.x for k in modes]).reshape(-1, 3)
+    return Poses(x, [k.double for k in modes])

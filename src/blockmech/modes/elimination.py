@@ -48,33 +48,33 @@ class Lines(NamedTuple):
     radius: Floats  # (n, 1); 0 where there is no circle
 
 
-def lines(held: Placed, e: Vectors) -> Lines:
+def lines(placed: Placed, e: Vectors) -> Lines:
     """What the legs of n triads leave of the shift at directions e (n, m)."""
-    circles = [k for k, kind in enumerate(held.kinds) if kind == "RR"]
-    first = min(circles, key=lambda k: held.reaches[:, k].sum(), default=-1)
-    radius = held.reaches[:, first, None] * bool(circles)
-    feet = [held.pivots[:, k, None] - e * held.pins[:, k, None] for k in range(3)]
+    circles = [k for k, kind in enumerate(placed.kinds) if kind == "RR"]
+    first = min(circles, key=lambda k: placed.reaches[:, k].sum(), default=-1)
+    radius = placed.reaches[:, first, None] * bool(circles)
+    feet = [placed.pivots[:, k, None] - e * placed.pins[:, k, None] for k in range(3)]
     middle = feet[first] * bool(circles)
     normals: list[Any] = []
     sides: list[Any] = []
-    for k, kind in enumerate(held.kinds):
-        reach, foot = held.reaches[:, k, None], feet[k] - middle  # its pin is at G there
+    for k, kind in enumerate(placed.kinds):
+        reach, foot = placed.reaches[:, k, None], feet[k] - middle  # its pin is at G there
         if k == first:
             continue
         if kind == "RR":
             normals.append(foot)
             sides.append((np.abs(foot) ** 2 - (reach - radius) * (reach + radius)) / 2)
         else:
-            along = held.guides if kind == "PR" else held.alongs
-            normal = 1j * along[:, k, None] * (np.ones_like(e) if kind == "PR" else e)
+            directions_of_legs = placed.guides if kind == "PR" else placed.alongs
+            normal = 1j * directions_of_legs[:, k, None] * (np.ones_like(e) if kind == "PR" else e)
             normals.append(normal)
             sides.append(dot(normal, foot) + (reach if kind == "PR" else -reach))
     return Lines(np.array(normals), np.array(sides), middle, radius)
 
 
-def eliminant(held: Placed, e: Vectors) -> tuple[Floats, Floats]:
+def eliminant(placed: Placed, e: Vectors) -> tuple[Floats, Floats]:
     """F (n, m) at directions e (n, m), zero where a triad closes; and the size of its terms."""
-    n, c, _, radius = lines(held, e)
+    n, c, _, radius = lines(placed, e)
     if len(n) == 3:
         turns = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
         f = sum(c[i] * cross(n[j], n[k]) for i, j, k in turns)
@@ -84,12 +84,12 @@ def eliminant(held: Placed, e: Vectors) -> tuple[Floats, Floats]:
     return (reach - det) * (reach + det), terms**2
 
 
-def coefficients(held: Placed) -> Vectors:
+def coefficients(placed: Placed) -> Vectors:
     """Coefficients f_-3 ... f_3 (n, 7) of F.
 
     Raises `RequestError` if F is zero everywhere: the platform can stand at any direction.
     """
-    f, terms = eliminant(held, np.broadcast_to(CIRCLE, (len(held.pins), len(CIRCLE))))
+    f, terms = eliminant(placed, np.broadcast_to(CIRCLE, (len(placed.pins), len(CIRCLE))))
     spectrum = np.fft.fft(f) / len(CIRCLE)
     coefficients_ = spectrum[:, np.arange(-3, 4)]
     if np.any(np.abs(coefficients_).max(axis=1) <= NEGLIGIBLE * terms.max(axis=1)):
@@ -111,13 +111,13 @@ def directions(f: Vectors) -> Vectors:
     return np.asarray(np.roots(f[::-1]), complex)
 
 
-def shifts(held: Placed, e: Vectors) -> Vectors:
+def shifts(placed: Placed, e: Vectors) -> Vectors:
     """Shifts (n, 1 or 3) that may go with directions e (n,): starts of Newton's method.
 
     Where the two best lines cut each other; and where the better one cuts the circle, or
     comes nearest to it, for directions in which both nearly fall together.
     """
-    n, c, middle, radius = (x[..., 0] for x in lines(held, e[:, None]))
+    n, c, middle, radius = (x[..., 0] for x in lines(placed, e[:, None]))
     pairs = ((0, 1), (1, 2), (2, 0))[: 1 if len(n) == 2 else 3]
     sines = np.array([cross(n[a], n[b]) / np.abs(n[a] * n[b]) for a, b in pairs])
     best = np.nanargmax(np.abs(np.nan_to_num(sines)), axis=0)

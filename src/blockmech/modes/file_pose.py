@@ -85,7 +85,7 @@ class FilePose:
         """Links of a group by the file's names and frames."""
         names, structure = self.mechanism.names, self.mechanism.structure
         if names is None:
-            return {link: _pose(*place) for link, place in links.items()}
+            return {link: _pose(*position) for link, position in links.items()}
         poses = {}
         for name, where in names.links.items():
             if where.link.block == group:
@@ -97,9 +97,10 @@ class FilePose:
     def has(self, group: str, mode: Mode) -> bool:
         """Whether a mode is the one that the file chooses."""
         size = self.mechanism.structure.blocks[group].largest_length() or 1.0
-        own = {link: self.links[LinkRef(group, link)] for link in mode.links}
+        positions = {link: self.links[LinkRef(group, link)] for link in mode.links}
         return all(
-            abs(at.e - own[link].e) <= CHOSEN and abs(at.o - own[link].o) <= CHOSEN * size
+            abs(at.e - positions[link].e) <= CHOSEN
+            and abs(at.o - positions[link].o) <= CHOSEN * size
             for link, at in mode.links.items()
         )  # NaN is not
 
@@ -111,8 +112,8 @@ class FilePose:
         if not isinstance(structure.blocks[group], GeneralGroup):
             return {} if mode.branch is None else {"branch": mode.branch}
         poses = {link: list(pose) for link, pose in self.in_file_frames(group, mode.links).items()}
-        known = [d for d in self.mechanism.drivers if d in structure.upstream[group]]
-        return {"home": {"drivers": {d: self.drivers[d] for d in known}, "poses": poses}}
+        drivers_above = [d for d in self.mechanism.drivers if d in structure.upstream[group]]
+        return {"home": {"drivers": {d: self.drivers[d] for d in drivers_above}, "poses": poses}}
 
     def _poses(self, group: str, mode: Mode) -> list[tuple[str, list[float]]]:
         """All links of a document at one and the same place, the driven ones counted round."""
@@ -122,7 +123,7 @@ class FilePose:
         for name, block in structure.blocks.items():
             links = {link: self.links[LinkRef(name, link)] for link in block.link_names}
             links = dict(mode.links) if name == group else links
-            if all(cmath.isfinite(z) for place in links.values() for z in place):
+            if all(cmath.isfinite(z) for position in links.values() for z in position):
                 poses |= {
                     link: list(pose) for link, pose in self.in_file_frames(name, links).items()
                 }
@@ -140,7 +141,7 @@ class FilePose:
 
 def file_poses(mechanism: Compiled, samples: Iterable[Mapping[str, float]]) -> tuple[FilePose, ...]:
     """A mechanism at some samples: driver -> coordinate [rad or m]."""
-    structure, stands = mechanism.structure, []
+    structure, poses = mechanism.structure, []
     links = [link for link in structure.links if link != structure.frame_link]
     joints = [
         JointRef(name, joint.name)
@@ -150,10 +151,10 @@ def file_poses(mechanism: Compiled, samples: Iterable[Mapping[str, float]]) -> t
     ]
     samples = tuple(samples)
     for drivers, values in zip(samples, Places(mechanism, joints, links).at(samples), strict=True):
-        held = dict(zip(joints, values[2 * len(links) :], strict=True))
+        supports = dict(zip(joints, values[2 * len(links) :], strict=True))
         placed = dict(zip(links, map(LinkPosition, values[::2], values[1::2]), strict=False))
-        stands.append(FilePose(mechanism, drivers, placed, held))
-    return tuple(stands)
+        poses.append(FilePose(mechanism, drivers, placed, supports))
+    return tuple(poses)
 
 
 def _pose(o: complex, e: complex) -> Pose:

@@ -72,11 +72,11 @@ class TriadOfLinks(NamedTuple):
         self, supports: Sequence[Support], o: complex, e: complex
     ) -> dict[str, LinkPosition]:
         """Link -> its place, at a pose of the platform [m, -]."""
-        stands = [LinkPosition(o, e)]
-        stands += [leg.place(s, o, e) for leg, s in zip(self.legs, supports, strict=True)]
+        bodies = [LinkPosition(o, e)]
+        bodies += [leg.place(s, o, e) for leg, s in zip(self.legs, supports, strict=True)]
         return {
             link: LinkPosition(body.o + body.e * on.o, body.e * on.e)
-            for body, links in zip(stands, self.bodies, strict=True)
+            for body, links in zip(bodies, self.bodies, strict=True)
             for link, on in links.items()
         }
 
@@ -113,17 +113,17 @@ class Outline:
     def _body(self, first: str, driven: Record) -> Body:
         """The links of one body, each seen over a driven pair from one already placed."""
         positions = {first: LinkPosition(0j, 1 + 0j)}
-        for known, link in nx.bfs_edges(self.welded, first):
-            name = self.welded.edges[known, link]["pair"]
+        for placed, link in nx.bfs_edges(self.welded, first):
+            name = self.welded.edges[placed, link]["pair"]
             pair, q = self.group.pairs[name], driven[name]
-            (i, one), (_, other) = pair.sides.items()
-            e = one.direction / other.direction
+            (i, first_side), (_, second_side) = pair.sides.items()
+            e = first_side.direction / second_side.direction
             e = e * np.exp(1j * q) if pair.type == "R" else e
-            along = one.at.z + (q * one.direction if pair.type == "P" else 0.0)
-            o = along - e * other.at.z  # of the second link in the frame of the first
+            pivot = first_side.at.z + (q * first_side.direction if pair.type == "P" else 0.0)
+            o = pivot - e * second_side.at.z  # of the second link in the frame of the first
             if link == i:
                 o, e = -o / e, 1 / e
-            on = positions[known]
+            on = positions[placed]
             positions[link] = LinkPosition(on.o + on.e * o, on.e * e)
         return positions
 

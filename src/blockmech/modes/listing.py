@@ -83,25 +83,25 @@ def modes(
     """
     drivers, still = mechanism.drivers, dict.fromkeys(mechanism.drivers, 0.0)
     if at is None:
-        begun = {d: mechanism.scene.begin(d) for d in drivers}
+        starts = {d: mechanism.scene.begin(d) for d in drivers}
         reason = "nothing says where this driver stands"
         remedy = "give its coordinate, or a law of motion by coordinate"
         lost = [
-            Problem("bad-request", d, reason, "", remedy) for d, q in begun.items() if q is None
+            Problem("bad-request", d, reason, "", remedy) for d, q in starts.items() if q is None
         ]
         if lost:
             raise RequestError(lost)
-        at = {d: q for d, q in begun.items() if q is not None}
-    taken = make_samples(mechanism._coordinate_units, mechanism.scene, at, rates=still)
-    rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
+        at = {d: q for d, q in starts.items() if q is not None}
+    positions = make_samples(mechanism._coordinate_units, mechanism.scene, at, rates=still)
+    rows = {d: tuple(positions.coordinate(i).tolist()) for i, d in enumerate(drivers)}
     among(drivers, "driver", () if driver is None or not arcs else driver)
     moved = (driver or (drivers[0] if len(drivers) == 1 else "")) if arcs else ""
     blocks = mechanism.structure.blocks.items()
     group_of = {mechanism._block_name(name): name for name, block in blocks if block.closes}
-    wanted = among(group_of, "group", group_of if groups is None else groups)
+    selected = among(group_of, "group", group_of if groups is None else groups)
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
     lister = _Lister(mechanism, file_poses(mechanism, samples), moved)
-    listing = tuple(lister.group(block) for name, block in group_of.items() if name in wanted)
+    listing = tuple(lister.group(block) for name, block in group_of.items() if name in selected)
     units = dict(mechanism._coordinate_units)
     return Modes(rows, units, moved, listing, mechanism._driver_prefix)
 
@@ -149,17 +149,17 @@ class _Lister:
         """The modes of a group at each sample; none where an earlier group does not close."""
         every: list[Sequence[Mode]] = []
         for stand in self.samples:
-            held = {joint: stand.supports[JointRef(name, joint)] for joint in joints}
-            closes = all(np.isfinite(support).all() for support in held.values())
-            every.append(self._at(name, triad, held, stand) if closes else ())
+            supports = {joint: stand.supports[JointRef(name, joint)] for joint in joints}
+            closes = all(np.isfinite(support).all() for support in supports.values())
+            every.append(self._at(name, triad, supports, stand) if closes else ())
         return every
 
     def _at(
-        self, name: str, triad: Outline | None, held: Mapping[str, Support], stand: FilePose
+        self, name: str, triad: Outline | None, supports_of: Mapping[str, Support], stand: FilePose
     ) -> Sequence[Mode]:
         """The modes at one sample: in closed form, of a triad, or those that a search finds."""
         block: Any = self.mechanism.structure.blocks[name]
-        driven, supports = self._driven(name, stand.drivers), [*held.values()]
+        driven, supports = self._driven(name, stand.drivers), [*supports_of.values()]
         if triad:
             formed = triad.at(driven)
             return [
@@ -171,8 +171,8 @@ class _Lister:
         if not isinstance(block, GeneralGroup):
             return dyad_modes(block, [*supports, *driven])
         links = {link: stand.links[LinkRef(name, link)] for link in block.link_names}
-        own = {link: Pose(complex(o), cmath.phase(complex(e))) for link, (o, e) in links.items()}
-        return searched(block, held, driven, own)
+        start = {link: Pose(complex(o), cmath.phase(complex(e))) for link, (o, e) in links.items()}
+        return searched(block, supports_of, driven, start)
 
     # -- arcs ------------------------------------------------------------------------------
 
@@ -202,10 +202,10 @@ class _Lister:
             """Where mode k is."""
             q = stand.drivers[self.driver]
             for number, arc in enumerate(arcs if self._held(stand) and not mode.double else ()):
-                place = self._near((arc.start.q + arc.end.q) / 2, q)
-                here = bool(arc.turns) or arc.start.q <= place <= arc.end.q
-                if arc.branch == mode.branch and here:
-                    return _On(number, q - place, k if arc.turns else None)
+                coordinate = self._near((arc.start.q + arc.end.q) / 2, q)
+                inside = bool(arc.turns) or arc.start.q <= coordinate <= arc.end.q
+                if arc.branch == mode.branch and inside:
+                    return _On(number, q - coordinate, k if arc.turns else None)
             return None
 
         located = [
@@ -221,28 +221,28 @@ class _Lister:
         structure, fixed = self.mechanism.structure, self._fixed()
         earlier = [block for block in structure.supports(name) if block != structure.frame]
         around = self._limits(earlier)
-        places = Places(self.mechanism, [JointRef(name, joint) for joint in group.joints])
+        moving = Places(self.mechanism, [JointRef(name, joint) for joint in group.joints])
         arcs: list[Arc] = []
         located: list[list[_On | None]] = [[None] * len(modes) for modes in every]
         stretches = self._stretches(around)
         for low, high, ends in stretches:
-            near = {
+            coordinates = {
                 n: self._near((low + high) / 2, stand.drivers[self.driver])
                 for n, stand in enumerate(self.samples)
                 if self._held(stand)
             }
-            also = {n: q for n, q in near.items() if low <= q <= high}
+            also = {n: q for n, q in coordinates.items() if low <= q <= high}
             connections = connect(
                 lambda q: group.at(self._driven(name, fixed | {self.driver: q})).triad,
-                lambda q: places.along(fixed | {self.driver: q}, len(q)),
+                lambda q: moving.along(fixed | {self.driver: q}, len(q)),
                 low,
                 high,
                 ends=ends,
                 also=tuple(also.values()),
             )
             for node, n in enumerate(also, start=CHECKS):
-                own = [(m.links[group.platform], m.sign) for m in every[n]]
-                at = _located(connections, node, own, self.samples[n].drivers[self.driver])
+                platforms = [(m.links[group.platform], m.sign) for m in every[n]]
+                at = _located(connections, node, platforms, self.samples[n].drivers[self.driver])
                 located[n] = [on and on._replace(arc=on.arc + len(arcs)) for on in at]
             circuits = 1 + max((arc.circuit for arc in arcs), default=-1)
             arcs += [arc.after(len(arcs), circuits) for arc in connections.arcs]
@@ -260,24 +260,24 @@ class _Lister:
         law: Any = self.mechanism.scene.drive.get(self.driver)
         stretches = []
         for arc in around.arcs:
-            low, high, how = arc.start.q, arc.end.q, EARLIER
+            low, high, end_reason = arc.start.q, arc.end.q, EARLIER
             if around.unit == "m" and law is not None and law.by_coordinate:
                 a, b = sorted((law.start, law.end))
-                low, high, how = max(low, a), min(high, b), RANGE
+                low, high, end_reason = max(low, a), min(high, b), RANGE
             if not (math.isfinite(low) and math.isfinite(high)):
                 name = self.mechanism._of_driver(self.driver, "q")
                 reason = f"{name} has no range: give it a law of motion by coordinate"
                 raise refused(self.driver, reason)
             if low < high:
-                stretches.append((low, high, how))
+                stretches.append((low, high, end_reason))
         return stretches
 
     # -- where it is asked -----------------------------------------------------------------
 
-    def _near(self, place: float, q: float) -> float:
+    def _near(self, centre: float, q: float) -> float:
         """q, or a turn of it, near a place."""
         rotary = self.mechanism.structure.driver_joint(self.driver).rotary
-        return place + math.remainder(q - place, TURN) if rotary else q
+        return centre + math.remainder(q - centre, TURN) if rotary else q
 
     def _fixed(self) -> dict[str, float]:
         """Where the other drivers are held."""
@@ -290,8 +290,8 @@ class _Lister:
     def _driven(self, name: str, drivers: Record) -> list[Any]:
         """Coordinates of the driven joints inside a group."""
         structure = self.mechanism.structure
-        own = structure.drivers_of(name)
-        return [structure.coordinate(d).of_joint(drivers[d]) for d in own]
+        drivers_inside = structure.drivers_of(name)
+        return [structure.coordinate(d).of_joint(drivers[d]) for d in drivers_inside]
 
 
 def _reported(
@@ -319,19 +319,19 @@ def _located(
     connections: Connections, node: int, every: Sequence[tuple[LinkPosition, int]], q: float
 ) -> list[_On | None]:
     """Where the modes of a triad at a sample are, by the same ones at its node or close by."""
-    known = connections.modes[node]
+    node_modes = connections.modes[node]
     same: dict[int, int] = {}  # mode at the node -> at the sample
-    for k, (own, sign) in enumerate(every):
-        size = max((abs(m.o - own.o) for m in known), default=1.0) or 1.0
-        for m, other in enumerate(known):
-            apart = abs(other.o - own.o) / size + abs(other.e - own.e)
-            if apart <= NEAR and other.sign == sign:
+    for k, (pose, sign) in enumerate(every):
+        size = max((abs(m.o - pose.o) for m in node_modes), default=1.0) or 1.0
+        for m, mode in enumerate(node_modes):
+            apart = abs(mode.o - pose.o) / size + abs(mode.e - pose.e)
+            if apart <= NEAR and mode.sign == sign:
                 same[m] = k
     located: list[_On | None] = [None] * len(every)
     for m, k in same.items():
         number = connections.arc_of((node, m))
-        place = connections.places[number][connections.passes[number].index((node, m))]
+        coordinate = connections.places[number][connections.passes[number].index((node, m))]
         then = connections.after_turn((node, m)) if connections.turn else None
-        turns = TURN * round((q - place) / TURN)
+        turns = TURN * round((q - coordinate) / TURN)
         located[k] = _On(number, turns, None if then is None else same.get(then))
     return located

@@ -27,26 +27,26 @@ NOTE = f"what Newton's method finds from {STARTS} poses, dead centres left out: 
 
 
 def searched(
-    group: GeneralGroup, supports: Mapping[str, Support], q: Sequence[float], own: Poses
+    group: GeneralGroup, supports: Mapping[str, Support], q: Sequence[float], first: Poses
 ) -> list[Mode]:
-    """Modes of a group that are found, the one nearest to ``own`` poses first.
+    """Modes of a group that are found, the one nearest to ``first`` poses first.
 
     Parameters
     ----------
     supports : outer joint -> place [m], or place and direction, of the earlier link
     q : coordinates [rad or m] of the group's driven joints, in their order
-    own : poses of the links from which the search begins; NaN where they are not known
+    first : poses of the links from which the search begins; NaN where they are not known
 
     Cost: a step of Newton's for each start and iteration, a second for five links.
     """
     size, names = group.largest_length() or 1.0, group.link_names
-    held, driven = {}, [joint.name for joint in group.driven]
+    values, driven = {}, [joint.name for joint in group.driven]
     pairs = list(_pairs(group, supports))
     for joint, x in zip(driven, q, strict=True):
         (c,) = (pair for pair in pairs if pair.name == joint)
         turn = cmath.phase(c.along[0]) - cmath.phase(c.along[1])
-        held[joint] = x / size if c.kind == "P" else x + turn
-    closing, chance = Closing(names, pairs, size, held), np.random.default_rng(0)
+        values[joint] = x / size if c.kind == "P" else x + turn
+    closing, chance = Closing(names, pairs, size, values), np.random.default_rng(0)
     middle = np.mean([s.p if isinstance(s, Guide) else s for s in supports.values()])
     every: list[Poses] = []
     for k in range(STARTS):
@@ -54,9 +54,13 @@ def searched(
         angles = chance.uniform(-math.pi, math.pi, len(names))
         chosen = zip(names, spot, angles, strict=True)
         start = {name: Pose(complex(middle + o), float(angle)) for name, o, angle in chosen}
-        start = dict(own) if k == 0 and all(cmath.isfinite(x.o) for x in own.values()) else start
+        start = (
+            dict(first) if k == 0 and all(cmath.isfinite(x.o) for x in first.values()) else start
+        )
         poses = closing.refine({FRAME: Pose(), **start})
-        if closing.closed(poses) and all(_apart(poses, one, names, size) > SAME for one in every):
+        if closing.closed(poses) and all(
+            _apart(poses, previous, names, size) > SAME for previous in every
+        ):
             every.append(poses)
     return [mode for poses in every if not (mode := _mode(closing, poses)).double]
 
@@ -68,17 +72,17 @@ def _pairs(group: GeneralGroup, supports: Mapping[str, Support]) -> Iterator[Con
         if isinstance(pair, InnerPair):
             first, second = pair.links
         else:
-            first, second, held = FRAME, pair.link, supports[name]
-            guide = held if isinstance(held, Guide) else Guide(held, sides[0][1])
+            first, second, support = FRAME, pair.link, supports[name]
+            guide = support if isinstance(support, Guide) else Guide(support, sides[0][1])
             sides.insert(0, (complex(guide.p), complex(guide.u)))
         (a, u), (b, w) = sides
         yield Connection(name, first, second, pair.type, at=(a, b), along=(u, w))
 
 
-def _apart(one: Poses, other: Poses, names: Sequence[str], size: float) -> float:
+def _apart(first: Poses, second: Poses, names: Sequence[str], size: float) -> float:
     """How far two sets of poses are apart [-], by the size and in directions."""
-    ways = [abs(one[n].o - other[n].o) / size for n in names]
-    return max(*ways, *(abs(one[n].direction(1) - other[n].direction(1)) for n in names))
+    distances = [abs(first[n].o - second[n].o) / size for n in names]
+    return max(*distances, *(abs(first[n].direction(1) - second[n].direction(1)) for n in names))
 
 
 def _mode(closing: Closing, poses: Poses) -> Mode:

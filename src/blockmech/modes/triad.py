@@ -78,8 +78,8 @@ class Placed(NamedTuple):
     def rows(self, index: Any) -> Placed:
         """Some of the triads."""
         pins, reaches, alongs, pivots, guides, centres = (x[index] for x in self[1:7])
-        own = (self.kinds, pins, reaches, alongs, pivots, guides, centres)
-        return Placed(*own, self.size, self.origin)
+        arrays = (self.kinds, pins, reaches, alongs, pivots, guides, centres)
+        return Placed(*arrays, self.size, self.origin)
 
     def pose(self, x: Floats) -> tuple[Vectors, Vectors]:
         """Origins (n,) [m] and directions (n,) of the platform's own frame, from x (n, 3)."""

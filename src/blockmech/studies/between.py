@@ -61,20 +61,22 @@ class Range:
         assert self.cycle is not None
         return np.unique(self.cycle.places_of(self.samples), return_index=True)
 
-    def output(self, w: Wanted, values: Any, places: Array) -> Array:
+    def output(self, w: Wanted, values: Any, coordinates: Array) -> Array:
         """An output (k, n) of designs with these parameters, at places (k, n) of their own."""
         m = self.mechanism
         assert self.cycle is not None
-        taken = make_samples(m._coordinate_units, m.scene, **self.cycle.request(places.ravel()))
-        taken = m._with_deflections(taken) if self.remembers else taken
+        samples = make_samples(
+            m._coordinate_units, m.scene, **self.cycle.request(coordinates.ravel())
+        )
+        samples = m._with_deflections(samples) if self.remembers else samples
         inputs = {
-            name: np.reshape(np.asarray(x, float), places.shape)
-            for name, x in taken.given(self.plan.program.inputs).items()
+            name: np.reshape(np.asarray(x, float), coordinates.shape)
+            for name, x in samples.given(self.plan.program.inputs).items()
             if name in self.plan.program.inputs
         }
         outputs = self.engine.run_designs(inputs, values)
         with np.errstate(all="ignore"):
-            return w.poses([outputs[i] for i in self.plan.layout[w.output]], places.shape)
+            return w.poses([outputs[i] for i in self.plan.layout[w.output]], coordinates.shape)
 
     def extremes(self, w: Wanted, values: Any, y: Array, margins: Mapping[str, Array]) -> Peaks:
         """Extremes of an output that is y (m, n) at the poses, all finite; infinite errors where
@@ -87,10 +89,10 @@ class Range:
         angle = w.output.endswith(".angle")
         y = np.unwrap(y, axis=1) if angle else y
 
-        def output(row: Array, places: Array) -> Array:
-            x = self.output(w, some_of(values, row), places)
+        def output(row: Array, coordinates: Array) -> Array:
+            x = self.output(w, some_of(values, row), coordinates)
             if angle:  # which does not jump by a turn on the way
-                k = np.searchsorted((s[1:] + s[:-1]) / 2, places)
+                k = np.searchsorted((s[1:] + s[:-1]) / 2, coordinates)
                 x = x + math.tau * np.round((y[row[:, None], k] - x) / math.tau)
             return x
 
@@ -98,21 +100,23 @@ class Range:
         return extremes_of(w, output, s, y, turn=turn, suspects=suspects)
 
 
-def extremes_of(w: Wanted, output: Function, s: Array, y: Array, **how: Any) -> Peaks:
+def extremes_of(w: Wanted, output: Function, s: Array, y: Array, **search_settings: Any) -> Peaks:
     """Extremes of outputs that are y (m, n) at places s (n,), by a `Search` for each sign."""
 
-    def turned(row: Array, places: Array) -> Array:
-        return -output(row, places)
+    def turned(row: Array, coordinates: Array) -> Array:
+        return -output(row, coordinates)
 
     signs, absolute = EXTREMES[w.how], w.how == "max_abs"
     searches = (
-        Search(output, s, y, absolute, **how) if sign > 0 else Search(turned, s, -y, **how)
+        Search(output, s, y, absolute, **search_settings)
+        if sign > 0
+        else Search(turned, s, -y, **search_settings)
         for sign in signs
     )
     first, *second = (search.found() for search in searches)
     value, error = signs[0] * first.value, first.error
-    for other in second:
-        value, error = value + other.value, np.maximum(error, other.error)
+    for opposite in second:
+        value, error = value + opposite.value, np.maximum(error, opposite.error)
     return first._replace(value=value, error=error)
 
 
@@ -125,15 +129,15 @@ def some_of(values: Any, row: Array) -> Any:
 
 def near_limits(margins: Mapping[str, Array], order: Array) -> Array | None:
     """Samples (m, k) at which a margin is small, and smaller than beside them; None of none."""
-    whole = None
+    mask = None
     for m in margins.values():
         if m.min() < NEAR_LIMIT:
             m = m[:, order]
             low = m < NEAR_LIMIT
             low[:, 1:] &= m[:, 1:] <= m[:, :-1]
             low[:, :-1] &= m[:, :-1] <= m[:, 1:]
-            whole = low if whole is None else whole | low
-    return whole
+            mask = low if mask is None else mask | low
+    return mask
 
 
 def doubt(label: str, peaks: Peaks, i: int, margins: Mapping[str, float]) -> str:
@@ -141,7 +145,7 @@ def doubt(label: str, peaks: Peaks, i: int, margins: Mapping[str, float]) -> str
     if not margins:
         return f"{label}: no range leads through the poses"
     block = min(margins, key=margins.__getitem__)
-    near = f"{block} has a margin of {margins[block]:.1g}"
+    reason = f"{block} has a margin of {margins[block]:.1g}"
     if np.isinf(peaks.error[i]):
-        return f"{block} between the poses, near {peaks.place[i]:.6g}, {near}"
-    return f"{label} may be {peaks.error[i] / abs(peaks.value[i] or 1.0):.1%} larger: {near}"
+        return f"{block} between the poses, near {peaks.place[i]:.6g}, {reason}"
+    return f"{label} may be {peaks.error[i] / abs(peaks.value[i] or 1.0):.1%} larger: {reason}"

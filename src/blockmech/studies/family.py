@@ -48,9 +48,9 @@ class Parameters(dict[str, Parameter]):
 
 def parameters(mechanism: Compiled) -> Parameters:
     """Every number of the mechanism's graph or linkage, as its file calls it."""
-    given = mechanism.document
+    document = mechanism.document
     return Parameters(
-        parameters_of(graph_sections(mechanism) if given is None else given.sections())
+        parameters_of(graph_sections(mechanism) if document is None else document.sections())
     )
 
 
@@ -60,10 +60,10 @@ def remade(mechanism: Compiled, values: Mapping[str, float]) -> Compiled:
     Raises `FormatError`, `GraphError` for numbers that do not fit.
     """
     assert mechanism.document is not None
-    other: Any = mechanism.document.replace(values)
-    if isinstance(other, Graph):
-        return type(mechanism)._from_graph(other, mechanism.names)
-    design: Compiled = other.compile()
+    document: Any = mechanism.document.replace(values)
+    if isinstance(document, Graph):
+        return type(mechanism)._from_graph(document, mechanism.names)
+    design: Compiled = document.compile()
     return design
 
 
@@ -119,33 +119,33 @@ class Family:
                 return f"{p.address} says how the drivers move"
             if not self.places[p]:
                 return f"{p.address} goes through the geometry of the document"
-        own = {path: p.value for p in self.parameters for path in self.places[p]}
-        self.general = planned_aside(self.mechanism, own)
+        numbers = {path: p.value for p in self.parameters for path in self.places[p]}
+        self.general = planned_aside(self.mechanism, numbers)
         if self._courses:
             return "friction laws with a state have a course of their own in each design"
         return self._moved(self.general.structure)
 
     def _moved(self, general: Structure) -> str:
         """Which path or branch that is found before planning depends on what varies."""
-        own, made = self.mechanism.structure, None
-        for name, block in own.blocks.items():
-            if not (block.own_form or name in own.followed or of_links(self.mechanism)):
+        structure, plan = self.mechanism.structure, None
+        for name, block in structure.blocks.items():
+            if not (block.own_form or name in structure.followed or of_links(self.mechanism)):
                 continue
-            made = made or schedule(general, Scene(), Friction("none"))
-            made.ask(position, name)
-            above = own.ancestors(name)
-            kept = [
+            plan = plan or schedule(general, Scene(), Friction("none"))
+            plan.ask(position, name)
+            above = structure.ancestors(name)
+            formulas_and_homes = [
                 (
-                    [formula(s, Scene()) for formula in made.formulas.values()],
+                    [formula(s, Scene()) for formula in plan.formulas.values()],
                     [getattr(s.blocks[b], "home", None) for b in sorted(above)],
                 )
-                for s in (own, general)
+                for s in (structure, general)
             ]
-            if kept[0] != kept[1]:
+            if formulas_and_homes[0] != formulas_and_homes[1]:
                 if of_links(self.mechanism):  # poses tell the assembly mode
                     return f"what varies moves {name}, whose mode the document's poses tell"
-                what = "is followed from its home" if block.own_form else "has change points"
-                return f"{name} {what}, which what varies moves"
+                reason = "is followed from its home" if block.own_form else "has change points"
+                return f"{name} {reason}, which what varies moves"
         return ""
 
     @cached_property
@@ -175,19 +175,25 @@ def _passed_on(
     """Where numbers of a document go in its graph, if they go there unchanged."""
     varied = [p for p in parameters if "pose" not in p.path]
     try:
-        near = Variation.of(mechanism, varied)
+        variation = Variation.of(mechanism, varied)
     except GraphError:
-        near = Variation(mechanism, {})
-    own, there = (parameters_of(graph_sections(m)).keys() for m in (mechanism, near.base))
-    if own != there and len(parameters) > 1:  # some of them split what coincides by chance
+        variation = Variation(mechanism, {})
+    paths_here, paths_near = (
+        parameters_of(graph_sections(m)).keys() for m in (mechanism, variation.base)
+    )
+    if (
+        paths_here != paths_near and len(parameters) > 1
+    ):  # some of them split what coincides by chance
         return {
-            p: places for one in parameters for p, places in _passed_on(mechanism, (one,)).items()
+            p: targets
+            for single in parameters
+            for p, targets in _passed_on(mechanism, (single,)).items()
         }
     followers: dict[Parameter, tuple[Path, ...]] = dict.fromkeys(parameters, ())
     for p, seed in zip(varied, np.eye(len(varied)), strict=True):
-        follow = {path: x for path, x in near.numbers.items() if (x.d @ seed).any()}
+        follow = {path: x for path, x in variation.numbers.items() if (x.d @ seed).any()}
         same = all(x == Varied(p.value, seed) for x in follow.values())
-        followers[p] = tuple(follow) if same and own == there else ()
+        followers[p] = tuple(follow) if same and paths_here == paths_near else ()
     return followers
 
 

@@ -164,11 +164,11 @@ class Rates(ProgramOfDesigns):
         xp, array = self._engine.xp, self._engine.array
         q, rate = map(array, state)
         k = len(self.mechanism.drivers)
-        given = {"t": array(t)}
+        inputs = {"t": array(t)}
         for i in range(k):
             at = i if k > 1 else ...
-            given |= {f"q_{i}": q[at], f"qd_{i}": rate[at], f"qdd_{i}": array(0.0)}
-        values = self._values(parameters or {}, given)
+            inputs |= {f"q_{i}": q[at], f"qd_{i}": rate[at], f"qdd_{i}": array(0.0)}
+        values = self._values(parameters or {}, inputs)
         rows = [values[i * k : (i + 1) * k] for i in range(k)]
         qdd = self._engine.meaning["solve"](rows, [-u for u in values[k * k : k * k + k]])
         good = array(rows[0][0]) > 0.0
@@ -219,28 +219,32 @@ def function(
     patterns = as_sequence("outputs", outputs)
     names = [n for n in catalogue.match(patterns) if catalogue[n].kind != "number"]
     if not names:
-        what = "it is one number a run, not one a sample"
-        raise refused(listed(patterns), what, "name an output of samples")
-    places, alone = _places(mechanism, as_names("parameters", parameters))
-    general = planned_near(mechanism, {x: p.value for p, paths in places.items() for x in paths})
+        quantity = "it is one number a run, not one a sample"
+        raise refused(listed(patterns), quantity, "name an output of samples")
+    paths_of, alone = _places(mechanism, as_names("parameters", parameters))
+    general = planned_near(mechanism, {x: p.value for p, paths in paths_of.items() for x in paths})
     plan = general.plan(names, friction=friction, static=static)
     drivers = list(enumerate(mechanism.drivers))
     of_inputs = {
-        mechanism._of_driver(d, what): f"{x}_{i}" for i, d in drivers for what, x in INPUTS.items()
+        mechanism._of_driver(d, quantity): f"{x}_{i}"
+        for i, d in drivers
+        for quantity, x in INPUTS.items()
     } | {TIME: "t"}
-    given = as_sequence("inputs", inputs)
-    _refuse_strangers("inputs", given, of_inputs)
+    names_of_inputs = as_sequence("inputs", inputs)
+    _refuse_strangers("inputs", names_of_inputs, of_inputs)
     rates: dict[str, float] = {}
     for i, driver in drivers:
         law = mechanism.scene.drive.get(driver)
         if law is None or isinstance(law, ConstantRate):
             rates |= {f"qd_{i}": law.rate if law else 0.0, f"qdd_{i}": 0.0}
-    chosen = {address: of_inputs[address] for address in given}
-    known = {*chosen.values(), *rates}
-    if missing := [a for a, x in of_inputs.items() if x in plan.program.inputs and x not in known]:
+    chosen = {address: of_inputs[address] for address in names_of_inputs}
+    available = {*chosen.values(), *rates}
+    if missing := [
+        a for a, x in of_inputs.items() if x in plan.program.inputs and x not in available
+    ]:
         raise refused("inputs", f"the outputs depend on {listed(missing)}", "name them as well")
     engine = _engine(plan.program, library, precision)
-    return Function(plan, chosen, rates, mechanism, places, alone, engine)
+    return Function(plan, chosen, rates, mechanism, paths_of, alone, engine)
 
 
 @declared
@@ -270,23 +274,23 @@ def rates(
     RequestError for joint friction, for states, and where nothing that moves has mass
     """
     if friction != "none" and mechanism.frictional_joints:
-        found = f"friction in {listed(mechanism.frictional_joints, 4)} is not smooth"
-        raise refused("friction", found, 'leave it out with friction="none", or use simulate')
-    places, alone = _places(mechanism, as_names("parameters", parameters))
-    near = planned_near(mechanism, {x: p.value for p, paths in places.items() for x in paths})
-    s, drivers = schedule(near.structure, near.scene, Friction("none")), mechanism.drivers
+        message = f"friction in {listed(mechanism.frictional_joints, 4)} is not smooth"
+        raise refused("friction", message, 'leave it out with friction="none", or use simulate')
+    paths_of, alone = _places(mechanism, as_names("parameters", parameters))
+    general = planned_near(mechanism, {x: p.value for p, paths in paths_of.items() for x in paths})
+    s, drivers = schedule(general.structure, general.scene, Friction("none")), mechanism.drivers
     inertia = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
     if any(J.zero for J in inertia[:: len(drivers) + 1]):
         raise refused("rates", "nothing that moves has mass", "give a link mass or inertia")
     efforts = [s.ask(reduction.drive_by_reduction, d) for d in drivers]
     program = s.program([*inertia, *efforts, *margins(s)])
-    return Rates(mechanism, places, alone, _engine(program, library, precision))
+    return Rates(mechanism, paths_of, alone, _engine(program, library, precision))
 
 
-def _refuse_strangers(where: str, given: Iterable[str], known: Iterable[str]) -> None:
+def _refuse_strangers(where: str, requested: Iterable[str], valid_names: Iterable[str]) -> None:
     """Raise `RequestError` for names that are not known, all at once."""
-    names = list(known)
-    if wrong := [name for name in given if name not in names]:
+    names = list(valid_names)
+    if wrong := [name for name in requested if name not in names]:
         valid = f"there: {listed(names, 16) or 'none'}"
         raise RequestError(
             Problem("bad-request", f"{where}: {n}", "it has no such", valid, close_match(n, names))
@@ -301,15 +305,15 @@ def _places(mechanism: Compiled, patterns: Iterable[str]) -> tuple[Places, set[s
     """
     chosen, alone = fitting(family.parameters(mechanism), patterns)
     reasons = {a: why for a, p in chosen.items() if (why := without_derivative(p))}
-    places = family.places_of(mechanism, tuple(p for a, p in chosen.items() if a not in reasons))
-    for p, paths in places.items():
+    paths_of = family.places_of(mechanism, tuple(p for a, p in chosen.items() if a not in reasons))
+    for p, paths in paths_of.items():
         if not paths:
             reasons[p.address] = "it goes through the geometry of the document"
         elif any(map(moves_drivers, paths)):
             reasons[p.address] = "it says how the drivers move"
     if wrong := reasons.keys() & alone:
         raise RequestError(Problem("bad-request", a, reasons[a]) for a in sorted(wrong))
-    return {p: paths for p, paths in places.items() if p.address not in reasons}, alone
+    return {p: paths for p, paths in paths_of.items() if p.address not in reasons}, alone
 
 
 def _engine(program: Program, library: str | ModuleType, precision: str | None) -> ArrayEngine:

@@ -154,50 +154,50 @@ def wanted(
     want: Any, outputs: Catalogue, samples: Samples, drivers: Sequence[str]
 ) -> tuple[Wanted, ...]:
     """The columns of runs at samples that a request names; see `columns`."""
-    words: Words = {
+    readers: Words = {
         **dict.fromkeys((*SIMPLE, STROKE, REST, POSES)),
         "at": lambda text, name: _sample(text, name, samples, drivers),
     }
-    return columns(want, outputs, lambda output, how: column(output, how, words))
+    return columns(want, outputs, lambda output, how: column(output, how, readers))
 
 
 def columns(
     want: Any,
     outputs: Catalogue,
     column: Callable[[Output, str], Wanted],
-    others: Mapping[str, Wanted] | None = None,
+    facts: Mapping[str, Wanted] | None = None,
 ) -> tuple[Wanted, ...]:
     """The columns that a request names: ``{"crank.drive": ["max_abs", "rms"]}`` or texts.
 
-    Patterns of names are as those of a run; ``others`` are columns that are no outputs, by name.
+    Patterns of names are as those of a run; ``facts`` are columns that are no outputs, by name.
     Raises `RequestError` with all that is wrong.
     """
-    wanted: dict[str, Wanted] = {}
+    by_label: dict[str, Wanted] = {}
     problems: list[Problem] = []
-    known = others or {}
-    for name, how in _pairs(want, problems):
+    numbers = facts or {}
+    for name, reduction in _pairs(want, problems):
         try:
-            if name in known and how == WHOLE:
-                wanted[name] = known[name]
+            if name in numbers and reduction == WHOLE:
+                by_label[name] = numbers[name]
                 continue
             for output in outputs.match([name]):
-                made = column(outputs[output], how)
-                wanted[made.label] = made
+                reduced = column(outputs[output], reduction)
+                by_label[reduced.label] = reduced
         except RequestError as error:
             problems += error.problems
     if problems:
         raise RequestError(problems)
-    if not wanted:
+    if not by_label:
         raise refused("want", "nothing is wanted", 'e.g. "max_abs(crank.drive)"')
-    return tuple(wanted.values())
+    return tuple(by_label.values())
 
 
 def _pairs(want: Any, problems: list[Problem]) -> Iterator[tuple[str, str]]:
     """Names of outputs, each with its reduction."""
     if isinstance(want, Mapping):
         for name, hows in want.items():
-            for how in as_sequence(f"want[{name}]", hows):
-                yield str(name), how
+            for reduction in as_sequence(f"want[{name}]", hows):
+                yield str(name), reduction
         return
     for text in as_sequence("want", want):
         match = TEXT.fullmatch(text.strip())
@@ -205,30 +205,36 @@ def _pairs(want: Any, problems: list[Problem]) -> Iterator[tuple[str, str]]:
         yield (match["output"].strip(), match["how"] + at) if match else (text.strip(), WHOLE)
 
 
-def column(output: Output, how: str, words: Words) -> Wanted:
+def column(output: Output, reduction: str, readers: Words) -> Wanted:
     """The column of an output by one of some reductions. Raises `RequestError` for another."""
     called, vector = output.name, output.kind == "vector"
     if output.kind == "matrix":
         raise refused(called, "it is a matrix", "ask for the outputs of its drivers")
     if output.kind == "number":
-        if how != WHOLE:
-            raise refused(f"{how}({called})", "it is one number a design", f'ask for "{called}"')
+        if reduction != WHOLE:
+            raise refused(
+                f"{reduction}({called})", "it is one number a design", f'ask for "{called}"'
+            )
         return Wanted(called, called, WHOLE, output.unit, "real", read=output.read)
-    at = AT.fullmatch(how)
-    word = at["how"] if at else how
-    reader = words.get(word)
-    if word not in words or (at and reader is None) or (word == "at" and not at):
-        found = f'no reduction "{how}"' if how != WHOLE else "how it is reduced is not said"
-        remedy = close_match(how, words) or f'e.g. "max_abs({called})"'
-        spelled = listed("at(coordinate)" if x == "at" else x for x in words)
-        raise refused(called, found, remedy, f"reductions: {spelled}", "bad-value")
+    at = AT.fullmatch(reduction)
+    word = at["how"] if at else reduction
+    reader = readers.get(word)
+    if word not in readers or (at and reader is None) or (word == "at" and not at):
+        message = (
+            f'no reduction "{reduction}"' if reduction != WHOLE else "how it is reduced is not said"
+        )
+        remedy = close_match(reduction, readers) or f'e.g. "max_abs({called})"'
+        spelled = listed("at(coordinate)" if x == "at" else x for x in readers)
+        raise refused(called, message, remedy, f"reductions: {spelled}", "bad-value")
     if vector and word == STROKE and not called.endswith(".p"):
-        raise refused(f"{how}({called})", "it is no place of a marker", "name a place, or a part")
+        raise refused(
+            f"{reduction}({called})", "it is no place of a marker", "name a place, or a part"
+        )
     if vector and word not in OF_VECTORS:
-        remedy = f'ask for "{how}({called}.x)", or {listed(OF_VECTORS)}'
-        raise refused(f"{how}({called})", "it is a vector", remedy)
+        remedy = f'ask for "{reduction}({called}.x)", or {listed(OF_VECTORS)}'
+        raise refused(f"{reduction}({called})", "it is a vector", remedy)
     sample = reader(at["at"] if at else "", called) if reader else 0
-    label = f"{word}({called}, {at['at']})" if at else f"{how}({called})"
+    label = f"{word}({called}, {at['at']})" if at else f"{reduction}({called})"
     kind = "vector" if vector and word in ("mean", "at", "final", POSES, REST) else "real"
     return Wanted(label, called, word, output.unit, kind, sample, vector, output.read)
 

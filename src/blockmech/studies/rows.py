@@ -92,16 +92,16 @@ class Parts:
         """
         with folder(self.place):
             pass
-        here = {path.name for path in self.place.glob(f"*{SUFFIX}")}
-        if others := sorted(name for name in here if not name.startswith(f"{self.question}-")):
-            found = f"it holds parts of another question, or of another version: {others[0]}"
-            raise cannot_write(str(self.place), found, "choose another folder, or empty this one")
-        left = [
+        files = {path.name for path in self.place.glob(f"*{SUFFIX}")}
+        if foreign := sorted(name for name in files if not name.startswith(f"{self.question}-")):
+            message = f"it holds parts of another question, or of another version: {foreign[0]}"
+            raise cannot_write(str(self.place), message, "choose another folder, or empty this one")
+        spans = [
             span
             for span in self.spans
-            if self.path(span).name not in here or not self._holds(span, chosen.columns(*span))
+            if self.path(span).name not in files or not self._holds(span, chosen.columns(*span))
         ]
-        return left, tuple(name for span in left if (name := self.path(span).name) in here)
+        return spans, tuple(name for span in spans if (name := self.path(span).name) in files)
 
     def _holds(self, span: Span, vary: Mapping[str, Array]) -> bool:
         """Whether a file is the part of these designs, whole and unharmed."""
@@ -116,7 +116,7 @@ class Parts:
         complete &= (table.schema.metadata or {}).get(DIGEST) == _digest(table)
         return complete and all(np.array_equal(table[a].to_numpy(), x) for a, x in vary.items())
 
-    def write(self, span: Span, vary: Mapping[str, Array], found: Rows) -> None:
+    def write(self, span: Span, vary: Mapping[str, Array], results: Rows) -> None:
         """Write a part: its numbers and results, then why designs have no answer.
 
         Raises `RequestError` where the place cannot be written.
@@ -126,12 +126,12 @@ class Parts:
             self.path(span).unlink(missing_ok=True)
         columns: list[tuple[str, Any, str | None]] = [(a, x, None) for a, x in vary.items()]
         for w in self.want:
-            parts = components(w.label, found.values[w.label])
+            parts = components(w.label, results.values[w.label])
             columns += [(name, x, w.unit or None) for name, x in parts]
-        status = arrow.DictionaryArray.from_arrays(arrow.array(found.word), list(REASONS))
-        block = arrow.array(found.place.tolist(), arrow.string()).dictionary_encode()
+        status = arrow.DictionaryArray.from_arrays(arrow.array(results.word), list(REASONS))
+        block = arrow.array(results.place.tolist(), arrow.string()).dictionary_encode()
         columns += [("status", status, None), ("block", block, None)]
-        columns += [("pose", found.pose, None), ("poses", found.poses, None)]
+        columns += [("pose", results.pose, None), ("poses", results.poses, None)]
         write_parquet(self.path(span), columns, "out")
 
     @cached_property
@@ -167,9 +167,9 @@ class Parts:
         try:
             return dataset.dataset(paths, format=form).to_table(columns=list(names))
         except (OSError, arrow.ArrowException) as error:
-            found = f"a part cannot be read any more: {str(error).splitlines()[0]}"
+            message = f"a part cannot be read any more: {str(error).splitlines()[0]}"
             remedy = "ask the study again: it does the parts that are missing"
-            raise refused(str(self.place), found, remedy, code="cannot-read") from error
+            raise refused(str(self.place), message, remedy, code="cannot-read") from error
 
 
 def _names_of(w: Wanted) -> list[str]:

@@ -70,8 +70,10 @@ class Runner:
         """That of a request. Raises `RequestError` for what is unknown or does not fit."""
         check_switch("static", settings["static"])
         friction_asked(settings["friction"])
-        m, own = family.mechanism, cls(family, (), over, settings)
-        return replace(own, want=wanted(want, family.general.outputs, own.samples(m), m.drivers))
+        m, runner = family.mechanism, cls(family, (), over, settings)
+        return replace(
+            runner, want=wanted(want, family.general.outputs, runner.samples(m), m.drivers)
+        )
 
     def checked(self, chosen: Designs) -> tuple[Span, ...]:
         """The parts of designs. Raises `FormatError` for values that the file would refuse.
@@ -103,8 +105,8 @@ class Runner:
     def coordinates(self) -> dict[str, Array]:
         """Driver -> the poses (n,) [rad or m]."""
         m = self.family.mechanism
-        taken = self.samples(m)
-        return {m._of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(m.drivers)}
+        samples = self.samples(m)
+        return {m._of_driver(d, "q"): samples.coordinate(i) for i, d in enumerate(m.drivers)}
 
     @property
     def words(self) -> str:
@@ -113,10 +115,10 @@ class Runner:
 
     def question(self) -> Data:
         """What is asked of a design, but settings and numbers."""
-        taken = self.samples(self.family.mechanism)
+        samples = self.samples(self.family.mechanism)
         return {
-            "poses": {name: summary(np.asarray(x)) for name, x in taken.inputs.items()},
-            "times": None if taken.times is None else summary(taken.times),
+            "poses": {name: summary(np.asarray(x)) for name, x in samples.inputs.items()},
+            "times": None if samples.times is None else summary(samples.times),
         }
 
     def settled(self, count: int) -> Runner:
@@ -142,10 +144,10 @@ class Runner:
 
     def blocks(self, planned: Any, chosen: Designs) -> Iterator[Rows]:
         """All blocks of a part, one after the other."""
-        made = chosen.columns(0, chosen.count)
+        numbers = chosen.columns(0, chosen.count)
         size = self.size(planned.samples.n) * planned.together
         for k in range(0, chosen.count, size):
-            rows = zip(self.family.parameters, made.values(), strict=True)
+            rows = zip(self.family.parameters, numbers.values(), strict=True)
             yield self.block(planned, {p: x[k : k + size] for p, x in rows})
 
     def block(self, planned: Any, columns: Mapping[Parameter, Array]) -> Rows:
@@ -161,27 +163,27 @@ class Runner:
         except BlockmechError as error:
             return self._without(planned.samples.n, error)
 
-    def design(self, own: Compiled, columns: Mapping[Parameter, Array]) -> Rows:
+    def design(self, mechanism: Compiled, columns: Mapping[Parameter, Array]) -> Rows:
         """One design, made already."""
-        planned = _Planned(self, own, 1)
+        planned = _Planned(self, mechanism, 1)
         answered = planned.block(tuple(planned.plan.program.parameters.values()), 1)
         return self._with_followed(answered, columns)
 
     def _with_followed(self, block: Rows, columns: Mapping[Parameter, Array]) -> Rows:
         """Designs with their strokes and where they rest, one by one; NaN where there is none."""
-        wanted = [w for w in self.want if w.how in (STROKE, REST)]
-        if not wanted:
+        followed = [w for w in self.want if w.how in (STROKE, REST)]
+        if not followed:
             return block
         values = dict(block.values)
         for i, row in enumerate(zip(*columns.values(), strict=True)):
             numbers = {p.address: document_value(p, x) for p, x in zip(columns, row, strict=True)}
-            for w in wanted:
+            for w in followed:
                 with suppress(FormatError, GraphError, AssemblyError, SingularError, FrictionError):
-                    other = remade(self.family.mechanism, numbers)
+                    design = remade(self.family.mechanism, numbers)
                     if w.how == REST:
-                        values[w.label][i] = rest_value(other, self.samples(other), w.output)
+                        values[w.label][i] = rest_value(design, self.samples(design), w.output)
                         continue
-                    run = other.run(want=w.output, **self.over, **self.settings)
+                    run = design.run(want=w.output, **self.over, **self.settings)
                     values[w.label][i] = run.stroke(w.output).length
         return block._replace(values=values)
 

@@ -81,11 +81,11 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     def __getitem__(self, name: Any) -> Array:
         output, *address = (name,) if isinstance(name, str) else name
-        whole = held(self.ahead, output, "it was not asked for", "there")
+        derivatives = held(self.ahead, output, "it was not asked for", "there")
         for x in address:
             held(self.parameters, x, "it was not asked for", "there")
-            whole = whole[list(self.parameters).index(x)]
-        return whole
+            derivatives = derivatives[list(self.parameters).index(x)]
+        return derivatives
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.ahead)
@@ -120,8 +120,8 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     def ranked(self, output: str) -> list[Effect]:
         """The numbers by what a hundredth of them does to an output at most, largest first."""
-        whole, effects = self[output], []
-        for (address, p), row in zip(self.parameters.items(), whole, strict=True):
+        derivatives, effects = self[output], []
+        for (address, p), row in zip(self.parameters.items(), derivatives, strict=True):
             k = int(np.nanargmax(np.abs(row))) if np.isfinite(row).any() else 0
             change = float(abs(row[k])) * PERCENT * size_of(p, self.parameters.values())
             effects.append(Effect(p, row[k], self.unit(output, address), k, change))
@@ -224,17 +224,17 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         where = [at(column) for column in drivers]
         heads = [Column(a, p.unit, np.empty(0), a).head for a, p in self.parameters.items()]
         rows = (
-            [name, self.unit_of(name), *(places(k, output) for places in where), *row]
+            [name, self.unit_of(name), *(cells(k, output) for cells in where), *row]
             for output, both in self.ahead.items()
-            for name, whole in components(output, both)
-            for k, row in enumerate(whole.T.tolist())
+            for name, derivatives in components(output, both)
+            for k, row in enumerate(derivatives.T.tolist())
         )
         return ["output", "unit", *(c.head for c in drivers), *(f"per {h}" for h in heads)], rows
 
 
-def size_of(p: Parameter, others: Iterable[Parameter]) -> float:
+def size_of(p: Parameter, parameters: Iterable[Parameter]) -> float:
     """A number's own size; of a zero the largest of its unit, or 1."""
-    alike = (abs(x.value) for x in others if x.unit == p.unit != "")
+    alike = (abs(x.value) for x in parameters if x.unit == p.unit != "")
     return abs(p.value) or max(alike, default=0.0) or 1.0
 
 

@@ -83,8 +83,8 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     def __getitem__(self, name: str) -> Array:
         return self._known(name, {**self.vary, **self.found.values})
 
-    def _known(self, name: str, known: Mapping[str, T]) -> T:
-        return held(known, name, "the study did not keep it", "kept")
+    def _known(self, name: str, columns: Mapping[str, T]) -> T:
+        return held(columns, name, "the study did not keep it", "kept")
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self.vary, *self.found.values))
@@ -112,12 +112,12 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         word = self.status[design]
         if self.found.word[design] == 0:
             return ""
-        place, count = self.found.place[design], int(self.found.poses[design])
+        culprit, count = self.found.place[design], int(self.found.poses[design])
         if not count:  # a motion, or what is kept of it
-            return f"{word}: {place}"
+            return f"{word}: {culprit}"
         n, k = len(next(iter(self.poses.values()), ())), int(self.found.pose[design])
         at = ", ".join(f"{name} = {q[k]:.6g}" for name, q in self.poses.items())
-        where = f" at {place}" if place else ""
+        where = f" at {culprit}" if culprit else ""
         return f"{word}{where}: {count} of {n} poses, the first at {at}"
 
     def unit(self, name: str) -> str:
@@ -132,9 +132,9 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
 
     def filled(self, values: Array, fill: Any) -> Array:
         """Values of the designs over the grid."""
-        whole = np.full((self.designs.count, *values.shape[1:]), fill, values.dtype)
-        whole[: self.n] = values
-        return whole.reshape(*self.designs.shape, *values.shape[1:])
+        grid = np.full((self.designs.count, *values.shape[1:]), fill, values.dtype)
+        grid[: self.n] = values
+        return grid.reshape(*self.designs.shape, *values.shape[1:])
 
     # -- tables -------------------------------------------------------------------
 
@@ -207,8 +207,8 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         """
         results = self.table()[len(self.vary) :][:PANELS]
         if not results:
-            found = "poses are arrays, and no other number was kept"
-            raise refused("plot", found, "keep e.g. a max_abs as well")
+            message = "poses are arrays, and no other number was kept"
+            raise refused("plot", message, "keep e.g. a max_abs as well")
         grid = len(self.vary) if self.designs.sampling == "grid" else 0
         mapped = grid == 2 and min(self.designs.shape) > 1
         missing, mark = self.n - self.status.count("ok"), "hatched" if mapped else "crosses"
@@ -231,14 +231,14 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
             for axes in panels.flat[len(results) :]:
                 axes.remove()
             for axes, column in zip(panels.flat, results, strict=False):
-                known = column.values[np.isfinite(column.values)]
-                low, high = np.percentile(known, ENDS) if len(known) else (0, 1)
+                finite = column.values[np.isfinite(column.values)]
+                low, high = np.percentile(finite, ENDS) if len(finite) else (0, 1)
                 factor, unit = scaled_unit(column.unit, max(abs(low), abs(high)))
                 z = factor * self.filled(column.values, np.nan)
                 axes.patch.set(facecolor=ink.PAPER, hatch="////", edgecolor=ink.PALE)
                 look: Any = {"cmap": "cividis", "shading": "nearest", "rasterized": True}
-                drawn = axes.pcolormesh(x, y, z, vmin=factor * low, vmax=factor * high, **look)
-                bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02, extend="both")
+                mesh = axes.pcolormesh(x, y, z, vmin=factor * low, vmax=factor * high, **look)
+                bar = axes.figure.colorbar(mesh, ax=axes, pad=0.02, extend="both")
                 bar.set_label(axis_label(column.name, unit, PANEL), labelpad=2)
                 axes.grid(False)
                 axes.set_xlabel(axis_label(first.name, first.unit, ink.COLUMN * 0.7), labelpad=1)
@@ -252,11 +252,11 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         curves = self.designs.sampling == "grid" and len(self.vary) == 1
         bad = np.array([word != "ok" for word in self.status])
         height, width = len(results) * PANEL, ink.COLUMN
-        over, beside = ink.COLUMN, PANEL * 0.8
+        over, label_height = ink.COLUMN, PANEL * 0.8
         if not curves:
             height = len(results) * CELL + 3 * ink.TEXT
             width = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
-            over = beside = CELL * 0.9
+            over = label_height = CELL * 0.9
         layout: Any = {"width": width, "sharey": "row", "ax": ax}
         with panelled(
             caption, height + ink.ROW / 2, len(results), len(numbers), **layout
@@ -273,10 +273,10 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                         dots = {"color": ink.FORWARD, "s": DOT, "lw": 0, "rasterized": True}
                         axes.scatter(number.values, y, **dots)
                         axes.locator_params(nbins=4)
-                    foot, place = np.full(bad.sum(), FOOT), axes.get_xaxis_transform()
+                    foot, transform = np.full(bad.sum(), FOOT), axes.get_xaxis_transform()
                     style = {"marker": "x", "s": 8, "lw": 0.6, "color": ink.ALARM, "zorder": 3}
-                    axes.scatter(number.values[bad], foot, transform=place, **style)
-                row[0].set_ylabel(axis_label(column.name, unit, beside), labelpad=2)
+                    axes.scatter(number.values[bad], foot, transform=transform, **style)
+                row[0].set_ylabel(axis_label(column.name, unit, label_height), labelpad=2)
             for axes, number in zip(panels[-1], numbers, strict=True):
                 axes.set_xlabel(axis_label(number.name, number.unit, over), labelpad=1)
         return panels[0, 0].figure
@@ -285,12 +285,12 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         """Some designs as a table, then why others have no answer."""
         rows = self.table()
         step = max(1, -(-(self.n - 1) // (ROWS - 1)))
-        shown = sorted({*range(0, self.n, step), *range(self.n)[-1:]})
-        texts = [[f"{x + 0.0:.6g}" if x == x else "-" for x in c.values[shown]] for c in rows]
-        cells = list(zip(*texts, (self.status[i] for i in shown), strict=True))
+        selected = sorted({*range(0, self.n, step), *range(self.n)[-1:]})
+        texts = [[f"{x + 0.0:.6g}" if x == x else "-" for x in c.values[selected]] for c in rows]
+        cells = list(zip(*texts, (self.status[i] for i in selected), strict=True))
         yield from (self._title(), "", *aligned((*(c.head for c in rows), "status"), cells))
-        if len(shown) < self.n:
-            yield f"{len(shown)} of {self.n} designs shown"
+        if len(selected) < self.n:
+            yield f"{len(selected)} of {self.n} designs shown"
         for word, k in Counter(self.status).items():
             if word != "ok":
                 yield f"{word}: {counted(k, 'design')}"

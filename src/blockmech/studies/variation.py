@@ -55,8 +55,8 @@ def of_links(mechanism: Compiled) -> bool:
 
 def is_written_out(mechanism: Compiled) -> bool:
     """Whether a mechanism was made of a graph with others inside."""
-    given = mechanism.document
-    return isinstance(given, Graph) and given.flat() is not given
+    document = mechanism.document
+    return isinstance(document, Graph) and document.flat() is not document
 
 
 def moves_drivers(path: Path) -> bool:
@@ -95,10 +95,10 @@ def planned_near(mechanism: Compiled, numbers: Mapping[Path, float]) -> Compiled
     """A mechanism whose plans hold for all designs near by, on the same paths from home."""
     if not numbers:
         return mechanism
-    near = planned_aside(mechanism, numbers)
-    for block in (b for b, x in near.structure.blocks.items() if x.own_form):
-        near.structure.paths[block] = path_of(mechanism.structure, block)
-    return near
+    general = planned_aside(mechanism, numbers)
+    for block in (b for b, x in general.structure.blocks.items() if x.own_form):
+        general.structure.paths[block] = path_of(mechanism.structure, block)
+    return general
 
 
 @dataclass(frozen=True)
@@ -120,24 +120,29 @@ class Variation:
 
         Raises `GraphError` where no graph holds near by.
         """
-        given = list(parameters)
-        seeds = zip(given, np.eye(len(given)), strict=True)
+        varied = list(parameters)
+        seeds = zip(varied, np.eye(len(varied)), strict=True)
         numbers = {p.path: Varied(p.value, seed) for p, seed in seeds if p.path[0] != GIVEN}
         document: Any = mechanism.document
         if numbers and is_written_out(mechanism):
-            near, own = document.with_numbers(numbers).flat().sections(), graph_sections(mechanism)
-            values = {p.path: value_at(near, p.path) for p in parameters_of(own).values()}
+            sections, plain_sections = (
+                document.with_numbers(numbers).flat().sections(),
+                graph_sections(mechanism),
+            )
+            values = {
+                p.path: value_at(sections, p.path) for p in parameters_of(plain_sections).values()
+            }
             return cls(mechanism, {p: x for p, x in values.items() if isinstance(x, Varied)})
         if not of_links(mechanism) or not numbers:
             return cls(mechanism, numbers)
-        made = document.with_numbers(numbers).decompose()
-        graph = Graph.from_data(settled(made.data))
+        decomposition = document.with_numbers(numbers).decompose()
+        graph = Graph.from_data(settled(decomposition.data))
         numbers_of = {}
         for p in parameters_of(graph.sections()).values():
-            x = number_at(made.data, p.path)
+            x = number_at(decomposition.data, p.path)
             if isinstance(x, Varied) and x.d.any():
                 numbers_of[p.path] = x
-        return cls(type(mechanism)._from_graph(graph, made.names, document), numbers_of)
+        return cls(type(mechanism)._from_graph(graph, decomposition.names, document), numbers_of)
 
     @cached_property
     def general(self) -> Compiled:

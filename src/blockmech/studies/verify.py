@@ -54,19 +54,21 @@ def _recompute_designs(mechanism: Compiled, study: Study) -> Verification:
     if runner.family.mechanism is not mechanism:
         raise refused("at", f"it is a study of another mechanism, {study.name}")
     answered = np.flatnonzero(study.found.word == 0)
-    some = answered[np.unique(np.linspace(0, len(answered) - 1, DESIGNS).round().astype(int))]
+    chosen = answered[np.unique(np.linspace(0, len(answered) - 1, DESIGNS).round().astype(int))]
     sizes = {w.label: float(np.nanmax(np.abs(study[w.label]))) or 1.0 for w in study.columns}
-    alone, worst, most = replace(runner, engine="numpy"), dict.fromkeys(sizes, 0.0), 1.0
-    for design in some.tolist():
+    alone, worst, largest = replace(runner, engine="numpy"), dict.fromkeys(sizes, 0.0), 1.0
+    for design in chosen.tolist():
         columns = {p: study.vary[a][[design]] for a, p in study.parameters.items()}
-        own = remade(mechanism, {p.address: document_value(p, x[0]) for p, x in columns.items()})
-        condition = _condition(own, runner.samples(own))
-        most = max(most, condition)
-        for label, again in alone.design(own, columns).values.items():
+        design_mechanism = remade(
+            mechanism, {p.address: document_value(p, x[0]) for p, x in columns.items()}
+        )
+        condition = _condition(design_mechanism, runner.samples(design_mechanism))
+        largest = max(largest, condition)
+        for label, again in alone.design(design_mechanism, columns).values.items():
             gap = np.abs(again[0] - study[label][design]) / (sizes[label] * condition)
             worst[label] = max(worst[label], float(np.max(gap)))
     rows = tuple(Check(f"{label} made again", value) for label, value in worst.items())
-    return Verification(rows, len(some), most)
+    return Verification(rows, len(chosen), largest)
 
 
 def _condition(mechanism: Compiled, samples: Samples) -> float:

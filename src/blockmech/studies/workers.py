@@ -52,9 +52,9 @@ class Work:
         try:
             return pickle.dumps((self.runner, self.chosen.count, parts))
         except (AttributeError, TypeError, pickle.PicklingError) as error:
-            found = f"another process cannot be sent the study: {error}"
+            message = f"another process cannot be sent the study: {error}"
             remedy = "define functions of Python at the top of a module, or leave workers out"
-            raise refused("workers", found, remedy, code="not-picklable") from error
+            raise refused("workers", message, remedy, code="not-picklable") from error
 
     def here(self, spans: Sequence[Span]) -> Answers:
         """Parts done by this process; what is handed back comes by blocks."""
@@ -74,28 +74,30 @@ class Work:
 
         Raises `RequestError` where they die before they have done anything.
         """
-        left = deque(spans)
-        while left:
-            given: dict[Future[Any], Span] = {}
-            done = False
+        waiting = deque(spans)
+        while waiting:
+            submitted: dict[Future[Any], Span] = {}
+            answered_any = False
             pool = ProcessPoolExecutor(workers, get_context("spawn"), _serve)
             try:
-                while left or given:
-                    while left and len(given) <= workers:  # one waits for who is first done
-                        part = self.chosen.part(*left[0])
-                        given[pool.submit(answered, self.pickled, part, left[0])] = left[0]
-                        left.popleft()
-                    for future in wait(given, return_when=FIRST_COMPLETED).done:
+                while waiting or submitted:
+                    while waiting and len(submitted) <= workers:  # one waits for who is first done
+                        part = self.chosen.part(*waiting[0])
+                        submitted[pool.submit(answered, self.pickled, part, waiting[0])] = waiting[
+                            0
+                        ]
+                        waiting.popleft()
+                    for future in wait(submitted, return_when=FIRST_COMPLETED).done:
                         answer = future.result()
-                        yield given.pop(future), answer
-                        done = True
+                        yield submitted.pop(future), answer
+                        answered_any = True
             except BrokenProcessPool as error:
-                if not done:
-                    found = "the processes ended before they had done anything"
+                if not answered_any:
+                    message = "the processes ended before they had done anything"
                     remedy = 'in a script, ask below "if __name__ == ...", '
                     remedy += "and see what the processes wrote"
-                    raise refused("workers", found, remedy, code="workers-died") from error
-                left.extendleft(given.values())
+                    raise refused("workers", message, remedy, code="workers-died") from error
+                waiting.extendleft(submitted.values())
             finally:
                 pool.shutdown(cancel_futures=True)
 
@@ -103,15 +105,15 @@ class Work:
         """Parts done by the workers of a `distributed.Client`, which replaces those that die."""
         distributed = needed("distributed", "workers", "cluster")
         common = client.submit(bytes, self.pickled)  # made again should a worker die with it
-        given = {
+        submitted = {
             client.submit(answered, common, self.chosen.part(*span), span, pure=False): span
             for span in spans
         }
         try:
-            for future in distributed.as_completed(list(given)):
-                yield given.pop(future), future.result()
+            for future in distributed.as_completed(list(submitted)):
+                yield submitted.pop(future), future.result()
         finally:
-            client.cancel(list(given))
+            client.cancel(list(submitted))
 
 
 def answered(pickled: bytes, chosen: Designs, span: Span) -> Rows | None:

@@ -49,10 +49,10 @@ class Design(Facts, Report):
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The miss, and where the driver stands at the positions."""
         at = np.degrees(self.at) if degrees else self.at
-        places = ", ".join(f"{q:.6g}" for q in at)
+        angles = ", ".join(f"{q:.6g}" for q in at)
         unit = "deg" if degrees else "rad"
-        words = f"largest miss {self.miss:.6g}, least margin {self.margin:.3g}"
-        yield f"{self.output}: {words}, at {places} {unit}"
+        quality = f"largest miss {self.miss:.6g}, least margin {self.margin:.3g}"
+        yield f"{self.output}: {quality}, at {angles} {unit}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,28 +93,28 @@ def proposed(
     made: Callable[[Floats, int, float], Design],
 ) -> Synthesis:
     """The best designs of a task. ``made(unknowns, branch, margin)`` is the design of a row."""
-    x, branch, least, left_out = search(task, count, starts, seed, progress)
+    x, branch, margins, left_out = search(task, count, starts, seed, progress)
     designs: list[Design] = []
-    for row, side, margin in zip(x, branch.tolist(), least.tolist(), strict=True):
-        one = made(row, side, margin)
-        if all(_apart(one, other, task.size) for other in designs):
-            designs.append(one)
+    for row, side, margin in zip(x, branch.tolist(), margins.tolist(), strict=True):
+        design = made(row, side, margin)
+        if all(_apart(design, listed_design, task.size) for listed_design in designs):
+            designs.append(design)
     best = sorted(designs, key=lambda d: (max(d.miss, MET * task.size), -d.margin))[:count]
     return Synthesis(tuple(best), starts, left_out)
 
 
-def _apart(one: Design, other: Design, size: float) -> bool:
-    gap = np.abs(one.at - other.at).max() + abs(one.miss - other.miss) / size
-    return bool(gap + abs(one.margin - other.margin) > ALIKE)
+def _apart(first: Design, second: Design, size: float) -> bool:
+    gap = np.abs(first.at - second.at).max() + abs(first.miss - second.miss) / size
+    return bool(gap + abs(first.margin - second.margin) > ALIKE)
 
 
-def design_of_path(task: Task, name: str, x: Floats, branch: int, least: float) -> Design:
+def design_of_path(task: Task, name: str, x: Floats, branch: int, margin: float) -> Design:
     """The design of unknowns (k,) whose coupler point is wanted."""
     assert task.points is not None
     A, B = complex(*x[SHAPE : SHAPE + 2]), complex(*x[SHAPE + 2 : SHAPE + 4])
     theta = x[SHAPE + 5 :]
     miss = np.abs(A * coupler_point(x[:SHAPE], theta, np.asarray(branch)) + B - task.points)
-    return Design(fourbar(x[:SHAPE], A, B, branch, name), theta, "dyad.P.p", miss, least)
+    return Design(fourbar(x[:SHAPE], A, B, branch, name), theta, "dyad.P.p", miss, margin)
 
 
 def fourbar(shape: Any, A: complex, B: complex, branch: int, name: str = "fourbar") -> Graph:
@@ -152,12 +152,12 @@ def fourbar(shape: Any, A: complex, B: complex, branch: int, name: str = "fourba
     )
 
 
-def saved(found: Sequence[Any], folder: Any) -> Iterator[Any]:
+def saved(designs: Sequence[Any], folder: Any) -> Iterator[Any]:
     """Write the designs as files ``design_0.json``, ... into a folder, and give their paths."""
     from pathlib import Path
 
     Path(folder).mkdir(parents=True, exist_ok=True)
-    for i, design in enumerate(found):
+    for i, design in enumerate(designs):
         path = Path(folder) / f"design_{i}.json"
         design.graph.save(path)
         yield path

@@ -76,13 +76,13 @@ def pose(shape: Any, theta: Any, branch: Any) -> Pose:
     """Poses with exact derivatives."""
     x, D, B, l, m, e, g = _directions(shape, theta, branch)
     uv = x[..., 4] + 1j * x[..., 5]
-    none, one = np.zeros(B.shape), np.ones(B.shape)
+    none, ones = np.zeros(B.shape), np.ones(B.shape)
     D, l, m = D + none, l + none, m + none
     dB = np.stack([none] * SHAPE + [1j * B], axis=-1)
     dD = np.stack([D, 1j * D, *[none] * 5], axis=-1)
     dl = np.stack([none, none, l, *[none] * 4], axis=-1)
     dm = np.stack([none, none, none, m, *[none] * 3], axis=-1)
-    duv = np.stack([none] * 4 + [one, 1j * one, none], axis=-1)
+    duv = np.stack([none] * 4 + [ones, 1j * ones, none], axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         across = (1j * e * np.conj(g)).real  # sine of the transmission angle
         gap = dB - dD

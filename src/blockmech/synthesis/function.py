@@ -67,11 +67,11 @@ def function_generator(
     task = Task(swings=psi, angles=phi)
     name = "function_generator"
 
-    def made(x: Floats, branch: int, least: float) -> Design:
+    def made(x: Floats, branch: int, margin: float) -> Design:
         zero, scale = x[SHAPE + 4], np.exp(-x[0])
         rocker = angles_and_point(x[:SHAPE], phi, np.asarray(branch))[2] + zero
         errors = np.abs(np.angle(np.exp(1j * (rocker - psi))))
         graph = fourbar(x[:SHAPE], complex(scale * np.exp(1j * zero)), 0j, branch, name)
-        return Design(graph, phi, "dyad.j.angle", errors, least)
+        return Design(graph, phi, "dyad.j.angle", errors, margin)
 
     return proposed(task, count, starts, seed, progress, made)

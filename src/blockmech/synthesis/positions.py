@@ -94,18 +94,19 @@ def body_guidance(
             if all(abs(pin[0] - w) + abs(pin[1] - m) > CLOSE * size for w, m in pins)
         ]
     pairs = [
-        (one, other)
-        for one, other in itertools.permutations(pins, 2)
-        if min(abs(one[0] - other[0]), abs(one[1] - other[1]), abs(one[0] - one[1])) > CLOSE * size
+        (first, second)
+        for first, second in itertools.permutations(pins, 2)
+        if min(abs(first[0] - second[0]), abs(first[1] - second[1]), abs(first[0] - first[1]))
+        > CLOSE * size
     ]
-    made, sound, least = _judged(rows, pairs)
+    fourbars, sound, margins = _judged(rows, pairs)
     chosen: list[int] = []
-    for i in np.argsort(-np.where(sound, least, 0.0), kind="stable").tolist():
+    for i in np.argsort(-np.where(sound, margins, 0.0), kind="stable").tolist():
         if len(chosen) == count or not sound[i]:
             break
-        if all(abs(least[i] - least[j]) > ALIKE * least[i] for j in chosen):
+        if all(abs(margins[i] - margins[j]) > ALIKE * margins[i] for j in chosen):
             chosen.append(i)
-    designs = tuple(_design(rows, made, i, float(least[i]), name) for i in chosen)
+    designs = tuple(_design(rows, fourbars, i, float(margins[i]), name) for i in chosen)
     if designs:
         return Synthesis(designs, len(pairs), int((~sound).sum()))
     return _near(rows, name, count, seed, progress)
@@ -115,11 +116,11 @@ def _near(rows: Floats, name: str, count: int, seed: int, progress: Progress | N
     """Four-bars that come as near to positions as any, by least squares."""
     task = Task(points=rows[:, 0] + 1j * rows[:, 1], turns=rows[:, 2])
 
-    def made(x: Floats, branch: int, least: float) -> Design:
-        one = design_of_path(task, name, x, branch, least)
-        _, coupler, _ = angles_and_point(x[:SHAPE], one.at, np.asarray(branch))
+    def made(x: Floats, branch: int, margin: float) -> Design:
+        design = design_of_path(task, name, x, branch, margin)
+        _, coupler, _ = angles_and_point(x[:SHAPE], design.at, np.asarray(branch))
         turned = np.abs(np.angle(np.exp(1j * (coupler + x[SHAPE + 4] - rows[:, 2]))))
-        return replace(one, errors=one.errors + task.size * turned)
+        return replace(design, errors=design.errors + task.size * turned)
 
     return proposed(task, count, STARTS, seed, progress, made)
 
@@ -150,23 +151,23 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
         if z is None:
             raise refused(which, "its three places lie on a straight line", "take another point")
     w = origin[0] + turn[0] * pins
-    made, sound, least = _judged(rows, [[(w[i], centres[i]) for i in (0, 1)]])
+    fourbars, sound, margins = _judged(rows, [[(w[i], centres[i]) for i in (0, 1)]])
     if not sound[0]:
-        found = "on the way through the positions it changes circuit, branch or order"
-        raise refused("moving", found, "take other points of the coupler")
-    return _design(rows, made, 0, float(least[0]), name)
+        message = "on the way through the positions it changes circuit, branch or order"
+        raise refused("moving", message, "take other points of the coupler")
+    return _design(rows, fourbars, 0, float(margins[0]), name)
 
 
-def _positions(positions: Any, least: int, most: int | None) -> Floats:
+def _positions(positions: Any, minimum: int, maximum: int | None) -> Floats:
     """Rows (n, 3) of x, y, angle. Raises `RequestError` for others."""
     try:
         rows = np.asarray(positions, float)
     except (TypeError, ValueError):
         rows = np.empty(0)
     shaped = rows.ndim == 2 and rows.shape[1] == 3 and np.isfinite(rows).all()
-    if not shaped or len(rows) < least or len(rows) > (most or len(rows)):
-        meant = f"give {least}{'' if most else ' or more'} rows x, y, angle"
-        raise refused("positions", f"got {positions!r:.60}", meant)
+    if not shaped or len(rows) < minimum or len(rows) > (maximum or len(rows)):
+        remedy = f"give {minimum}{'' if maximum else ' or more'} rows x, y, angle"
+        raise refused("positions", f"got {positions!r:.60}", remedy)
     if not _size(rows) > 0:
         raise refused("positions", "they are all the same", "give positions that differ")
     return rows
@@ -190,9 +191,9 @@ def burmester_pins(rows: Floats, rng: np.random.Generator) -> list[tuple[complex
     -------
     Pairs (w, m) [m]: the pin in the first position, in the frame's axes, and its centre
     """
-    scale, place = _size(rows), complex(*rows[0, :2])
+    scale, origin = _size(rows), complex(*rows[0, :2])
     e = np.exp(1j * (rows[1:, 2] - rows[0, 2]))
-    z = (rows[1:, 0] + 1j * rows[1:, 1] - place) / scale
+    z = (rows[1:, 0] + 1j * rows[1:, 1] - origin) / scale
     # unknowns: w, m and p = w conj(m) as real and imaginary parts, all by the scale
     c = e - 1.0
     M = np.column_stack(
@@ -214,7 +215,7 @@ def burmester_pins(rows: Floats, rng: np.random.Generator) -> list[tuple[complex
         x = start + s * basis[0] + t * basis[1]
         w, m = complex(x[0], x[1]), complex(x[2], x[3])
         if abs(w * m.conjugate() - complex(x[4], x[5])) <= CLOSE * (1 + abs(w) * abs(m)):
-            pins.append((w * scale + place, m * scale + place))
+            pins.append((w * scale + origin, m * scale + origin))
     return pins
 
 
@@ -223,10 +224,10 @@ def _product(start: Floats, basis: Floats, part: str) -> Floats:
     rows = np.vstack([start, basis])
     w, m = rows[:, 0] + 1j * rows[:, 1], rows[:, 2] + 1j * rows[:, 3]
     products = w[:, None] * m.conj()[None, :]
-    one = np.zeros((3, 3), complex)
-    one[0] = rows[:, 4] + 1j * rows[:, 5]
-    whole = (products + products.T) / 2 - (one + one.T) / 2
-    return np.asarray(getattr(whole, part))
+    linear = np.zeros((3, 3), complex)
+    linear[0] = rows[:, 4] + 1j * rows[:, 5]
+    conic = (products + products.T) / 2 - (linear + linear.T) / 2
+    return np.asarray(getattr(conic, part))
 
 
 def _conics_meet(A: Floats, B: Floats) -> list[tuple[float, float]]:
@@ -273,9 +274,9 @@ def _judged(rows: Floats, pairs: Sequence[Any]) -> tuple[_FourBars, Any, Floats]
     crank, link, arm = w - A, v - w, v - D
     scale = np.abs(crank)
     origin, turn = rows[:, 0] + 1j * rows[:, 1], np.exp(1j * (rows[:, 2] - rows[0, 2]))
-    one, other = (origin + turn * (z[:, None] - origin[0]) for z in (w, v))
-    sides = np.sign(((other - one).conj() * (D[:, None] - one)).imag)
-    theta = np.unwrap(np.angle((one - A[:, None]) / crank[:, None]), axis=1)
+    first, second = (origin + turn * (z[:, None] - origin[0]) for z in (w, v))
+    sides = np.sign(((second - first).conj() * (D[:, None] - first)).imag)
+    theta = np.unwrap(np.angle((first - A[:, None]) / crank[:, None]), axis=1)
     uv = (origin[0] - w) / link * np.abs(link) / scale
     shape = np.column_stack(
         [
@@ -285,18 +286,18 @@ def _judged(rows: Floats, pairs: Sequence[Any]) -> tuple[_FourBars, Any, Floats]
     )  # fmt: skip
     branch = np.where(sides[:, 0] > 0, -1, 1)
     x = np.hstack([shape, np.zeros((len(shape), 5)), theta])
-    sound, least = np.zeros(len(x), bool), np.zeros(len(x))
+    sound, margins = np.zeros(len(x), bool), np.zeros(len(x))
     same = np.flatnonzero((sides == sides[:, :1]).all(axis=1))
-    sound[same], least[same] = Task(turns=rows[:, 2]).sound(x[same], branch[same])
-    return _FourBars(shape, theta, branch, crank, A), sound, least
+    sound[same], margins[same] = Task(turns=rows[:, 2]).sound(x[same], branch[same])
+    return _FourBars(shape, theta, branch, crank, A), sound, margins
 
 
-def _design(rows: Floats, made: _FourBars, i: int, least: float, name: str) -> Design:
-    shape, theta, branch, crank, pivot = (x[i] for x in made)
+def _design(rows: Floats, fourbars: _FourBars, i: int, margin: float, name: str) -> Design:
+    shape, theta, branch, crank, pivot = (x[i] for x in fourbars)
     at = coupler_point(shape, theta, branch) * crank + pivot
     errors = np.abs(at - rows[:, 0] - 1j * rows[:, 1])
     graph = fourbar(shape, complex(crank), complex(pivot), int(branch), name)
-    return Design(graph, theta, "dyad.P.p", errors, least)
+    return Design(graph, theta, "dyad.P.p", errors, margin)
 
 
 def _centre(z: Points) -> complex | None:

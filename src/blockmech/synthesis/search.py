@@ -76,13 +76,13 @@ class Task:
     def _columns(self) -> Any:
         """Which unknowns are free: shape, A and B, the zero of angles, and the crank's angles."""
         shape = [True] * SHAPE if self.points is not None else [True] * 4 + [False] * 2
-        place = [self.points is not None] * 4
+        similarity = [self.points is not None] * 4
         zero = [self.turns is not None or self.swings is not None]
         crank = [self.angles is None] * self.n
         crank[0] = False  # where the crank's angle is counted from is the shape's turn
         if self.closed:
             crank[-1] = False
-        return np.array([*shape, *place, *zero, *crank])
+        return np.array([*shape, *similarity, *zero, *crank])
 
     def start(self, shape: Floats, theta: Floats, branch: Any) -> tuple[Floats, Floats]:
         """Unknowns (m, k) of shapes at crank angles (m, n), and their mean square residual (m,)."""
@@ -92,9 +92,9 @@ class Task:
         if self.points is not None:
             A, B = similar(c, self.points)
             x[:, SHAPE : SHAPE + 4] = np.column_stack([A.real, A.imag, B.real, B.imag])
-        for angle, wanted in ((coupler, self.turns), (rocker, self.swings)):
-            if wanted is not None:
-                x[:, SHAPE + 4] = np.angle(np.exp(1j * (wanted - angle)).mean(axis=1))
+        for angle, target in ((coupler, self.turns), (rocker, self.swings)):
+            if target is not None:
+                x[:, SHAPE + 4] = np.angle(np.exp(1j * (target - angle)).mean(axis=1))
         cost = (self.residual(x, branch) ** 2).mean(axis=1)
         return x, np.where(np.isnan(coupler).any(axis=1), np.inf, cost)
 
