@@ -15,6 +15,7 @@ from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.functions.series import Floats
+from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes import forward
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 BEYOND = 2.0**20  # sizes of the mechanism within which a slide's ends are searched
-COINCIDENT = 1e-6  # of a group's lengths, below which two pins lie on each other
+COINCIDENT = 10 * DOUBLE_ROOT  # of a group's lengths: two pins lie on each other, at a double root
 
 WORDS = {"RRP": "tangent", "RPR": "tangent", "PRP": "parallel", "RPP": "parallel"}
 

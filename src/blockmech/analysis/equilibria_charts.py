@@ -21,10 +21,11 @@ from blockmech.dynamics.request import Pairs
 from blockmech.dynamics.system import System
 from blockmech.functions.series import Floats
 from blockmech.ground.errors import BlockmechError
+from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.model.joints.layout import Poses
 from blockmech.model.structure import COORDINATE
 
-ALIKE = 1e-6  # of the size, rad: two poses are one
+ALIKE = 10 * DOUBLE_ROOT  # of the size, rad: two poses are one, to what a double root leaves
 HALVED = 26  # times that the way to an end of an arc is, where another joint is looked for
 MOST = 32  # arcs that are looked at
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 STEPS = 60  # of Newton's method, from far away
-SAME = 1e-7  # [rad] or share of the span: two equilibria are one
+SAME = DOUBLE_ROOT  # [rad] or share of the span: two equilibria are one
 ASIDE = 10 * DOUBLE_ROOT  # [rad or m] of change points, where rounding hides poses
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.equilibria_one import SAME, STEPS
 from blockmech.analysis.equilibrium import NONE, Equilibria, equilibrium_of
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
@@ -29,8 +30,6 @@ from blockmech.ground.plane import EPS
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-STEPS = 60  # of Newton's method, from far away
-SAME = 1e-7  # of the span: two equilibria are one
 STRIDE = 0.02  # of the span: a step along a curve
 LONG = 250  # steps along a curve
 STRAY = 0.2  # of a step: a correction that is larger has left the curve

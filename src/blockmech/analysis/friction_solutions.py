@@ -37,6 +37,7 @@ from blockmech.friction.equations import load_norm
 from blockmech.friction.existence import existence
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
+from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
@@ -54,7 +55,7 @@ DEFAULT = (".drive", ".reaction")
 """What is computed of each solution where nothing is asked for: outputs that end so."""
 MOST_BRANCHES = 100_000  # of the tree; each has all outputs
 MOST_PATHS = 4096  # complex solutions of one group; a triad with nine pins has 512
-SAME = 1e-6  # relative: two solutions of continuation and enumeration that are one
+SAME = 10 * DOUBLE_ROOT  # relative: two solutions of continuation and enumeration that are one
 BY_LOAD = "its friction law is not linear in the load, so that its solutions are not counted"
 
 BOUND = bind_functions(

@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.plane import EPS
 from blockmech.typing import Coordinates
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 FRAME = "frame"
-STRAIGHT = 1e-12  # sine of the angle between velocity and acceleration that is rounding
+STRAIGHT = 4096 * EPS  # sine of the angle between velocity and acceleration that is rounding
 
 
 @declared

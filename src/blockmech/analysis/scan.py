@@ -25,7 +25,7 @@ TURN = 2 * math.pi
 SEAM = -math.pi / 2 - DOUBLE_ROOT
 ROUNDED = 16 * EPS  # of a share of one, which comes of some ten operations
 NODES = 64  # of a panel; of 128 the derivatives lose the touches of thirty loops in a row
-TINY = 1e-12  # [rad or m] shown as zero: rounding of places
+TINY = 4096 * EPS  # [rad or m] shown as zero: rounding of places
 ASIDE = 0.2  # [rad] about 0.4 of a panel: extrema at round angles are in the middle of panels
 
 

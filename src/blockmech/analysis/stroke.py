@@ -26,6 +26,7 @@ from blockmech.analysis.turning_points import ALIKE, Signal, Turn, Turns, signal
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import EPS, Floats, fit, panels
 from blockmech.ground.errors import refused
+from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.ground.report import DEGREES, Facts, Report, with_unit
 from blockmech.typing import Data, FrictionMethod
 
@@ -33,7 +34,9 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.result.result import Result
 
-STANDS = 1e-6  # of the largest speed: below it a marker may reverse
+STANDS = (
+    10 * DOUBLE_ROOT
+)  # of the largest speed: a marker may reverse, at a double root of its path
 
 ASK = "ask for the extremes of its x or y"
 

@@ -13,6 +13,7 @@ from blockmech.analysis.scan import NODES, TURN, runs
 from blockmech.functions.roots import bisect
 from blockmech.functions.series import SCANNED, Floats
 from blockmech.ground.errors import RequestError, refused
+from blockmech.ground.plane import EPS
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
 from blockmech.typing import Arguments, Data
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 MOST = 50 * SCANNED  # steps of a range of many turns
-SAME = 1e-12  # of a range, of places and numbers of turns that count as the same
+SAME = 4096 * EPS  # of a range, of places and numbers of turns that count as the same
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
+from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter
@@ -58,9 +59,9 @@ from blockmech.typing import Arguments, Data, FrictionMethod
 PART = 512  # samples of a long record that are fitted first
 FULL = 8  # steps on all samples at most; after the first fit one or two are enough
 ENOUGH = 1e-2  # of a number's standard deviation: a step that changes nothing any more
-SAME = 1e-8  # relative: what rounding leaves of columns that depend on each other
+SAME = math.sqrt(EPS)  # relative: what rounding leaves of columns that depend on each other
 FAR = 1e9  # times the noise: the residual of a design that cannot be
-NOISE = 1e-12  # of the largest value of a column: the least noise that it is taken to have
+NOISE = 4096 * EPS  # of the largest value of a column: the least noise that it is taken to have
 START = 1e-3  # of the largest value of a column: the least that it is first weighed by
 PATTERN = 5.0  # standard deviations of how often neighbours agree: a residual is no noise
 PANEL = 9.0 * ink.TEXT  # [pt] height of a panel of a picture

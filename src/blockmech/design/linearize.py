@@ -38,6 +38,7 @@ from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import close_match, listed, needed, refused
+from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, places, with_unit
 from blockmech.ground.runnable import LazyMethod
 from blockmech.studies.derivatives_at import (
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
 DECADES = 2.0  # of frequency below the lowest and above the highest mode that are shown
 SHOWN = 400  # frequencies of a response
 SAME = 1e-9  # relative: no oscillation, no growth
-NOUGHT = 1e-13  # relative: what eigenvalues leave of no damping
+NOUGHT = 512 * EPS  # relative: what eigenvalues leave of no damping
 SWING = 0.2  # [rad] or share of a metre: amplitude of a mode that is shown
 ROUNDS = 25  # of Newton's method for states of signals at rest
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture

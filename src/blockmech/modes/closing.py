@@ -23,7 +23,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.ground.plane import EPS
+from blockmech.ground.plane import DOUBLE_ROOT, EPS
 from blockmech.modes.elimination import coefficients, directions, shifts
 from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
 
@@ -31,7 +31,7 @@ STEPS = 40  # of Newton's method; halving its distance from a dead centre takes 
 LONGEST = 0.3  # step, in sizes and radians; no dead centre is looked for further away
 CLOSED = 16 * EPS  # of the size: a pose that misses less has closed
 NEAR = 1e-2  # ratio of singular values: a dead centre is near. A sixfold root is good to it
-SAME = 1e-7  # poses nearer than this are one: rounding hides the gap of a parabola
+SAME = DOUBLE_ROOT  # poses nearer than this are one: rounding hides the gap of a parabola
 CUSP = 4 * EPS ** (2 / 3)  # the ratio where three modes fall together, closed to rounding
 DELTA = EPS ** (1 / 3)  # for differences of rates
 

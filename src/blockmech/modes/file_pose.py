@@ -13,7 +13,7 @@ from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.ground.plane import angle
+from blockmech.ground.plane import DOUBLE_ROOT, angle
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.report import TURN
 from blockmech.modes.triad import Support
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m] and angle [rad] of a link's frame in ground axes."""
 
-CHOSEN = 1e-6  # of the size: the pose that the file chooses is this mode
+CHOSEN = 10 * DOUBLE_ROOT  # of the size: the pose that the file chooses is this mode
 
 
 class Places:

@@ -27,6 +27,7 @@ import numpy as np
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
+from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.synthesis.designs import (
     ALIKE,
     Design,
@@ -40,8 +41,10 @@ from blockmech.synthesis.search import STARTS, Task
 from blockmech.typing import Progress
 
 TRIED = 32  # conditions that are drawn where positions are lacking
-CLOSE = 1e-7  # relative: what is left of the conditions of a pin, and two pins that are one
-REAL = 1e-6  # relative: imaginary parts of rounding
+CLOSE = (
+    DOUBLE_ROOT
+)  # relative: what is left of the conditions of a pin, and two pins that are one
+REAL = 10 * DOUBLE_ROOT  # relative: imaginary parts that rounding gives a double root
 
 
 @declared

@@ -18,6 +18,7 @@ from blockmech.blocks.contract import Moving
 from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, Planar
+from blockmech.ground.plane import EPS
 from blockmech.ground.values import Marker, Place, Vector
 from blockmech.loads import Force, Thrust
 from blockmech.loads.contract import Element
@@ -28,7 +29,7 @@ from blockmech.typing import Arguments
 
 ANGLE = 0.7  # [rad] no symmetry of anything
 E = cmath.rect(1.0, ANGLE)
-SAME = 1e-12  # relative difference of numbers that rotating only rounds
+SAME = 4096 * EPS  # relative difference of numbers that rotating only rounds
 
 
 def rotated_run(
