@@ -195,8 +195,8 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         """One curve an arc, with marks at the equilibria and bands where friction holds."""
         lowest = "potential" in what
         rows = [np.asarray(c.potential if lowest else c.effort) for c in self.curves]
-        known = np.concatenate([row[np.isfinite(row)] for row in rows])
-        low, high = np.quantile(known, [CLEAR, 1 - CLEAR]) if len(known) else (-1.0, 1.0)
+        finite = np.concatenate([row[np.isfinite(row)] for row in rows])
+        low, high = np.quantile(finite, [CLEAR, 1 - CLEAR]) if len(finite) else (-1.0, 1.0)
         unit = "J" if lowest else f"N{' m' if self.unit == 'rad' else ''}"
         scale, unit = scaled_unit(unit, max(abs(low), abs(high)))
         for curve, row in zip(self.curves, rows, strict=True):

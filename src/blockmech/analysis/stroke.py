@@ -34,9 +34,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.result.result import Result
 
-STANDS = (
-    10 * DOUBLE_ROOT
-)  # of the largest speed: a marker may reverse, at a double root of its path
+STANDS = 10 * DOUBLE_ROOT  # of the largest speed: below it a marker may reverse
 
 ASK = "ask for the extremes of its x or y"
 

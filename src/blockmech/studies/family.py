@@ -178,11 +178,11 @@ def _passed_on(
         variation = Variation.of(mechanism, varied)
     except GraphError:
         variation = Variation(mechanism, {})
-    paths_here, paths_near = (
+    paths, paths_of_base = (
         parameters_of(graph_sections(m)).keys() for m in (mechanism, variation.base)
     )
     if (
-        paths_here != paths_near and len(parameters) > 1
+        paths != paths_of_base and len(parameters) > 1
     ):  # some of them split what coincides by chance
         return {
             p: targets
@@ -193,7 +193,7 @@ def _passed_on(
     for p, seed in zip(varied, np.eye(len(varied)), strict=True):
         follow = {path: x for path, x in variation.numbers.items() if (x.d @ seed).any()}
         same = all(x == Varied(p.value, seed) for x in follow.values())
-        followers[p] = tuple(follow) if same and paths_here == paths_near else ()
+        followers[p] = tuple(follow) if same and paths == paths_of_base else ()
     return followers
 
 

@@ -41,9 +41,7 @@ from blockmech.synthesis.search import STARTS, Task
 from blockmech.typing import Progress
 
 TRIED = 32  # conditions that are drawn where positions are lacking
-CLOSE = (
-    DOUBLE_ROOT
-)  # relative: what is left of the conditions of a pin, and two pins that are one
+CLOSE = DOUBLE_ROOT  # relative: misfit of a pin's conditions, and two pins that are one
 REAL = 10 * DOUBLE_ROOT  # relative: imaginary parts that rounding gives a double root
 
 

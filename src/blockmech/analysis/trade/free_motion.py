@@ -71,23 +71,25 @@ class FreeMotion(Question):
         self.asked = f"simulate until {request.get('until') or 'its end'}"
         first, in_time = self._run({}, SHARE * clock.left)
         motion: Motion = first.motion
-        ended = in_time and motion.end != TOO_MANY
-        finest = (self._two_kinds if ended else self._of_its_begin)(motion, clock)
+        finished = in_time and motion.end != TOO_MANY
+        finest = (self._two_kinds if finished else self._of_its_begin)(motion, clock)
         if len(finest) < 2:
             return
         # The surer one is the reference, the other one its check.
-        (method, self.best), (other, check) = sorted(finest, key=lambda run: run[1].motion.error)
+        (method, self.best), (check_method, check) = sorted(
+            finest, key=lambda run: run[1].motion.error
+        )
         self.errors = _errors(self.best)
-        apart, own = self.error(check)[0], [run.motion.error for _, run in finest]
-        self.reference = Reference(method, other, max(apart, min(own), DOUBLE))
+        apart, estimates = self.error(check)[0], [run.motion.error for _, run in finest]
+        self.reference = Reference(method, check_method, max(apart, min(estimates), DOUBLE))
         names = self.best.plan.want
-        shown = ", ".join(names) if len(names) <= 3 else f"{len(names)} outputs"
+        outputs = ", ".join(names) if len(names) <= 3 else f"{len(names)} outputs"
         until = self.request.get("until")
-        self.asked = f"simulate until {until or motion.end}: {shown} at {self.best.n} times"
-        if apart > DOUBTFUL * sum(own):
+        self.asked = f"simulate until {until or motion.end}: {outputs} at {self.best.n} times"
+        if apart > DOUBTFUL * sum(estimates):
             self.notes += (
                 f"reference and check differ by {apart:.1g}, more than they estimate of "
-                f"themselves ({min(own):.1g} and {max(own):.1g})",
+                f"themselves ({min(estimates):.1g} and {max(estimates):.1g})",
             )
         if self.reference.floor >= USELESS:
             self.notes += ("reference and check have nothing in common, so no error is claimed",)
@@ -190,8 +192,8 @@ class FreeMotion(Question):
             if self.clock.now() > end:
                 raise KeyboardInterrupt  # by which a simulation is stopped
 
-        given = {**self.request, **options, "progress": stop_late}
-        result: SimulationResult = self.mechanism.simulate(**given)
+        arguments = {**self.request, **options, "progress": stop_late}
+        result: SimulationResult = self.mechanism.simulate(**arguments)
         if result.motion.end != INTERRUPTED:
             return result, True
         if self.clock.now() <= end:
@@ -210,13 +212,13 @@ class FreeMotion(Question):
         Where an event ends the run, its time counts, relative to the time of the run.
         """
         assert isinstance(result, SimulationResult)
-        n, moved, wanted = min(result.n, self.best.n), result.motion, self.best.motion
-        by_event = wanted.end != "time"
+        n, moved, reference = min(result.n, self.best.n), result.motion, self.best.motion
+        by_event = reference.end != "time"
         if n == 0 or (n < self.best.n and not by_event):
             return math.inf, "time"
         errors = self.errors if n == self.best.n else _errors(self.best.isel(slice(n)))
         worst = errors.worst(result.isel(slice(n)))
-        late, span = abs(moved.t_end - wanted.t_end), wanted.t_end - wanted.t_start
+        late, span = abs(moved.t_end - reference.t_end), reference.t_end - reference.t_start
         return max(worst, (late / span, "time")) if by_event and span > 0 else worst
 
 

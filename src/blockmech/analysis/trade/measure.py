@@ -192,7 +192,7 @@ def measured(
                 else:
                     points[key] = point
     except KeyboardInterrupt:
-        skipped += [Skipped(each.label, "interrupted") for each in rest]
+        skipped += [Skipped(unmeasured.label, "interrupted") for unmeasured in rest]
         return tuple(points.values()), tuple(skipped)
     return tuple(_repeated(question, list(points.values()), clock)), tuple(skipped)
 
@@ -225,15 +225,15 @@ def _repeated(question: Question, points: list[Point], clock: Clock) -> list[Poi
     Settings take turns, from cheap to dear, so that what disturbs one disturbs all.
     """
     times: list[list[float]] = [[] for _ in points]
-    left = sorted(range(len(points)), key=lambda i: points[i].seconds)
+    pending = sorted(range(len(points)), key=lambda i: points[i].seconds)
     with suppress(KeyboardInterrupt):  # what is measured so far stays
-        while left:
-            for i in left:
+        while pending:
+            for i in pending:
                 again, seconds = _timed(question, points[i], clock)
                 if again is None:
                     raise KeyboardInterrupt
                 times[i].append(seconds)
-            left = [i for i in left if len(times[i]) < FEWEST or sum(times[i]) < LONG_ENOUGH]
+            pending = [i for i in pending if len(times[i]) < FEWEST or sum(times[i]) < LONG_ENOUGH]
     return [
         replace(point, seconds=min(row), slowest=max(row), repeats=len(row)) if row else point
         for point, row in zip(points, times, strict=True)
@@ -245,11 +245,11 @@ def _timed(question: Question, setting: Setting, clock: Clock) -> tuple[Result |
 
     It is run again until the clock can tell.
     """
-    begun, runs, spent = clock.now(), 0, 0.0
+    start, runs, spent = clock.now(), 0, 0.0
     while spent <= COARSEST:
-        left = clock.left
-        answer = question.run(setting.options, left) if left > 0 else None
-        runs, spent = runs + 1, clock.now() - begun
+        allowed = clock.left
+        answer = question.run(setting.options, allowed) if allowed > 0 else None
+        runs, spent = runs + 1, clock.now() - start
         if answer is None:
             break
     return answer, spent / runs
@@ -270,5 +270,5 @@ def front(points: Sequence[Point], cost: str) -> tuple[Point, ...]:
             for q in points
         )
 
-    kept = (p for p in points if p.error < USELESS and not beaten(p))
-    return tuple(sorted(kept, key=lambda p: (getattr(p, cost), p.error)))
+    unbeaten = (p for p in points if p.error < USELESS and not beaten(p))
+    return tuple(sorted(unbeaten, key=lambda p: (getattr(p, cost), p.error)))

@@ -93,8 +93,8 @@ class Trade(CsvTable, Facts, Pictured):
         fit = [p for p in self.pareto if within is None or p.seconds <= within]
         if target is None and within is not None:
             return fit[-1] if fit else None
-        wanted = USUAL if target is None else target
-        return next((p for p in fit if p.error <= wanted), None)
+        largest_error = USUAL if target is None else target
+        return next((p for p in fit if p.error <= largest_error), None)
 
     @property
     def recommended(self) -> Point | None:
@@ -113,11 +113,11 @@ class Trade(CsvTable, Facts, Pictured):
         faster = [p for p in self.pareto if p.seconds * FASTER <= best.seconds]
         if not faster:
             return f"{head}; nothing here is twice as fast"
-        other = faster[-1]  # the most exact of them
-        digits = round(math.log10(other.error / best.error))
+        alternative = faster[-1]  # the most exact of them
+        digits = round(math.log10(alternative.error / best.error))
         price = f"{digits} digit{'s' * (digits > 1)}" if digits else "less than a digit"
-        times = best.seconds / other.seconds
-        return f"{head}; {times:.1f} times faster costs {price} ({other.label})"
+        times = best.seconds / alternative.seconds
+        return f"{head}; {times:.1f} times faster costs {price} ({alternative.label})"
 
     def series(self) -> dict[str, list[Point]]:
         """Points by method, in the order measured."""
@@ -136,8 +136,8 @@ class Trade(CsvTable, Facts, Pictured):
         height = len(COSTS) * PANEL + ink.ROW * len(series) / 2
         layout: Any = {"sharex": False, "ax": ax}
         with panelled(self._caption(), height, len(COSTS), **layout) as panels:
-            for (axes,), (cost, words) in zip(panels, COSTS.items(), strict=True):
-                axes.set_xlabel(words, labelpad=1)
+            for (axes,), (cost, axis_label) in zip(panels, COSTS.items(), strict=True):
+                axes.set_xlabel(axis_label, labelpad=1)
                 axes.set_ylabel("error [–]", labelpad=2)
                 if series:
                     self._draw(axes, cost)
@@ -211,9 +211,11 @@ class Trade(CsvTable, Facts, Pictured):
 
         best = front(self.points, cost)
         points = [p for p in self.points if math.isfinite(p.error)]
-        places = axes.transData.transform([(_spent(p, cost), p.error) for p in points] or [(1, 1)])
+        positions = axes.transData.transform(
+            [(_spent(p, cost), p.error) for p in points] or [(1, 1)]
+        )
         half = MARK / 2 * axes.figure.dpi / 72
-        taken = [Bbox([z - half, z + half]) for z in places]
+        boxes = [Bbox([z - half, z + half]) for z in positions]
         room, renderer = axes.get_window_extent(), axes.figure.canvas.get_renderer()
         for p in sorted(points, key=lambda p: p not in best):
             for dx, dy in SPOTS if short(p) else ():
@@ -234,8 +236,8 @@ class Trade(CsvTable, Facts, Pictured):
                 inside = (
                     room.x0 < box.x0 and box.x1 < room.x1 and room.y0 < box.y0 < box.y1 < room.y1
                 )
-                if inside and not box.count_overlaps(taken):
-                    taken.append(box)
+                if inside and not box.count_overlaps(boxes):
+                    boxes.append(box)
                     break
                 text.remove()
 
