@@ -58,16 +58,16 @@ def passed(design):
 
 
 def test_a_path_through_six_points_is_met():
-    found = path_generator(POINTS, starts=4096)
-    assert found[0].miss < 1e-6
-    for design in found:
+    designs = path_generator(POINTS, starts=4096)
+    assert designs[0].miss < 1e-6
+    for design in designs:
         places, margin = passed(design)
         assert np.abs(places - POINTS) == pytest.approx(design.errors, abs=1e-9)
         assert margin.min() > 0  # no change of circuit or branch on the way
         assert margin.min() == pytest.approx(design.margin, rel=1e-3)
         steps = np.diff(design.at)
         assert (steps > 0).all() or (steps < 0).all()
-    assert [d.margin for d in found] == sorted((d.margin for d in found), reverse=True)
+    assert [d.margin for d in designs] == sorted((d.margin for d in designs), reverse=True)
 
 
 def test_derivatives_of_the_pose_are_those_of_differences():
@@ -97,11 +97,11 @@ def test_a_closed_path_takes_a_full_turn():
 def test_a_known_fourbar_is_found_again_from_its_timed_path():
     shape = [np.log(3.0), 0.3, np.log(2.5), np.log(2.8), 1.0, 1.2]
     theta = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
-    wanted = 0.4 * np.exp(0.7j) * bm.synthesis.coupler_point(shape, theta, 1) + 1 - 2j
-    found = path_generator(wanted, theta, starts=2**13)
-    assert found[0].miss < 1e-8
-    again = path_generator(wanted, theta, starts=2**13)
-    assert again[0].miss == found[0].miss  # the same seed
+    expected = 0.4 * np.exp(0.7j) * bm.synthesis.coupler_point(shape, theta, 1) + 1 - 2j
+    designs = path_generator(expected, theta, starts=2**13)
+    assert designs[0].miss < 1e-8
+    again = path_generator(expected, theta, starts=2**13)
+    assert again[0].miss == designs[0].miss  # the same seed
 
 
 def test_three_positions_are_met():
@@ -136,9 +136,9 @@ def test_pins_of_five_positions_stay_on_their_circles():
 @pytest.mark.parametrize("n", [3, 4, 5, 7])
 def test_three_and_more_positions_are_met(n):
     rows = body(np.linspace(0.2, 2.0, n))
-    found = body_guidance(rows, tried=8)
-    assert len(found)
-    for design in found:
+    designs = body_guidance(rows, tried=8)
+    assert len(designs)
+    for design in designs:
         run = design.graph.run(at=design.at, want=["dyad.P.p", "dyad.i.angle"])
         assert run["dyad.P.p"] == pytest.approx(rows[:, 0] + 1j * rows[:, 1], abs=1e-9)
         turned = run["dyad.i.angle"] - rows[:, 2]
@@ -148,11 +148,11 @@ def test_three_and_more_positions_are_met(n):
 
 def test_where_five_positions_have_no_fourbar_the_nearest_is_given():
     rows = [(0, 0, 0.0), (1, 0.2, 0.9), (1.2, 1.1, 0.1), (0.4, 1.6, 0.7), (0.1, 2.4, 0.2)]
-    found = body_guidance(rows)
-    assert found[0].miss > 1e-3
-    run = found[0].graph.run(at=found[0].at, want="dyad.P.p")["dyad.P.p"]
+    designs = body_guidance(rows)
+    assert designs[0].miss > 1e-3
+    run = designs[0].graph.run(at=designs[0].at, want="dyad.P.p")["dyad.P.p"]
     assert (
-        np.abs(run - np.array([x + 1j * y for x, y, _ in rows])) <= found[0].errors + 1e-9
+        np.abs(run - np.array([x + 1j * y for x, y, _ in rows])) <= designs[0].errors + 1e-9
     ).all()
 
 
@@ -204,9 +204,9 @@ def test_what_is_no_task_is_refused(call, words):
 
 
 def test_every_candidate_is_a_file(tmp_path):
-    found = path_generator(POINTS, starts=1024)
-    paths = [*saved(found, tmp_path / "designs")]
-    assert len(paths) == len(found)
-    for path, design in zip(paths, found, strict=True):
+    designs = path_generator(POINTS, starts=1024)
+    paths = [*saved(designs, tmp_path / "designs")]
+    assert len(paths) == len(designs)
+    for path, design in zip(paths, designs, strict=True):
         run = bm.Graph.load(path).run(at=design.at, want="dyad.P.p")
         assert np.abs(run["dyad.P.p"] - POINTS) == pytest.approx(design.errors, abs=1e-9)

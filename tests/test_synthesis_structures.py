@@ -39,17 +39,17 @@ def test_every_structure_is_a_mechanism(links):
 
 def test_a_table_over_structures(tmp_path):
     """Errors, margins and moments are those of the files; the search goes on where it stopped."""
-    told = []
-    how = {"links": [4], "starts": 256, "density": 2.0, "rate": 3.0}
-    first = path_over_structures(POINTS, ANGLES, **how, budget=0.0, out=tmp_path)
+    calls = []
+    settings = {"links": [4], "starts": 256, "density": 2.0, "rate": 3.0}
+    first = path_over_structures(POINTS, ANGLES, **settings, budget=0.0, out=tmp_path)
     assert len(first.unfinished) == 1
-    found = path_over_structures(
-        POINTS, ANGLES, **how, out=tmp_path, progress=lambda *row: told.append(row)
+    candidates = path_over_structures(
+        POINTS, ANGLES, **settings, out=tmp_path, progress=lambda *row: calls.append(row)
     )
-    assert len(told) == 1
-    assert not found.unfinished
-    assert len(found) > 1
-    for c in found:
+    assert len(calls) == 1
+    assert not candidates.unfinished
+    assert len(candidates) > 1
+    for c in candidates:
         at = c.design.at
         run = c.graph.run(at=at, want=c.design.output)[c.design.output]
         assert np.abs(run - POINTS) == pytest.approx(c.design.errors, abs=1e-9)
@@ -58,19 +58,19 @@ def test_a_table_over_structures(tmp_path):
         assert min(run[m].min() for m in run if m.endswith("margin")) > 0
         assert np.abs(run["crank.drive"]).max() == pytest.approx(c.moment, rel=0.05)
         assert c.design.at == pytest.approx(ANGLES)
-    best = found.pareto
-    assert best[0] is found[0]
-    for c in found:
+    best = candidates.pareto
+    assert best[0] is candidates[0]
+    for c in candidates:
         beaten = any(
             all(a <= b for a, b in zip(d.measures, c.measures, strict=True))
             and d.measures != c.measures
-            for d in found
+            for d in candidates
         )
         assert (c in best) == (not beaten)
     files = sorted(tmp_path.glob("*.json"))
-    assert len(files) == len(found)
+    assert len(files) == len(candidates)
     assert all(bm.Graph.load(f).check() == [] for f in files)
-    again = path_over_structures(POINTS, ANGLES, **how, budget=0.0, out=tmp_path)
-    assert str(again) == str(found)
-    other = path_over_structures(POINTS, ANGLES, **how | {"seed": 1}, budget=0.0, out=tmp_path)
+    again = path_over_structures(POINTS, ANGLES, **settings, budget=0.0, out=tmp_path)
+    assert str(again) == str(candidates)
+    other = path_over_structures(POINTS, ANGLES, **settings | {"seed": 1}, budget=0.0, out=tmp_path)
     assert len(other.unfinished) == 1

@@ -163,11 +163,11 @@ def test_a_document_gives_its_lengths_no_more_digits_than_double_precision() -> 
     want = ("crank.drive", "driver.motor.drive")
     meant = mechanism("toggle_press").run(samples=65, want=want[0], precision="clongdouble")
     document = bm.Linkage.load(JOINTS / "toggle_press.json").compile()
-    found = document.run(samples=65, want=want[1], accuracy=1e-15)
-    off = np.abs(found[want[1]] - meant[want[0]]).max() / np.abs(meant[want[0]]).max()
-    assert found.accuracy.precision == "clongdouble"
-    assert DOUBLE / 4 < off <= found.accuracy.estimate  # beyond what the numbers could hold
-    assert not found.accuracy.reached
+    run = document.run(samples=65, want=want[1], accuracy=1e-15)
+    off = np.abs(run[want[1]] - meant[want[0]]).max() / np.abs(meant[want[0]]).max()
+    assert run.accuracy.precision == "clongdouble"
+    assert DOUBLE / 4 < off <= run.accuracy.estimate  # beyond what the numbers could hold
+    assert not run.accuracy.reached
 
 
 def test_where_iterations_may_not_converge_newton_is_taken() -> None:

@@ -50,42 +50,42 @@ def test_offset_slider_crank_obeys_the_stroke_formula_and_returns_quickly(seed):
     r = chance.uniform(0.5, 2.0)
     l = r * chance.uniform(2.0, 5.0)
     e = chance.uniform(-0.7, 0.7) * (l - r) if seed else 0.0
-    found = slider_crank(r, l, e).compile().stroke("dyad.C.p")
-    assert found.path == "straight"
+    stroke = slider_crank(r, l, e).compile().stroke("dyad.C.p")
+    assert stroke.path == "straight"
     high, low = reach(l, r, e, 1), reach(l, r, e, -1)
     # The margin is at least 1 - (0.7 (l - r) + r)^2 / l^2 > 0.27, its root above 1/2.
-    assert abs(found.length - (high - low)) <= ROUNDINGS * EPS * (l + r)
+    assert abs(stroke.length - (high - low)) <= ROUNDINGS * EPS * (l + r)
     # x'' at the ends is r (l +- r) / x' s lever: at least r (1 - r/l) / 1, x at most l + r.
     place = PLACE * (l + r) / (r * (1 - r / l) / 2)
-    assert apart(found.high.at["crank.q"], in_line(l, r, e, 1)) <= place
-    assert apart(found.low.at["crank.q"], in_line(l, r, e, -1)) <= place
+    assert apart(stroke.high.at["crank.q"], in_line(l, r, e, 1)) <= place
+    assert apart(stroke.low.at["crank.q"], in_line(l, r, e, -1)) <= place
     swing = abs(math.asin(e / (l - r)) - math.asin(e / (l + r)))
-    wanted = (math.pi + swing) / (math.pi - swing)
+    expected = (math.pi + swing) / (math.pi - swing)
     # d(ratio)/d(angle) = 2 pi / (pi - swing)^2, for two angles.
-    assert abs(found.time_ratio - wanted) <= 2 * place * TURN / (math.pi - swing) ** 2
-    assert abs(found.out + found.back - TURN) <= 2 * EPS * TURN
+    assert abs(stroke.time_ratio - expected) <= 2 * place * TURN / (math.pi - swing) ** 2
+    assert abs(stroke.out + stroke.back - TURN) <= 2 * EPS * TURN
 
 
 def test_crank_that_runs_backwards_swaps_stroke_and_return():
     forward = bm.motion.ConstantRate(rate=2.0)
     backward = bm.motion.ConstantRate(rate=-2.0, start=0.0, end=-TURN)
-    one = slider_crank(1.0, 3.0, 0.8, forward).compile().stroke("dyad.C.p")
+    stroke = slider_crank(1.0, 3.0, 0.8, forward).compile().stroke("dyad.C.p")
     other = slider_crank(1.0, 3.0, 0.8, backward).compile().stroke("dyad.C.p")
     place = 2 * PLACE * 4.0 / (1.0 - 1 / 3)
-    assert abs(one.out - one.back) > 0.1
-    assert abs(one.out - other.back) <= place
-    assert abs(one.time_ratio - other.time_ratio) <= place
+    assert abs(stroke.out - stroke.back) > 0.1
+    assert abs(stroke.out - other.back) <= place
+    assert abs(stroke.time_ratio - other.time_ratio) <= place
 
 
 def test_slider_that_cannot_turn_has_its_stroke_between_arc_ends():
     # The rod stands across the guide at both ends of the arc, at sin q = -1/2.
-    found = slider_crank(1.0, 3.0, 2.5).compile().stroke("dyad.C.p")
+    stroke = slider_crank(1.0, 3.0, 2.5).compile().stroke("dyad.C.p")
     low, high = -math.cos(math.asin(0.5)), reach(3.0, 1.0, 2.5, 1)
     # Near the end x = x_end + sqrt(margin) l: an end good to n EPS gives sqrt(n EPS).
-    assert abs(found.length - (high - low)) <= 3.0 * math.sqrt(ROUNDINGS * EPS)
-    assert found.time_ratio is None
-    assert found.low.end
-    assert not found.high.end
+    assert abs(stroke.length - (high - low)) <= 3.0 * math.sqrt(ROUNDINGS * EPS)
+    assert stroke.time_ratio is None
+    assert stroke.low.end
+    assert not stroke.high.end
 
 
 # -- rockers ----------------------------------------------------------------------------
@@ -117,13 +117,13 @@ def test_rocker_swings_between_crank_and_coupler_in_line(lengths):
     c = lengths[2]
     mechanism = fourbar(*lengths).compile()
     folded, extended = rocker_angles(*lengths)
-    found = mechanism.extremes("dyad.j.angle")
+    extremes = mechanism.extremes("dyad.j.angle")
     # acos loses 1 / sin of its angle, the margin 1 / sqrt: together below 20 here.
     worst = 20 * ROUNDINGS * EPS * math.pi
     swing = folded[0] - extended[0]
-    turned = found.maximum.value - found.minimum.value
+    turned = extremes.maximum.value - extremes.minimum.value
     assert abs(abs(swing) - turned) <= worst
-    met = {found.minimum.at["crank.q"], found.maximum.at["crank.q"]}
+    met = {extremes.minimum.at["crank.q"], extremes.maximum.at["crank.q"]}
     for _, crank in (folded, extended):
         assert min(apart(q, crank) for q in met) <= 20 * PLACE * math.pi
     arc = mechanism.stroke("dyad.C.p")
@@ -131,27 +131,27 @@ def test_rocker_swings_between_crank_and_coupler_in_line(lengths):
     assert abs(arc.length - c * turned) <= worst * c
     assert abs(arc.chord - 2 * c * math.sin(turned / 2)) <= worst * c
     slow = math.pi + abs(math.remainder(folded[1] - extended[1] - math.pi, TURN))
-    wanted = slow / (TURN - slow)
-    assert abs(arc.time_ratio - wanted) <= 100 * PLACE * wanted**2
+    expected = slow / (TURN - slow)
+    assert abs(arc.time_ratio - expected) <= 100 * PLACE * expected**2
 
 
 def test_transmission_angle_is_least_with_the_crank_on_the_frame():
     a, b, c, d = 2.0, 6.0, 3.0, 5.5
-    found = fourbar(a, b, c, d).compile().extremes("dyad.transmission_angle")
-    wanted = math.acos((b * b + c * c - (d - a) ** 2) / (2 * b * c))
-    assert abs(found.minimum.value - wanted) <= ROUNDINGS * EPS / math.sin(wanted)
+    extremes = fourbar(a, b, c, d).compile().extremes("dyad.transmission_angle")
+    expected = math.acos((b * b + c * c - (d - a) ** 2) / (2 * b * c))
+    assert abs(extremes.minimum.value - expected) <= ROUNDINGS * EPS / math.sin(expected)
     # gamma'' = a d / (b c sin gamma) = 1.5
-    assert apart(found.minimum.at["crank.q"], 0.0) <= PLACE * wanted / 1.5
+    assert apart(extremes.minimum.at["crank.q"], 0.0) <= PLACE * expected / 1.5
 
 
 def test_right_transmission_angle_is_found_at_its_kink():
     a, b, c, d = 2.0, 6.0, 3.0, 5.5
-    found = fourbar(a, b, c, d).compile().extremes("dyad.transmission_angle")
+    extremes = fourbar(a, b, c, d).compile().extremes("dyad.transmission_angle")
     q = math.acos((a * a + d * d - b * b - c * c) / (2 * a * d))  # |BD|^2 = b^2 + c^2
     # Both sides slope by a d sin q / (b c) = 0.53 per rad.
-    assert abs(found.maximum.value - math.pi / 2) <= ROUNDINGS * EPS
-    assert apart(abs(found.maximum.at["crank.q"]), q) <= ROUNDINGS * EPS * math.pi / 0.53
-    assert len([t for t in found.turns if t.kind == "maximum"]) == 2
+    assert abs(extremes.maximum.value - math.pi / 2) <= ROUNDINGS * EPS
+    assert apart(abs(extremes.maximum.at["crank.q"]), q) <= ROUNDINGS * EPS * math.pi / 0.53
+    assert len([t for t in extremes.turns if t.kind == "maximum"]) == 2
 
 
 # -- any output -------------------------------------------------------------------------
@@ -191,13 +191,13 @@ def test_harmonic_motion_turns_where_it_should(what, amplitude, highest, lowest)
 
 
 def test_vector_has_extremes_of_parts_and_of_its_magnitude():
-    found = scotch_yoke().extremes("crank.B.p")
-    assert found.unit == "m"
-    assert abs(found["x"].maximum.value - 0.4) <= 4 * EPS * 0.4
-    assert abs(found["y"].minimum.value + 0.4) <= 4 * EPS * 0.4
-    assert found["magnitude"].turns == ()  # the pin stays on its circle
-    assert abs(found.maximum.value - found.minimum.value) <= 4 * EPS * 0.4
-    assert set(found.to_dict()) == {"output", "unit", "x", "y", "magnitude"}
+    extremes = scotch_yoke().extremes("crank.B.p")
+    assert extremes.unit == "m"
+    assert abs(extremes["x"].maximum.value - 0.4) <= 4 * EPS * 0.4
+    assert abs(extremes["y"].minimum.value + 0.4) <= 4 * EPS * 0.4
+    assert extremes["magnitude"].turns == ()  # the pin stays on its circle
+    assert abs(extremes.maximum.value - extremes.minimum.value) <= 4 * EPS * 0.4
+    assert set(extremes.to_dict()) == {"output", "unit", "x", "y", "magnitude"}
 
 
 def test_range_that_ends_early_has_its_extreme_at_the_end():
@@ -211,29 +211,29 @@ def test_range_that_ends_early_has_its_extreme_at_the_end():
 
 
 def test_full_turning_link_has_no_extreme_of_its_angle_inside():
-    found = fourbar(3.0, 5.0, 4.0, 1.0).compile().extremes("dyad.j.angle")
-    assert found.turns == ()
+    extremes = fourbar(3.0, 5.0, 4.0, 1.0).compile().extremes("dyad.j.angle")
+    assert extremes.turns == ()
     # One turn more after a turn of the crank.
-    assert abs(found.maximum.value - found.minimum.value - TURN) <= ROUNDINGS * EPS * TURN
+    assert abs(extremes.maximum.value - extremes.minimum.value - TURN) <= ROUNDINGS * EPS * TURN
 
 
 def test_rates_grow_without_bound_towards_a_dead_centre():
     law = bm.motion.ConstantRate(rate=10.0)
-    found = slider_crank(1.0, 3.0, 2.5, law).compile().extremes("dyad.i.omega")
-    assert {found.minimum.value, found.maximum.value} == {-math.inf, math.inf}
+    extremes = slider_crank(1.0, 3.0, 2.5, law).compile().extremes("dyad.i.omega")
+    assert {extremes.minimum.value, extremes.maximum.value} == {-math.inf, math.inf}
     end = slider_crank(1.0, 3.0, 2.5).compile().limits().arcs[0].end.q
-    assert apart(found.maximum.at["crank.q"], end) <= 4 * EPS * TURN
-    assert found.to_dict()["value"]["maximum"]["value"] is None
+    assert apart(extremes.maximum.at["crank.q"], end) <= 4 * EPS * TURN
+    assert extremes.to_dict()["value"]["maximum"]["value"] is None
 
 
 def test_extremes_are_followed_in_time_where_the_law_is_one_of_time():
     law = bm.motion.Harmonic(amplitude=1.0, frequency=2.0)
     g = slider_crank(1.0, 3.0, 0.0, law)
-    found = g.compile().extremes("crank.rate")
-    assert abs(found.maximum.value - 4 * math.pi) <= 8 * EPS * 4 * math.pi
+    extremes = g.compile().extremes("crank.rate")
+    assert abs(extremes.maximum.value - 4 * math.pi) <= 8 * EPS * 4 * math.pi
     # A cosine through its whole period: the extreme is an end of the range, or half way.
-    assert min(abs(found.maximum.time - t) for t in (0.0, 0.5)) == 0.0
-    assert abs(found.minimum.time - 0.25) <= PLACE
+    assert min(abs(extremes.maximum.time - t) for t in (0.0, 0.5)) == 0.0
+    assert abs(extremes.minimum.time - 0.25) <= PLACE
     slider = g.compile().extremes("dyad.C.p.x")
     assert abs(slider.maximum.value - 4.0) <= ROUNDINGS * EPS * 4.0
 
@@ -242,10 +242,10 @@ def test_two_drivers_are_followed_along_their_laws():
     g = fivebar()
     g.drive("left", bm.motion.ConstantRate(rate=1.0, start=0.0, end=1.0))
     g.drive("right", bm.motion.ConstantRate(rate=2.0, start=0.0, end=2.0))
-    found = g.compile().extremes("right.B.p.y")
-    assert abs(found.maximum.value - 1.0) <= 4 * EPS
-    assert abs(found.maximum.at["right.q"] - math.pi / 2) <= 2 * PLACE
-    assert abs(found.maximum.at["left.q"] - math.pi / 4) <= PLACE
+    extremes = g.compile().extremes("right.B.p.y")
+    assert abs(extremes.maximum.value - 1.0) <= 4 * EPS
+    assert abs(extremes.maximum.at["right.q"] - math.pi / 2) <= 2 * PLACE
+    assert abs(extremes.maximum.at["left.q"] - math.pi / 4) <= PLACE
 
 
 def test_mechanical_advantage_is_useful_force_over_driving_moment():
@@ -280,8 +280,8 @@ def test_rounding_about_zero_is_not_taken_for_a_motion():
     g.add("dyad", bm.RPP(beta=math.pi / 2, links={"j": across}))
     wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
     g.drive("crank", bm.motion.ConstantRate(rate=5.0))
-    found = g.compile().extremes("dyad.j.angle")
-    assert found.turns == ()
+    extremes = g.compile().extremes("dyad.j.angle")
+    assert extremes.turns == ()
     omega = g.compile().extremes("dyad.j.omega")
     assert omega.minimum.value == omega.maximum.value == 0.0
 
@@ -291,10 +291,10 @@ def test_rounding_about_zero_is_not_taken_for_a_motion():
 
 def test_extremes_and_strokes_are_data_and_text():
     mechanism = slider_crank(1.0, 3.0).compile()
-    found = mechanism.extremes("dyad.C.p.x")
-    assert json.loads(json.dumps(found.to_dict()))["value"]["maximum"]["end"] is False
-    assert str(found).splitlines()[0] == "dyad.C.p.x  minimum 2 m at crank.q = 3.14159265 rad"
-    assert found.text(degrees=True).splitlines()[0].endswith("at crank.q = 180 deg")
+    extremes = mechanism.extremes("dyad.C.p.x")
+    assert json.loads(json.dumps(extremes.to_dict()))["value"]["maximum"]["end"] is False
+    assert str(extremes).splitlines()[0] == "dyad.C.p.x  minimum 2 m at crank.q = 3.14159265 rad"
+    assert extremes.text(degrees=True).splitlines()[0].endswith("at crank.q = 180 deg")
     told = mechanism.stroke("dyad.C.p")
     assert json.loads(json.dumps(told.to_dict()))["length"] == told.length
     assert str(told).startswith("dyad.C.p  stroke 2 m, from crank.q = 3.14159265 rad to ")

@@ -35,27 +35,27 @@ def rough(factor):
 @pytest.mark.parametrize("factor", REFERENCE)
 def test_counts_of_the_papers_linkage(factor):
     mech = rough(factor)
-    found, (counts, below) = mech.friction_solutions(POSES), REFERENCE[factor]
-    assert list(np.bincount(found.counts, minlength=3)) == counts
-    assert found.complete.all()
-    c = found.existence["dyad"]
+    solutions, (counts, below) = mech.friction_solutions(POSES), REFERENCE[factor]
+    assert list(np.bincount(solutions.counts, minlength=3)) == counts
+    assert solutions.complete.all()
+    c = solutions.existence["dyad"]
     assert (c < 1).sum() == below
     total = np.zeros(63)
-    np.add.at(total, found.pose, found.index["dyad"])
+    np.add.at(total, solutions.pose, solutions.index["dyad"])
     assert np.array_equal(total == 1, c < 1)
 
 
 @pytest.mark.parametrize("factor", [0.003, 0.6, 0.8, 1.1])
 def test_the_connected_solution_is_the_answer_of_a_run(factor):
     mech = rough(factor)
-    found = mech.friction_solutions(POSES, want=["crank.drive", "*.friction"])
+    solutions = mech.friction_solutions(POSES, want=["crank.drive", "*.friction"])
     run = mech.run(at=POSES, want=["crank.drive", "*.friction"], on_gap="mark")
     ok = np.array(run.quality.status) == "ok"
-    mine = np.flatnonzero(found.connected)
-    assert np.array_equal(found.pose[mine], np.flatnonzero(ok))
+    mine = np.flatnonzero(solutions.connected)
+    assert np.array_equal(solutions.pose[mine], np.flatnonzero(ok))
     for name in run:
         size = np.abs(run[name][ok]).max()
-        assert np.abs(found[name][mine] - run[name][ok]).max() <= 1e-10 * size
+        assert np.abs(solutions[name][mine] - run[name][ok]).max() <= 1e-10 * size
 
 
 def test_a_scale_of_friction_is_that_of_its_coefficients():
@@ -75,15 +75,15 @@ def test_of_another_law_the_connected_solution_is_the_answer_of_a_run_too():
     for block, pins in (("crank", "A"), ("dyad", "BCD")):
         data["blocks"][block]["friction"] = {pin: law | {"viscous": 0.01} for pin in pins}
     mech = bm.Graph.from_data(data).compile()
-    found = mech.friction_solutions(POSES, want=["crank.drive", "*.friction"])
+    solutions = mech.friction_solutions(POSES, want=["crank.drive", "*.friction"])
     run = mech.run(at=POSES, want=["crank.drive", "*.friction"], on_gap="mark")
     ok = np.array(run.quality.status) == "ok"
-    mine = np.flatnonzero(found.connected)
-    assert np.array_equal(found.pose[mine], np.flatnonzero(ok))
-    assert (found.counts > 1).any()
+    mine = np.flatnonzero(solutions.connected)
+    assert np.array_equal(solutions.pose[mine], np.flatnonzero(ok))
+    assert (solutions.counts > 1).any()
     for name in run:
         size = np.abs(run[name][ok]).max()
-        assert np.abs(found[name][mine] - run[name][ok]).max() <= 1e-10 * size
+        assert np.abs(solutions[name][mine] - run[name][ok]).max() <= 1e-10 * size
 
 
 # ---- trees of groups ---------------------------------------------------------------------
@@ -129,12 +129,12 @@ def test_trees_of_two_groups_are_the_solutions_of_all_pairs_at_once(seed):
         for pin in block.get("friction", {}).values():
             pin["radius"] = float(chance.uniform(0.3, 4.0))
     mech, q = bm.Graph.from_data(data).compile(), float(chance.uniform(-3.0, 3.0))
-    found = mech.friction_solutions(q, want=["*.friction"])
-    assert found.complete.all()
+    solutions = mech.friction_solutions(q, want=["*.friction"])
+    assert solutions.complete.all()
     groups = whole(mech, q)
     (judged,) = dyads.brute_force(groups, 4000, chance)
     joints = module.Equations(mech, static=False).joints
-    mine = np.stack([found[f"{ref}.friction"] for ref in joints], axis=1)
+    mine = np.stack([solutions[f"{ref}.friction"] for ref in joints], axis=1)
     assert len(mine) == len(judged)
     for t in judged:
         off = np.abs(mine - t) / np.abs(groups.k[0])
@@ -151,41 +151,41 @@ def test_six_pins_of_a_triad_are_followed_on_64_paths():
     driver = mech.drivers[0]
     q = float(mech.samples(None, 5).coordinate(0)[2])
     rates = None if driver in mech.scene.drive else 1.0
-    found = mech.friction_solutions(q, rates=rates, want=["*.friction"])
-    assert found.complete.all()
+    solutions = mech.friction_solutions(q, rates=rates, want=["*.friction"])
+    assert solutions.complete.all()
     (step,) = (s for s in module.Equations(mech, False).steps if isinstance(s, module.Group))
     assert enumeration.paths(step.contacts) == 2 ** len(step.contacts) >= 32
     groups = whole(mech, q)
     (judged,) = dyads.brute_force(groups, 4000, np.random.default_rng(1))
-    assert len(found) == len(judged)
+    assert len(solutions) == len(judged)
 
 
 # ---- what is said ------------------------------------------------------------------------
 
 
 def test_text_table_and_data_say_the_same():
-    found = rough(0.8).friction_solutions([1.0, 6.0], want=["crank.drive"])
-    assert found.number.tolist() == [1, 1, 2]
-    assert found.connected.tolist() == [True, True, False]
-    assert found.index["dyad"].tolist() == [1, 1, -1]
-    text = str(found)
+    solutions = rough(0.8).friction_solutions([1.0, 6.0], want=["crank.drive"])
+    assert solutions.number.tolist() == [1, 1, 2]
+    assert solutions.connected.tolist() == [True, True, False]
+    assert solutions.index["dyad"].tolist() == [1, 1, -1]
+    text = str(solutions)
     assert "2 poses, 3 solutions" in text
     assert "2 of 2" in text
     assert "1 pose by contraction, 1 pose by count" in text
-    rows = list(csv.DictReader(io.StringIO(found.to_csv())))
-    assert [float(r["crank.drive [N m]"]) for r in rows] == list(found["crank.drive"])
+    rows = list(csv.DictReader(io.StringIO(solutions.to_csv())))
+    assert [float(r["crank.drive [N m]"]) for r in rows] == list(solutions["crank.drive"])
     assert [r["connected"] for r in rows] == ["yes", "yes", "no"]
-    poses = found.to_dict()["poses"]
+    poses = solutions.to_dict()["poses"]
     assert [len(p["solutions"]) for p in poses] == [1, 2]
-    assert poses[1]["solutions"][1]["outputs"]["crank.drive"] == found["crank.drive"][2]
+    assert poses[1]["solutions"][1]["outputs"]["crank.drive"] == solutions["crank.drive"][2]
     assert "114.591559 deg" not in text
-    assert "57.29578" in found.text(degrees=True)
+    assert "57.29578" in solutions.text(degrees=True)
 
 
 def test_a_pose_that_jams_has_none_and_that_is_proved():
-    found = rough(1.1).friction_solutions(5.8)
-    assert (found.counts.tolist(), found.complete.tolist()) == ([0], [True])
-    assert "1 pose with no solution" in str(found)
+    solutions = rough(1.1).friction_solutions(5.8)
+    assert (solutions.counts.tolist(), solutions.complete.tolist()) == ([0], [True])
+    assert "1 pose with no solution" in str(solutions)
 
 
 def test_a_pose_that_does_not_close_is_no_pose():
@@ -196,25 +196,25 @@ def test_a_pose_that_does_not_close_is_no_pose():
     g.add("dyad", bm.RRR(l_i=1.5, l_j=1.5, friction=dict.fromkeys("BCD", law)))
     g.add("push", bm.Force(force=(-100.0, 5.0)))
     wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D", "dyad.C push.at")
-    found = g.compile().friction_solutions([0.3, 3.0], rates=1.0)
-    assert found.proof == ("contraction", "no-assembly")
-    assert found.counts.tolist() == [1, 0]
-    assert not found.complete[1]
-    assert "no-assembly: 1 pose, first crank.q = 3 rad" in str(found)
+    solutions = g.compile().friction_solutions([0.3, 3.0], rates=1.0)
+    assert solutions.proof == ("contraction", "no-assembly")
+    assert solutions.counts.tolist() == [1, 0]
+    assert not solutions.complete[1]
+    assert "no-assembly: 1 pose, first crank.q = 3 rad" in str(solutions)
 
 
 def test_without_friction_there_is_one_solution():
     mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
-    found = mech.friction_solutions([0.5, 1.0])
+    solutions = mech.friction_solutions([0.5, 1.0])
     run = mech.run(at=[0.5, 1.0], friction="none")
-    assert found.counts.tolist() == [1, 1]
-    assert np.allclose(found["crank.drive"], run["crank.drive"], rtol=1e-13)
+    assert solutions.counts.tolist() == [1, 1]
+    assert np.allclose(solutions["crank.drive"], run["crank.drive"], rtol=1e-13)
 
 
 def test_pairs_at_rest_are_told():
-    found = ruiz().compile().friction_solutions(0.0)
-    assert found.at_rest["dyad.C"].all()
-    assert "at zero relative speed, friction there taken as 0: dyad.C" in str(found)
+    solutions = ruiz().compile().friction_solutions(0.0)
+    assert solutions.at_rest["dyad.C"].all()
+    assert "at zero relative speed, friction there taken as 0: dyad.C" in str(solutions)
 
 
 def test_a_document_of_links_and_joints_has_its_own_names():
@@ -267,9 +267,9 @@ def test_pictures_over_the_coordinate_and_over_friction(tmp_path):
 def test_the_command_lists_them(call, tmp_path):
     file = tmp_path / "rough.json"
     ruiz(radius=2.0).save(file)
-    said = call("solutions", file, "--at", "1,6", "--want", "crank.drive")
-    assert said.code == 0
-    assert "2 of 2" in said.out
+    text = call("solutions", file, "--at", "1,6", "--want", "crank.drive")
+    assert text.code == 0
+    assert "2 of 2" in text.out
     data = call("solutions", file, "--at", "6", "--json")
     assert data.code == 0
     assert '"connected": false' in data.out

@@ -75,30 +75,30 @@ def test_random_four_bars_obey_the_cosine_law():
     kinds = {0: 0, 1: 0, 2: 0, "turn": 0}
     for _ in range(250):
         lengths = [math.exp(chance.uniform(-1.5, 1.5)) for _ in range(4)]
-        found, wanted = limits(fourbar(*lengths).compile()), wanted_arcs(*lengths)
-        if wanted == [None]:
+        found, expected = limits(fourbar(*lengths).compile()), wanted_arcs(*lengths)
+        if expected == [None]:
             kinds["turn"] += 1
             assert found.whole_turn, lengths
             assert found.arcs[0].length == TURN
             continue
-        kinds[len(wanted)] += 1
+        kinds[len(expected)] += 1
         assert not found.whole_turn, lengths
-        assert len(found.arcs) == len(wanted), lengths
+        assert len(found.arcs) == len(expected), lengths
         for arc in arc_ends(found):
             allowed = ROUNDINGS * max(end_error(lengths[0], lengths[3], q) for q in arc)
-            assert any(same_arc(arc, w, allowed) for w in wanted), (lengths, arc, wanted)
+            assert any(same_arc(arc, w, allowed) for w in expected), (lengths, arc, expected)
     assert min(kinds.values()) > 8, kinds
 
 
 def test_double_rocker_has_two_arcs_that_end_folded_and_extended():
-    found = fourbar(4.0, 3.0, 2.0, 3.5).compile().limits()
-    assert words(found) == [
+    limits = fourbar(4.0, 3.0, 2.0, 3.5).compile().limits()
+    assert words(limits) == [
         ("dyad extended", "dyad folded"),
         ("dyad folded", "dyad extended"),
     ]
-    assert found.arc_at(1.0) is found.arcs[1]
-    assert found.arc_at(1.0 - 3 * TURN) is found.arcs[1]
-    assert found.arc_at(0.0) is None
+    assert limits.arc_at(1.0) is limits.arcs[1]
+    assert limits.arc_at(1.0 - 3 * TURN) is limits.arcs[1]
+    assert limits.arc_at(0.0) is None
 
 
 def test_mechanism_closes_at_both_ends_of_an_arc_and_not_beyond():
@@ -112,14 +112,14 @@ def test_mechanism_closes_at_both_ends_of_an_arc_and_not_beyond():
 
 
 def test_dyad_that_never_reaches_leaves_no_arc():
-    found = fourbar(1.0, 1.0, 1.0, 10.0).compile().limits()
-    assert found.arcs == ()
-    assert not found.whole_turn
-    assert found.nearest.block == "dyad"
-    assert abs(found.nearest.q) <= TOUCH  # B is nearest to D there
-    assert found.nearest.margin < 0
-    assert found.sentence() == "no feasible arc of crank.q: dyad never closes"
-    assert "dyad never closes; it comes nearest at 0 rad" in str(found)
+    limits = fourbar(1.0, 1.0, 1.0, 10.0).compile().limits()
+    assert limits.arcs == ()
+    assert not limits.whole_turn
+    assert limits.nearest.block == "dyad"
+    assert abs(limits.nearest.q) <= TOUCH  # B is nearest to D there
+    assert limits.nearest.margin < 0
+    assert limits.sentence() == "no feasible arc of crank.q: dyad never closes"
+    assert "dyad never closes; it comes nearest at 0 rad" in str(limits)
 
 
 # -- double roots ---------------------------------------------------------------------
@@ -130,9 +130,9 @@ here) and the width of the interpolant (0.14 rad), magnified by its 32 nodes."""
 
 
 def test_parallelogram_turns_through_two_change_points():
-    found = fourbar(1.0, 3.0, 1.0, 3.0).compile().limits()
-    assert found.whole_turn
-    (folded, extended) = found.arcs[0].change_points
+    limits = fourbar(1.0, 3.0, 1.0, 3.0).compile().limits()
+    assert limits.whole_turn
+    (folded, extended) = limits.arcs[0].change_points
     assert (str(folded), str(extended)) == ("dyad folded", "dyad extended")
     assert abs(folded.q) <= TOUCH
     assert abs(extended.q - math.pi) <= TOUCH
@@ -166,11 +166,11 @@ def test_change_point_survives_decimal_lengths(lengths):
 
 
 def test_rhombus_cannot_pass_where_its_pins_meet():
-    found = fourbar(2.0, 2.0, 2.0, 2.0).compile().limits()
-    assert not found.whole_turn
-    assert words(found) == [("dyad coincident", "dyad coincident")]
-    assert abs(found.arcs[0].length - TURN) <= 2 * TOUCH
-    assert [str(p) for p in found.arcs[0].change_points] == ["dyad extended"]
+    limits = fourbar(2.0, 2.0, 2.0, 2.0).compile().limits()
+    assert not limits.whole_turn
+    assert words(limits) == [("dyad coincident", "dyad coincident")]
+    assert abs(limits.arcs[0].length - TURN) <= 2 * TOUCH
+    assert [str(p) for p in limits.arcs[0].change_points] == ["dyad extended"]
 
 
 def narrow(width, crank=1.0, frame=3.0):
@@ -198,46 +198,46 @@ def test_arc_or_gap_far_narrower_than_the_samples_is_found(width, gap):
 
 
 def test_slider_crank_is_ended_where_its_rod_stands_across_the_guide():
-    found = slider_crank(1.0, 3.0, 2.5).compile().limits()
-    assert words(found) == [("dyad tangent", "dyad tangent")]
-    wanted = math.asin(-0.5)  # sin q = (offset - rod) / crank
+    limits = slider_crank(1.0, 3.0, 2.5).compile().limits()
+    assert words(limits) == [("dyad tangent", "dyad tangent")]
+    expected = math.asin(-0.5)  # sin q = (offset - rod) / crank
     # d(sin q) has 4 roundings of numbers below 3; dq = d(sin q) / cos q.
-    allowed = 4 * 3 * EPS / math.cos(wanted)
-    assert same_arc(arc_ends(found)[0], (wanted, math.pi - wanted), allowed)
+    allowed = 4 * 3 * EPS / math.cos(expected)
+    assert same_arc(arc_ends(limits)[0], (expected, math.pi - expected), allowed)
 
 
 def test_lever_with_offset_guide_is_ended_where_the_pin_comes_too_near():
     crank, frame, h = 1.0, 2.0, 1.5
-    found = slotted_lever(crank, frame, h).compile().limits()
-    assert words(found) == [("dyad tangent", "dyad tangent")]
+    limits = slotted_lever(crank, frame, h).compile().limits()
+    assert words(limits) == [("dyad tangent", "dyad tangent")]
     cosine = (crank**2 + frame**2 - h**2) / (2 * crank * frame)  # |BD| = h
     q = math.acos(cosine)
-    assert same_arc(arc_ends(found)[0], (q, TURN - q), ROUNDINGS * end_error(crank, frame, q))
+    assert same_arc(arc_ends(limits)[0], (q, TURN - q), ROUNDINGS * end_error(crank, frame, q))
 
 
 def test_crank_pin_through_the_levers_pivot_ends_the_turn():
     assert slotted_lever(1.0, 1.5).compile().limits().whole_turn
-    found = slotted_lever(1.0, 1.0).compile().limits()
-    assert words(found) == [("dyad coincident", "dyad coincident")]
+    limits = slotted_lever(1.0, 1.0).compile().limits()
+    assert words(limits) == [("dyad coincident", "dyad coincident")]
 
 
 def test_parallel_guides_end_the_arcs_of_a_turning_guide():
-    found = turning_guide(0.4).compile().limits()
-    assert words(found) == [("dyad parallel", "dyad parallel")] * 2
-    (before, after) = arc_ends(found)
+    limits = turning_guide(0.4).compile().limits()
+    assert words(limits) == [("dyad parallel", "dyad parallel")] * 2
+    (before, after) = arc_ends(limits)
     assert same_arc(before, (0.4 - math.pi, 0.4), TOUCH)
     assert same_arc(after, (0.4, 0.4 + math.pi), TOUCH)
 
 
 def test_slide_is_ended_on_both_sides():
     mechanism = pushed(2.0, 1.5, 3.0, 1.0).compile()
-    found = mechanism.limits()
-    assert found.unit == "m"
-    assert words(found) == [("dyad extended", "dyad extended")]
+    limits = mechanism.limits()
+    assert limits.unit == "m"
+    assert words(limits) == [("dyad extended", "dyad extended")]
     half = math.sqrt(3.5**2 - 1.0)
     # |BD| = 3.5 with ROUNDINGS of it; dx = |BD| d|BD| / half.
     allowed = ROUNDINGS * EPS * 3.5**2 / half
-    (start, end) = arc_ends(found)[0]
+    (start, end) = arc_ends(limits)[0]
     assert abs(start - (3.0 - half)) <= allowed
     assert abs(end - (3.0 + half)) <= allowed
 
@@ -246,10 +246,10 @@ def test_slide_that_no_group_ends_is_unlimited():
     g = bm.Graph("ram")
     g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
     g.add("ram", bm.SlideDrive())
-    found = wire(g, "frame.G ram.S").compile().limits()
-    assert words(found) == [("unlimited", "unlimited")]
-    assert arc_ends(found) == [(-math.inf, math.inf)]
-    assert found.to_dict()["arcs"][0]["start"] == {"q": None, "block": "", "how": "unlimited"}
+    limits = wire(g, "frame.G ram.S").compile().limits()
+    assert words(limits) == [("unlimited", "unlimited")]
+    assert arc_ends(limits) == [(-math.inf, math.inf)]
+    assert limits.to_dict()["arcs"][0]["start"] == {"q": None, "block": "", "how": "unlimited"}
 
 
 # -- several groups, several drivers --------------------------------------------------
@@ -268,8 +268,8 @@ def chain():
 
 def test_group_that_ends_an_arc_is_named():
     mechanism = chain().compile()
-    found = mechanism.limits()
-    assert words(found) == [("last extended", "last extended")]
+    limits = mechanism.limits()
+    assert words(limits) == [("last extended", "last extended")]
     assert mechanism.limits(blocks=["dyad"]).whole_turn
 
 
@@ -281,24 +281,24 @@ def test_random_mechanisms_close_on_their_arcs_and_nowhere_else(seed):
     for driver in mechanism.drivers:
         own = case.request["at"][driver]
         held = {d: q for d, q in case.request["at"].items() if d != driver}
-        found = mechanism.limits(driver, held)
-        assert found.arc_at(own) is not None, case
+        limits = mechanism.limits(driver, held)
+        assert limits.arc_at(own) is not None, case
         about = np.linspace(-math.pi, math.pi, 2001)
-        q = about if found.unit == "rad" else own + 2 * about
+        q = about if limits.unit == "rad" else own + 2 * about
         at = {**held, driver: q}
         rates = dict.fromkeys(at, 0.0)
         run = mechanism.run(at=at, rates=rates, want="*.margin", on_gap="mark")
         closes = np.all([run[name] >= 0 for name in run], axis=0)
-        inside = np.array([found.arc_at(x) is not None for x in q.tolist()])
+        inside = np.array([limits.arc_at(x) is not None for x in q.tolist()])
         assert (closes == inside).all(), case
 
 
 def test_other_drivers_are_held():
     mechanism = fivebar().compile()
-    found = mechanism.limits("left", at={"right": 0.0})
+    limits = mechanism.limits("left", at={"right": 0.0})
     # The right pin is at [5, 0]; the left one may be 6 m away: it turns fully, touching pi.
-    assert found.whole_turn
-    (point,) = found.arcs[0].change_points
+    assert limits.whole_turn
+    (point,) = limits.arcs[0].change_points
     assert str(point) == "dyad extended"
     assert abs(point.q - math.pi) <= TOUCH
     assert mechanism.limits("left", at={"right": math.pi}).arcs[0].change_points == ()
@@ -320,16 +320,16 @@ def test_other_drivers_begin_where_their_laws_do():
 
 
 def test_limits_are_data():
-    found = fourbar(4.0, 3.0, 2.0, 3.5).compile().limits()
-    told = json.loads(json.dumps(found.to_dict()))
+    limits = fourbar(4.0, 3.0, 2.0, 3.5).compile().limits()
+    told = json.loads(json.dumps(limits.to_dict()))
     assert told["driver"] == "crank.q"
     assert told["unit"] == "rad"
     assert told["whole_turn"] is False
     assert [a["end"]["how"] for a in told["arcs"]] == ["folded", "extended"]
-    assert [a["end"]["q"] for a in told["arcs"]] == [a.end.q for a in found.arcs]
-    assert str(found).splitlines()[0] == "crank.q: 2 feasible arcs"
-    assert "deg long" in found.text(degrees=True)
-    assert str(found).splitlines()[-1].startswith("  singular poses of the second kind")
+    assert [a["end"]["q"] for a in told["arcs"]] == [a.end.q for a in limits.arcs]
+    assert str(limits).splitlines()[0] == "crank.q: 2 feasible arcs"
+    assert "deg long" in limits.text(degrees=True)
+    assert str(limits).splitlines()[-1].startswith("  singular poses of the second kind")
     assert "second kind" not in str(fourbar(1.0, 3.0, 2.0, 3.5).compile().limits())
 
 
@@ -390,16 +390,16 @@ def test_assembly_error_of_two_drivers_names_the_arcs_of_each_with_the_other_hel
     arc_a = [cmath.phase(D) - half, cmath.phase(D) + half]
     half = math.acos((abs(w) ** 2 + 1 - 9) / (2 * abs(w)))
     arc_b = [cmath.phase(-w) + sign * half for sign in (-1, 1)]
-    said = str(caught.value)
+    text = str(caught.value)
     for driver, (start, end) in (("left", arc_a), ("right", arc_b)):
-        assert f"feasible arc of {driver}.q: [{start:.9g}, {end:.9g}] rad" in said
-    assert "each with the others held" in said
+        assert f"feasible arc of {driver}.q: [{start:.9g}, {end:.9g}] rad" in text
+    assert "each with the others held" in text
 
 
 def test_every_loop_of_a_long_row_passes_its_two_change_points():
-    found = mechanism("parallelogram_chain").limits()
-    assert found.whole_turn
-    places = [p.q for p in found.arcs[0].change_points]
+    limits = mechanism("parallelogram_chain").limits()
+    assert limits.whole_turn
+    places = [p.q for p in limits.arcs[0].change_points]
     assert len(places) == 2 * 30
     # Each cell moves the next one's double root.
     allowed = 30 * math.sqrt(EPS)

@@ -110,8 +110,8 @@ def test_refining_a_method_does_not_make_it_worse(method: str) -> None:
 
 
 def point(method: str, seconds: float, error: float) -> Point:
-    how = {"seconds": seconds, "slowest": seconds, "repeats": 5}
-    return Point(method, evaluations=100, error=error, **how)
+    settings = {"seconds": seconds, "slowest": seconds, "repeats": 5}
+    return Point(method, evaluations=100, error=error, **settings)
 
 
 def by_hand(*points: Point, **more) -> Trade:
@@ -246,8 +246,8 @@ def test_json_and_csv_hold_every_point() -> None:
     assert len(data["points"]) == len(friction().points)
     assert data["reference"]["floor"] == friction().reference.floor
     rows = csv.DictReader(io.StringIO(friction().to_csv()))
-    wanted = [(p.method, p.error) for p in friction().points]
-    assert [(row["method"], float(row["error"])) for row in rows] == wanted
+    expected = [(p.method, p.error) for p in friction().points]
+    assert [(row["method"], float(row["error"])) for row in rows] == expected
 
 
 def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
@@ -258,9 +258,9 @@ def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
     ]
     assert all(a.get_xscale() == a.get_yscale() == "log" for a in figure.axes)
     assert figure.get_size_inches()[0] == pytest.approx(8.5 / 2.54)
-    said = " ".join(t.get_text() for t in figure.texts)
-    assert "processor time" in " ".join(said.split())
-    assert "Pareto front" in said
+    text = " ".join(t.get_text() for t in figure.texts)
+    assert "processor time" in " ".join(text.split())
+    assert "Pareto front" in text
     floor = friction().reference.floor
     assert all(a.get_ylim()[0] < floor for a in figure.axes)
 

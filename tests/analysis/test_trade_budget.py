@@ -34,8 +34,8 @@ def test_a_trade_keeps_to_its_budget_and_names_what_it_left_out(graph: str) -> N
     found = trade(mechanism(graph), budget=budget, samples=91)
     assert time.process_time() - start < budget + SLACK
     assert found.points
-    said = {p.label for p in found.points} | {s.label for s in found.skipped}
-    assert {"numpy, complex64", "numpy, complex128", "scalar, complex128"} <= said
+    text = {p.label for p in found.points} | {s.label for s in found.skipped}
+    assert {"numpy, complex64", "numpy, complex128", "scalar, complex128"} <= text
 
 
 def test_a_budget_that_is_too_small_skips_and_says_so() -> None:
@@ -200,8 +200,8 @@ def test_a_trade_of_a_motion_keeps_to_a_budget_that_hardly_holds_its_reference(g
     begun = time.process_time()
     found = trade(mech, "simulate", budget=budget, until="time=0.1", start=start)
     assert time.process_time() - begun < budget + SLACK
-    said = {p.method for p in found.points} | {s.label.split(",")[0] for s in found.skipped}
-    assert {"energy", "dop853", "radau"} <= said or said == {"all settings"}
+    text = {p.method for p in found.points} | {s.label.split(",")[0] for s in found.skipped}
+    assert {"energy", "dop853", "radau"} <= text or text == {"all settings"}
     assert all(p.error >= found.reference.floor for p in found.points)
 
 

@@ -31,10 +31,10 @@ SLIGHTLY = 1 + 1e-10  # far above the tolerance, far below what a picture would 
 @pytest.mark.parametrize("settings", [{}, {"friction": "none", "engine": "scalar"}])
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_right_mechanism_is_verified(name, settings):
-    found = MECHANISMS[name]().compile().verify(**settings)
-    assert found.ok, str(found)
-    assert found.samples == 25
-    assert max(row.value for row in found.rows) < TOLERANCE / 100
+    report = MECHANISMS[name]().compile().verify(**settings)
+    assert report.ok, str(report)
+    assert report.samples == 25
+    assert max(row.value for row in report.rows) < TOLERANCE / 100
 
 
 def test_every_pair_link_load_block_and_drive_has_its_row():
@@ -70,9 +70,9 @@ def test_single_correction_is_balanced_too():
 
 def test_request_can_be_any_that_run_takes():
     mech = squeezer().compile()
-    found = mech.verify(at=[0.1, 15.8], rates=1000.0, accelerations=-2e4)
-    assert found.ok
-    assert found.samples == 2
+    report = mech.verify(at=[0.1, 15.8], rates=1000.0, accelerations=-2e4)
+    assert report.ok
+    assert report.samples == 2
     assert mech.verify(at=-0.06).samples == 1
 
 
@@ -169,8 +169,8 @@ ROUNDED = {
 
 @pytest.mark.parametrize("make", ROUNDED, ids=lambda make: make.__name__)
 def test_what_is_rounding_alone_is_no_false_alarm(make):
-    found = make().compile().verify(**ROUNDED[make], samples=9)
-    assert found.ok, str(found)
+    report = make().compile().verify(**ROUNDED[make], samples=9)
+    assert report.ok, str(report)
 
 
 def test_loads_that_cancel_leave_rounding():
@@ -187,8 +187,8 @@ def test_draws_at_the_edge_leave_no_false_alarm():
     # loads in a pin, motion without speed, parts without mass: much of it cancels exactly
     for seed in range(25):
         case = random_mechanism(AtTheEdge(seed), Options(groups=(1, 3), drivers=(1, 2)))
-        found = case.graph.compile().verify(**case.request, friction="none", static=True)
-        assert found.ok, (seed, str(found))
+        report = case.graph.compile().verify(**case.request, friction="none", static=True)
+        assert report.ok, (seed, str(report))
 
 
 def test_text_is_a_table_with_every_number_and_the_verdict():
@@ -254,8 +254,8 @@ def test_wrong_sign_of_a_load_in_a_pin_is_found(tampered):
 def test_any_number_that_is_slightly_wrong_is_found(tampered, output, where):
     slightly = 1 + 1e-9 if "friction" in output else SLIGHTLY
     tampered(output, lambda x: x * slightly)
-    found = ruiz(radius=0.2).compile().verify(samples=9)
-    assert where in failures(found), str(found)
+    report = ruiz(radius=0.2).compile().verify(samples=9)
+    assert where in failures(report), str(report)
 
 
 def test_single_wrong_sample_is_enough(tampered):
@@ -275,10 +275,10 @@ def test_single_wrong_sample_is_enough(tampered):
 @pytest.mark.parametrize("name", ["watt_sixbar", "pump", "engine", "fivebar_falling"])
 def test_a_simulated_motion_is_verified(name, method):
     mech = mechanism(name)
-    found = mech.verify(mech.simulate("time=0.2", method=method, accuracy=1e-6))
-    assert found.ok, str(found)
+    report = mech.verify(mech.simulate("time=0.2", method=method, accuracy=1e-6))
+    assert report.ok, str(report)
     driver = mech.drivers[0]
-    names = [row.name for row in found.rows]
+    names = [row.name for row in report.rows]
     assert names[-2:] == [f"{x} of {mech.drivers[-1]}" for x in ("rate", "acceleration")]
     assert f"idle drive of {driver}" in names
 
@@ -292,8 +292,8 @@ MOVING = [
 
 @pytest.mark.parametrize("name", MOVING)
 def test_motions_of_the_gallery_are_verified(name):
-    found = mechanism(name).verify(mechanism(name).simulate("time=0.3", want=()))
-    assert found.ok, str(found)
+    report = mechanism(name).verify(mechanism(name).simulate("time=0.3", want=()))
+    assert report.ok, str(report)
 
 
 def slides_from_rest(way):
@@ -389,9 +389,9 @@ def test_a_motion_by_a_wrong_equation_is_caught():
 
 def test_a_run_is_verified_at_its_own_samples():
     mech = mechanism("ruiz_fourbar")
-    found = mech.verify(mech.run(at=[0.3, 1.0, 2.0], rates=3.0, friction="newton"))
-    assert found.ok
-    assert found.samples == 3
+    report = mech.verify(mech.run(at=[0.3, 1.0, 2.0], rates=3.0, friction="newton"))
+    assert report.ok
+    assert report.samples == 3
 
 
 def test_a_result_of_another_mechanism_is_refused():

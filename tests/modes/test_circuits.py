@@ -179,15 +179,18 @@ def test_change_points_of_a_parallelogram_are_passed_straight():
     # Pins 1 and 2 are one: crank 1, coupler 3 and leg 2 of length 1 on a frame of 3 are a
     # parallelogram, on one line at 0 and pi; leg 3 hangs from its pin.
     triad = Triad.rrr([3, 1, 4], [0, 0, 1])
-    found = connect(triad, lambda q: (np.exp(1j * q), 3, 1.5 + 3.5j))
-    for arc in found.arcs:
+    connections = connect(triad, lambda q: (np.exp(1j * q), 3, 1.5 + 3.5j))
+    for arc in connections.arcs:
         assert arc.sign == 0
         passed = sorted(abs(math.remainder(q, TURN)) for q in arc.change_points)
         assert passed == pytest.approx([0, math.pi], abs=1e-11)
     # Parallel all along: leg 2 keeps the crank's direction on two of the arcs.
     pins = [
-        {abs(found.modes[j][k].o - 3 - np.exp(1j * found.nodes[j])) < FOUND for j, k in passes}
-        for passes in found.passes
+        {
+            abs(connections.modes[j][k].o - 3 - np.exp(1j * connections.nodes[j])) < FOUND
+            for j, k in passes
+        }
+        for passes in connections.passes
     ]
     assert sorted(pins, key=str) == [{False}, {False}, {True}, {True}]
 
@@ -196,10 +199,10 @@ def test_galloway_s_long_links_turn_once_in_two_turns_of_the_short_one():
     # Frame and crank 1, coupler and leg 2 of length 3 about one pin: a kite. Leg 3 reaches
     # the platform's other pin everywhere. After one turn of the crank the kite is inverted.
     triad = Triad.rrr([3, 3, 3], [0, 0, 2])
-    found = connect(triad, lambda q: (np.exp(1j * q), 1, 1 + 1j))
-    assert [arc.turns for arc in found.arcs] == [2, 2]
-    for check, (q, modes) in enumerate(zip(found.nodes, found.modes, strict=True)):
-        then = [found.after_turn((check, k)) for k in range(len(modes))]
+    connections = connect(triad, lambda q: (np.exp(1j * q), 1, 1 + 1j))
+    assert [arc.turns for arc in connections.arcs] == [2, 2]
+    for check, (q, modes) in enumerate(zip(connections.nodes, connections.modes, strict=True)):
+        then = [connections.after_turn((check, k)) for k in range(len(modes))]
         for mode, other in enumerate(then):
             assert then[other] == mode
             # the pin lies on the kite's axis, on the other side of the crank's end and pivot

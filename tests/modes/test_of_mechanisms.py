@@ -322,10 +322,10 @@ def test_json_holds_the_same_as_python():
 
 def test_modes_call_a_drivers_coordinate_what_all_else_calls_it():
     mechanism = bm.Linkage.load(GRAPHS / "joints" / "ruiz_fourbar.json").compile()
-    found, (name,) = mechanism.modes(1.0), mechanism.run(at=1.0, want="driver.*.q")
-    assert f"  {name} = 1 rad: 2 modes" in found.text()
-    assert f"  along {name}:" in found.text()
-    assert "prefix" not in found.to_dict()
+    modes, (name,) = mechanism.modes(1.0), mechanism.run(at=1.0, want="driver.*.q")
+    assert f"  {name} = 1 rad: 2 modes" in modes.text()
+    assert f"  along {name}:" in modes.text()
+    assert "prefix" not in modes.to_dict()
 
 
 def test_a_group_is_looked_through_once_for_all_that_stand_on_it(monkeypatch):

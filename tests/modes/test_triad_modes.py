@@ -253,12 +253,12 @@ def test_a_mirrored_triad_has_mirrored_modes():
             Guide(s.p.conjugate(), s.u.conjugate()) if isinstance(s, Guide) else s.conjugate()
             for s in supports
         ]
-        here, there = triad_modes(triad, supports), triad_modes(mirrored(triad), other)
-        assert len(here) == len(there)
+        here, modes = triad_modes(triad, supports), triad_modes(mirrored(triad), other)
+        assert len(here) == len(modes)
         for m in here:
             (image,) = (
                 x
-                for x in there
+                for x in modes
                 if abs(x.o - m.o.conjugate()) + abs(x.e - m.e.conjugate()) < SAME_POSE
             )
             # A mirror turns the moments and one of two directions: the force of a leg RR

@@ -28,44 +28,44 @@ POSES = np.linspace(-1.0, 1.2, 45)
 
 
 def test_a_spring_without_free_length_balances_exactly():
-    found = bm.design.balance(arm(), "spring.stiffness", at=POSES)
+    balance = bm.design.balance(arm(), "spring.stiffness", at=POSES)
     k = 0.9 * 9.81 * 0.32 / (0.1 * 0.12)
-    assert found.numbers["spring.stiffness"] == pytest.approx(k, rel=1e-12)
-    assert found.linear
-    assert found.after["arm.tau_red"].largest < 1e-12
-    assert found.mechanism.equilibria().balanced
+    assert balance.numbers["spring.stiffness"] == pytest.approx(k, rel=1e-12)
+    assert balance.linear
+    assert balance.after["arm.tau_red"].largest < 1e-12
+    assert balance.mechanism.equilibria().balanced
 
 
 def test_two_numbers_that_are_not_linear_find_it_too():
-    found = bm.design.balance(
+    balance = bm.design.balance(
         arm(150.0, 0.05), ["spring.stiffness", "spring.free_length"], at=POSES
     )
-    assert not found.linear
-    assert found.after["arm.tau_red"].rms < 1e-6
-    assert "not linear" in str(found)
+    assert not balance.linear
+    assert balance.after["arm.tau_red"].rms < 1e-6
+    assert "not linear" in str(balance)
 
 
 def test_the_best_stiffness_is_that_of_least_squares():
-    found = bm.design.balance(arm(100.0, 0.05), "spring.stiffness", at=POSES)
+    balance = bm.design.balance(arm(100.0, 0.05), "spring.stiffness", at=POSES)
     runs = [
         arm(k, 0.05).run(POSES, want="arm.tau_red", static=True)["arm.tau_red"]
         for k in (0.001, 1000.001)
     ]
     slope = (runs[1] - runs[0]) / 1000
     k = 0.001 - (slope @ runs[0]) / (slope @ slope)
-    assert found.numbers["spring.stiffness"] == pytest.approx(k, rel=1e-9)
+    assert balance.numbers["spring.stiffness"] == pytest.approx(k, rel=1e-9)
     name = "arm.tau_red"
-    again = found.mechanism.run(POSES, want=name, static=True)[name]
-    assert found.after[name].largest == np.abs(again).max()
-    assert found.after[name].sample == np.abs(again).argmax()
+    again = balance.mechanism.run(POSES, want=name, static=True)[name]
+    assert balance.after[name].largest == np.abs(again).max()
+    assert balance.after[name].sample == np.abs(again).argmax()
 
 
 def test_bounds_hold():
-    found = bm.design.balance(
+    balance = bm.design.balance(
         arm(), "spring.stiffness", at=POSES, bounds={"spring.stiffness": (0.0, 120.0)}
     )
-    assert found.numbers["spring.stiffness"] == pytest.approx(120.0, rel=1e-6)
-    assert found.at_bounds == ("spring.stiffness",)
+    assert balance.numbers["spring.stiffness"] == pytest.approx(120.0, rel=1e-6)
+    assert balance.at_bounds == ("spring.stiffness",)
     with pytest.raises(bm.RequestError, match="lowest, then highest"):
         bm.design.balance(
             arm(), "spring.stiffness", at=POSES, bounds={"spring.stiffness": (2.0, 1.0)}
@@ -76,23 +76,23 @@ def test_counterweights_calm_the_frame():
     g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     numbers = ["crank.links.crank.cm.x", "dyad.links.j.cm.x"]
     shaking = "mechanism.shaking_force"
-    found = bm.design.balance(g.compile(), numbers, want=shaking, samples=73, static=False)
-    assert found.after[shaking].rms < 0.9 * found.before[shaking].rms
+    balance = bm.design.balance(g.compile(), numbers, want=shaking, samples=73, static=False)
+    assert balance.after[shaking].rms < 0.9 * balance.before[shaking].rms
     for a in numbers:  # no better place beside it
         for h in (-1e-3, 1e-3):
-            moved = g.replace(found.numbers | {a: found.numbers[a] + h}).compile()
+            moved = g.replace(balance.numbers | {a: balance.numbers[a] + h}).compile()
             force = moved.run(samples=73, want=shaking, friction="none")[shaking]
-            assert np.sqrt(np.mean(np.abs(force) ** 2)) > found.after[shaking].rms
+            assert np.sqrt(np.mean(np.abs(force) ** 2)) > balance.after[shaking].rms
 
 
 def test_a_flywheel_keeps_the_fluctuation_in_motion():
     """The machine with the wheel on its crank, moved by its own equation of motion."""
     g = bm.Graph.load(GRAPHS / "watt_sixbar.json")
-    found = bm.design.flywheel(g.compile(), 20.0, 0.05)
-    assert found.fluctuation == pytest.approx(0.05, rel=1e-10)
-    assert abs(found.moment) < 1e-12  # weights alone
-    heavy = g.replace({"crank.links.crank.inertia": 0.0833 + found.inertia})
-    start = {"crank": (float(found.q[0]), float(found.speeds[0]))}
+    flywheel = bm.design.flywheel(g.compile(), 20.0, 0.05)
+    assert flywheel.fluctuation == pytest.approx(0.05, rel=1e-10)
+    assert abs(flywheel.moment) < 1e-12  # weights alone
+    heavy = g.replace({"crank.links.crank.inertia": 0.0833 + flywheel.inertia})
+    start = {"crank": (float(flywheel.q[0]), float(flywheel.speeds[0]))}
     run = heavy.compile().simulate(
         times=np.linspace(0.0, math.tau / 20.0, 400).tolist(), start=start
     )
@@ -103,7 +103,7 @@ def test_a_flywheel_keeps_the_fluctuation_in_motion():
 
 def test_the_motor_gives_what_the_loads_take():
     mech = bm.Graph.load(GRAPHS / "engine.json").compile()
-    found = bm.design.flywheel(mech, 100.0, 0.02)
+    flywheel = bm.design.flywheel(mech, 100.0, 0.02)
 
     def load(q):
         return float(
@@ -112,8 +112,8 @@ def test_the_motor_gives_what_the_loads_take():
 
     ends = np.linspace(0.0, 2 * math.tau, 25)  # four strokes: the gas repeats after two turns
     work = sum(quad(load, a, b, epsabs=1e-9)[0] for a, b in itertools.pairwise(ends))
-    assert found.moment == pytest.approx(-work / (2 * math.tau), rel=1e-6)
-    assert found.without > 0.02
+    assert flywheel.moment == pytest.approx(-work / (2 * math.tau), rel=1e-6)
+    assert flywheel.without > 0.02
 
 
 def test_a_flywheel_needs_a_crank_that_turns():
@@ -133,18 +133,20 @@ def test_a_gear_of_the_least_rms():
     for ratio in (0.9 * best.ratio, 1.1 * best.ratio):
         assert bm.design.motor(mech, **motion, inertia=J, ratio=ratio).rms > best.rms
     drive = mech.run(**motion, want="crank.drive")["crank.drive"]
-    wanted = drive / best.ratio + J * best.ratio * motion["accelerations"]
-    assert best.moment == pytest.approx(wanted)
-    assert best.power == pytest.approx(np.abs(wanted * best.ratio * motion["rates"]).max())
+    expected = drive / best.ratio + J * best.ratio * motion["accelerations"]
+    assert best.moment == pytest.approx(expected)
+    assert best.power == pytest.approx(np.abs(expected * best.ratio * motion["rates"]).max())
 
 
 def test_limits_of_a_motor_are_judged(tmp_path):
     mech = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").compile()
-    found = bm.design.motor(mech, samples=91, limits={"rms": 8000.0, "peak": 9000.0, "speed": 20.0})
-    assert not found.fits
-    assert found.margins["speed"] == pytest.approx(0.5)
-    assert "the motor does not fit" in str(found)
-    found.plot(tmp_path / "motor.png")
+    demand = bm.design.motor(
+        mech, samples=91, limits={"rms": 8000.0, "peak": 9000.0, "speed": 20.0}
+    )
+    assert not demand.fits
+    assert demand.margins["speed"] == pytest.approx(0.5)
+    assert "the motor does not fit" in str(demand)
+    demand.plot(tmp_path / "motor.png")
     with pytest.raises(bm.RequestError, match="a value does not fit"):
         bm.design.motor(mech, samples=91, limits={"torque": 1.0})
 
@@ -154,8 +156,8 @@ def test_a_force_at_hand_is_the_inverse_of_the_drive(rates):
     """Also with joint friction, in the sense of the motion."""
     g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     q = np.linspace(0.3, 6.0, 9)
-    more = {} if rates is None else {"rates": rates}
-    force = bm.design.available(g.compile(), "weightlike.force.y", 500.0, q, **more)
+    options = {} if rates is None else {"rates": rates}
+    force = bm.design.available(g.compile(), "weightlike.force.y", 500.0, q, **options)
     for x, f in zip(q, force, strict=True):
         again = g.replace({"weightlike.force.y": float(f)}).compile()
         given = {} if rates is None else {"rates": rates, "accelerations": 0.0}
@@ -166,9 +168,9 @@ def test_a_force_at_hand_is_the_inverse_of_the_drive(rates):
 def test_no_force_at_a_dead_centre_and_none_that_does_not_count():
     mech = bm.Graph.load(GRAPHS / "slider_crank.json").compile()
     address = next(a for a in mech.parameters() if a.endswith(".force.x"))
-    found = bm.design.available(mech, address, 5.0, [0.0, 1.0], friction="none")
-    assert np.isnan(found[0])
-    assert np.isfinite(found[1])
+    forces = bm.design.available(mech, address, 5.0, [0.0, 1.0], friction="none")
+    assert np.isnan(forces[0])
+    assert np.isfinite(forces[1])
     with pytest.raises(bm.RequestError, match="no value of it makes"):
         bm.design.available(mech, "frame.O.x", 5.0, [1.0])
 

@@ -19,10 +19,10 @@ def poses(mech):
 
 def varied(mech, rng):
     """Values of some numbers that one program serves, the first design the mechanism's own."""
-    known = mech.parameters()
-    chosen = [a for a in rng.permutation(list(known))[:NUMBERS] if not Family(mech, [a]).alone]
+    parameters = mech.parameters()
+    chosen = [a for a in rng.permutation(list(parameters))[:NUMBERS] if not Family(mech, [a]).alone]
     columns = {}
-    for p in (known[str(a)] for a in chosen[: 2 if len(known) > 400 else MOST]):
+    for p in (parameters[str(a)] for a in chosen[: 2 if len(parameters) > 400 else MOST]):
         aside = rng.uniform(1e-5, 1e-4, DESIGNS) * (abs(p.value) or 1.0)
         aside *= -1 if p.path[-1] == "efficiency" else 1  # which is one at most
         columns[p.address] = p.value + aside * (np.arange(DESIGNS) > 0)
@@ -44,8 +44,8 @@ def test_a_design_in_a_batch_equals_the_same_design_alone(name):
     general = any(block.own_form for block in mech.structure.blocks.values())
     first = next(iter(columns))
     for k in range(DESIGNS):
-        other = remade(mech, {a: float(x[k]) for a, x in columns.items()})
-        single = other.study({first: columns[first][k]}, **request)
+        design = remade(mech, {a: float(x[k]) for a, x in columns.items()})
+        single = design.study({first: columns[first][k]}, **request)
         sizes = dict.fromkeys((kind_of(label) for label in together.found.values), 0.0)
         for label in together.found.values:  # what is zero is rounding of others of its kind
             size = np.nanmax(np.abs(single[label][0]), initial=0.0)

@@ -30,12 +30,12 @@ def extreme(run, output, how):
 def test_beside_a_change_point_samples_only_start_the_search(samples, engine):
     mech = RUIZ.compile()
     vary = {name: [value, value] for name, value in EDGE.items()}
-    how = {"sampling": "paired", "samples": samples, "engine": engine}
-    found = mech.study(vary, want=["max_abs(crank.drive)", "range(crank.drive)"], **how)
-    assert found.status == ("ok", "ok")
-    assert found["max_abs(crank.drive)"] == pytest.approx(AT_EDGE, rel=1e-9)
-    wanted, _ = extreme(RUIZ.replace(EDGE).compile().run(samples=72), "crank.drive", "range")
-    assert found["range(crank.drive)"] == pytest.approx(wanted, rel=1e-9)
+    settings = {"sampling": "paired", "samples": samples, "engine": engine}
+    study = mech.study(vary, want=["max_abs(crank.drive)", "range(crank.drive)"], **settings)
+    assert study.status == ("ok", "ok")
+    assert study["max_abs(crank.drive)"] == pytest.approx(AT_EDGE, rel=1e-9)
+    expected, _ = extreme(RUIZ.replace(EDGE).compile().run(samples=72), "crank.drive", "range")
+    assert study["range(crank.drive)"] == pytest.approx(expected, rel=1e-9)
 
 
 def test_an_optimiser_and_a_tolerance_see_the_same_edge():
@@ -75,13 +75,13 @@ def test_designs_side_by_side_say_what_each_says_alone(graph, address, output):
     vector = mech.outputs[output].kind == "vector"
     hows = ["max_abs"] if vector else ["min", "max", "max_abs", "range"]
     values = mech.parameters()[address].value * np.array([1.0, 1.004, 0.993])
-    found = mech.study({address: values}, want=[f"{how}({output})" for how in hows], samples=48)
+    study = mech.study({address: values}, want=[f"{how}({output})" for how in hows], samples=48)
     for (k, value), how in itertools.product(enumerate(values), hows):
-        if found.status[k] != "ok":
+        if study.status[k] != "ok":
             continue
         run = mech.document.replace({address: float(value)}).compile().run(samples=48, want=output)
-        wanted, size = extreme(run, output, how)
-        assert abs(found[f"{how}({output})"][k] - wanted) <= 1e-9 * size
+        expected, size = extreme(run, output, how)
+        assert abs(study[f"{how}({output})"][k] - expected) <= 1e-9 * size
 
 
 @pytest.mark.parametrize("engine", ["numpy", "llvm"])
@@ -105,10 +105,10 @@ def test_a_design_at_its_change_point_has_no_number_and_one_word():
     edge = {"dyad.l_i": 5 + 79 * 1.5 / 99, "dyad.l_j": 2.6 + 12 * 0.8 / 99}
     want = ["max_abs(crank.drive)", "min(dyad.transmission_angle)", "at(dyad.i.angle, 0.0)"]
     vary = {name: [value] for name, value in edge.items()}
-    found = RUIZ.compile().study(vary, want=want, samples=72, sampling="paired")
+    study = RUIZ.compile().study(vary, want=want, samples=72, sampling="paired")
     mech = RUIZ.replace(edge).compile()
-    assert found.status == ("dead-centre",)
-    assert all(np.isnan(found[label]).all() for label in want)
+    assert study.status == ("dead-centre",)
+    assert all(np.isnan(study[label]).all() for label in want)
     assert mech.limits().whole_turn
     with pytest.raises(bm.SingularError, match="dead-centre"):
         mech.run(at=0.0)
@@ -121,10 +121,10 @@ def test_where_no_range_leads_through_the_poses_an_extreme_is_coarse():
     output = several._of_driver(several.drivers[0], "q")
     address = next(p.address for p in several.parameters().values() if p.unit == "m" and p.value)
     value = several.parameters()[address].value
-    found = several.study({address: [value]}, want=f"max({output})", at=poses)
-    assert found.status == ("coarse",)
-    assert found[f"max({output})"][0] == 0.03
-    assert "no range leads through the poses" in found.reason(0)
+    study = several.study({address: [value]}, want=f"max({output})", at=poses)
+    assert study.status == ("coarse",)
+    assert study[f"max({output})"][0] == 0.03
+    assert "no range leads through the poses" in study.reason(0)
 
 
 def test_a_gap_between_the_poses_leaves_no_number():
@@ -133,13 +133,13 @@ def test_a_gap_between_the_poses_leaves_no_number():
     assert not RUIZ.replace(design).compile().limits().whole_turn
     poses = np.linspace(0.05, 2 * np.pi - 0.05, 72)
     over = np.concatenate([[-0.05], poses])
-    found = RUIZ.compile().study(
+    study = RUIZ.compile().study(
         {name: [x] for name, x in design.items()}, want="max_abs(crank.drive)", at=over,
         sampling="paired",
     )  # fmt: skip
-    assert found.status == ("no-assembly",)
-    assert np.isnan(found["max_abs(crank.drive)"][0])
-    assert "dyad between the poses" in found.reason(0)
+    assert study.status == ("no-assembly",)
+    assert np.isnan(study["max_abs(crank.drive)"][0])
+    assert "dyad between the poses" in study.reason(0)
 
 
 # -- the search itself ---------------------------------------------------------------------
@@ -156,10 +156,10 @@ def test_jumps_are_found_to_rounding():
     def steps(row, x):
         return np.where(x < at[row], x, x - 3.0)
 
-    found = search(steps, np.linspace(0.0, 6.2, 40), 60)
-    wanted = np.maximum(at[:, 0], 3.2)
-    np.testing.assert_allclose(found.value, wanted, rtol=1e-13)
-    assert not found.error.any()
+    peaks = search(steps, np.linspace(0.0, 6.2, 40), 60)
+    expected = np.maximum(at[:, 0], 3.2)
+    np.testing.assert_allclose(peaks.value, expected, rtol=1e-13)
+    assert not peaks.error.any()
 
 
 def test_poles_narrower_than_the_samples_are_found():
@@ -186,10 +186,10 @@ def test_tops_at_the_seam_and_at_the_ends(turn):
         return np.cos(x - phase[row]) + 0.1 * np.cos(3 * (x - phase[row]))
 
     high = 2 * np.pi if turn else 3.0
-    found = search(waves, np.linspace(0.0, high, 37), 41, turn=turn)
+    peaks = search(waves, np.linspace(0.0, high, 37), 41, turn=turn)
     fine = waves(np.arange(41), np.tile(np.linspace(0.0, high, 30001), (41, 1))).max(axis=1)
-    np.testing.assert_allclose(found.value, fine, rtol=1e-7)
-    assert (found.value >= fine - 1e-13).all()
+    np.testing.assert_allclose(peaks.value, fine, rtol=1e-7)
+    assert (peaks.value >= fine - 1e-13).all()
 
 
 def test_a_function_that_ends_between_its_samples_is_told():
@@ -197,11 +197,11 @@ def test_a_function_that_ends_between_its_samples_is_told():
         with np.errstate(invalid="ignore"):
             return np.sqrt((x - 1.0) ** 2 - 1e-4) + 2.0 / (1e-2 + np.abs(x - 1.0))
 
-    found = search(root, np.linspace(0.0, 2.03, 30), 1)
-    assert np.isinf(found.error[0])
+    peaks = search(root, np.linspace(0.0, 2.03, 30), 1)
+    assert np.isinf(peaks.error[0])
 
 
 def test_noise_is_not_closed_in_on():
     random = np.random.default_rng(3)
-    found = search(lambda row, x: random.standard_normal(x.shape), np.linspace(0.0, 1.0, 72), 2)
-    assert not found.error.any()
+    peaks = search(lambda row, x: random.standard_normal(x.shape), np.linspace(0.0, 1.0, 72), 2)
+    assert not peaks.error.any()

@@ -50,12 +50,12 @@ def test_patterns_leave_out_what_cannot_vary():
     strict = pytest.importorskip("array_api_strict", reason="it holds us to the standard")
     asked = {"library": strict, "friction": "none"}
     f = mechanism("engine").function("crank.q", "crank.drive", ["*"], **asked)
-    known = mechanism("engine").parameters()
+    parameters = mechanism("engine").parameters()
     assert {"crank.length", "piston.l", "gas.law.values[3]"} & {*f.parameters} == {
         "crank.length",
         "piston.l",
     }
-    assert f.parameters == {a: known[a].value for a in f.parameters}
+    assert f.parameters == {a: parameters[a].value for a in f.parameters}
     with pytest.raises(bm.RequestError, match="cubic table"):
         mechanism("engine").function("crank.q", "crank.drive", ["gas.law.values[3]"], **asked)
 

@@ -22,13 +22,13 @@ def record(n, seed=0, scale=0.01, friction=None, mechanism=BENCH):
     """A record with noise in proportion to what is measured."""
     q = np.linspace(0.0, 6.2, n)
     rate = 10 + 3 * np.sin(3 * q)
-    more = {"rates": rate, "accelerations": 9 * np.cos(3 * q) * rate, "friction": friction}
-    run = mechanism.run(at=q, want=["crank.drive", "dyad.D.reaction"], **more)
+    options = {"rates": rate, "accelerations": 9 * np.cos(3 * q) * rate, "friction": friction}
+    run = mechanism.run(at=q, want=["crank.drive", "dyad.D.reaction"], **options)
     noise = 1 + scale * np.random.default_rng(seed).standard_normal((2, n))
     return {
         "crank.q": q,
         "crank.rate": rate,
-        "crank.acceleration": more["accelerations"],
+        "crank.acceleration": options["accelerations"],
         "crank.drive": run["crank.drive"] * noise[0],
         "dyad.D.reaction.x": run["dyad.D.reaction"].real * noise[1],
     }
@@ -41,25 +41,28 @@ def drawn():
 
 
 def true(addresses):
-    known = BENCH.parameters()
-    return np.array([known[a].value for a in addresses])
+    parameters = BENCH.parameters()
+    return np.array([parameters[a].value for a in addresses])
 
 
 def test_without_noise_the_numbers_come_back():
-    found = bm.design.identify(drawn(), NUMBERS, record(60, scale=0.0))
-    assert np.array([found[a] for a in NUMBERS]) == pytest.approx(true(NUMBERS), rel=1e-9)
-    assert not found.unseen
-    assert not found.combinations
-    assert found.mechanism.parameters()["dyad.links.i.mass"].value == found["dyad.links.i.mass"]
+    identification = bm.design.identify(drawn(), NUMBERS, record(60, scale=0.0))
+    assert np.array([identification[a] for a in NUMBERS]) == pytest.approx(true(NUMBERS), rel=1e-9)
+    assert not identification.unseen
+    assert not identification.combinations
+    assert (
+        identification.mechanism.parameters()["dyad.links.i.mass"].value
+        == identification["dyad.links.i.mass"]
+    )
 
 
 def test_true_values_are_within_three_deviations():
     """Of 97 of 100 records, all numbers at a time."""
     mech, good = drawn(), 0
     for seed in range(RECORDS):
-        found = bm.design.identify(mech, NUMBERS, record(120, seed=seed))
+        identification = bm.design.identify(mech, NUMBERS, record(120, seed=seed))
         off = [
-            abs(found[a] - x) / found.deviations[a]
+            abs(identification[a] - x) / identification.deviations[a]
             for a, x in zip(NUMBERS, true(NUMBERS), strict=True)
         ]
         good += max(off) < 3.0
@@ -80,26 +83,26 @@ def test_what_acts_alike_is_told_together():
     pair = ["crank.links.crank.mass", "crank.links.crank.inertia"]
     data = record(200, friction="none")
     del data["dyad.D.reaction.x"]
-    found = bm.design.identify(BENCH, [*pair, "dyad.links.j.mass"], data, friction="none")
-    assert list(found.values) == ["dyad.links.j.mass"]
-    (sum_,) = found.combinations
+    identification = bm.design.identify(BENCH, [*pair, "dyad.links.j.mass"], data, friction="none")
+    assert list(identification.values) == ["dyad.links.j.mass"]
+    (sum_,) = identification.combinations
     assert set(sum_.weights) == set(pair)
     weights = [sum_.weights[a] for a in pair]
     assert weights[0] / weights[1] == pytest.approx(1.0, rel=1e-6)
     total = true(pair).sum() * sum_.weights[pair[0]]
     assert abs(sum_.value - total) < 4 * sum_.deviation
     with pytest.raises(bm.RequestError, match="the data do not tell it"):
-        found[pair[0]]
+        identification[pair[0]]
 
 
 def test_what_is_not_seen_has_no_value():
     """A centre of mass that moves square to the crank changes its inertia in second order only."""
     data = record(80, friction="none")
     asked = ["dyad.links.i.mass", "crank.links.crank.cm.y"]
-    found = bm.design.identify(BENCH, asked, data, friction="none")
-    assert "crank.links.crank.cm.y" in found.unseen
-    assert "crank.links.crank.cm.y" not in found.values
-    assert "not seen in the data: crank.links.crank.cm.y" in str(found)
+    identification = bm.design.identify(BENCH, asked, data, friction="none")
+    assert "crank.links.crank.cm.y" in identification.unseen
+    assert "crank.links.crank.cm.y" not in identification.values
+    assert "not seen in the data: crank.links.crank.cm.y" in str(identification)
     alone = bm.design.identify(
         BENCH, "frame.D.y", {"crank.q": [0.0, 1.0], "crank.crank.omega": [0.0, 0.0]}
     )
@@ -123,10 +126,10 @@ def test_places_identify_lengths_also_of_links_and_joints():
     for joint in [n for n in z if n.endswith(".p")]:
         columns |= {f"{joint}.x": z[joint].real, f"{joint}.y": z[joint].imag}
     value = bench.parameters()[address].value
-    other = linkage.replace({address: value + 0.01}).compile()
-    found = bm.design.identify(other, address, columns)
+    design = linkage.replace({address: value + 0.01}).compile()
+    identification = bm.design.identify(design, address, columns)
     assert name in z
-    assert found[address] == pytest.approx(value, abs=1e-9)
+    assert identification[address] == pytest.approx(value, abs=1e-9)
 
 
 def test_files_and_frames_are_read(tmp_path):
@@ -141,8 +144,8 @@ def test_files_and_frames_are_read(tmp_path):
     pd.DataFrame(degrees).to_csv(plain, index=False)
     frame.to_csv(german, index=False, sep=";", decimal=",")
     for given in (frame, plain, str(german)):
-        found = bm.design.identify(drawn(), NUMBERS, given)
-        assert found[NUMBERS[0]] == pytest.approx(30.0, rel=1e-6)
+        identification = bm.design.identify(drawn(), NUMBERS, given)
+        assert identification[NUMBERS[0]] == pytest.approx(30.0, rel=1e-6)
     run = BENCH.run(samples=20, want="crank.drive")
     run.to_csv(tmp_path / "own.csv")
     assert bm.design.identify(BENCH, NUMBERS[0], tmp_path / "own.csv")[NUMBERS[0]] == pytest.approx(
@@ -175,8 +178,8 @@ def test_too_few_rows_and_numbers_without_a_derivative():
 
 
 def test_the_picture_marks_the_block(tmp_path):
-    found = bm.design.identify(drawn(), NUMBERS[:2], record(400), friction="none")
-    found.plot(tmp_path / "r.png")
+    identification = bm.design.identify(drawn(), NUMBERS[:2], record(400), friction="none")
+    identification.plot(tmp_path / "r.png")
     assert (tmp_path / "r.png").stat().st_size > 10_000
-    words = found.figure()._supxlabel.get_text().replace("\n", " ")
+    words = identification.figure()._supxlabel.get_text().replace("\n", " ")
     assert "dyad" in words.partition("the model misses something at")[2]

@@ -64,15 +64,15 @@ def test_matrices_and_modes_are_those_of_absolute_coordinates(name):
     else:
         q, qd = CASES[name]
     at, rates = (dict(zip(mech.drivers, x, strict=True)) for x in (q, qd))
-    found = mech.linearize(at, rates=rates, friction="none")
+    linear = mech.linearize(at, rates=rates, friction="none")
     order = [list(system.drivers).index(d) for d in mech.drivers]
     K, C, M = (slopes(system, q, qd, w)[np.ix_(order, order)] for w in (0, 1, 2))
-    for ours, theirs in ((found.K, K), (found.damping, C), (found.M, M)):
+    for ours, theirs in ((linear.K, K), (linear.damping, C), (linear.M, M)):
         assert np.abs(ours - theirs).max() <= DIGITS * max(np.abs(theirs).max(), 1.0)
     k = len(M)
     A = np.vstack([np.eye(k, 2 * k, k), -np.hstack([np.linalg.solve(M, K), np.linalg.solve(M, C)])])
     theirs = np.sort_complex(np.linalg.eigvals(A))
-    ours = np.sort_complex(found.eigenvalues)
+    ours = np.sort_complex(linear.eigenvalues)
     assert np.abs(ours - theirs).max() <= 1e-8 * np.abs(theirs).max()
 
 
@@ -91,79 +91,81 @@ def pendulum(damping=0.0, stiffness=0.0):
 
 def test_a_pendulum_has_the_frequency_and_damping_of_the_textbook():
     J, k, c = 0.6, 9.81, 0.8  # about the pin; m g l; damping
-    found = pendulum(c).linearize()
-    (mode,) = found.modes
+    linear = pendulum(c).linearize()
+    (mode,) = linear.modes
     assert mode.frequency == pytest.approx(math.sqrt(k / J), rel=1e-13)
     assert mode.damping == pytest.approx(c / (2 * math.sqrt(k * J)), rel=1e-13)
-    assert found.stable
+    assert linear.stable
     w = np.array([0.1, 3.0, 40.0])
-    assert found.response(w)[:, 0, 0] == pytest.approx(1 / (k - J * w**2 + 1j * c * w), rel=1e-12)
+    assert linear.response(w)[:, 0, 0] == pytest.approx(1 / (k - J * w**2 + 1j * c * w), rel=1e-12)
 
 
 def test_inputs_and_outputs_have_names():
     """A force at the end works with the length of the rod; acceleration follows it at once."""
-    found = pendulum(0.8).linearize(
+    linear = pendulum(0.8).linearize(
         inputs=["push.force.x"], outputs=["crank.B.p.x", "crank.acceleration"]
     )
-    assert found.inputs == ("crank.drive", "push.force.x")
+    assert linear.inputs == ("crank.drive", "push.force.x")
     w = np.array([2.0])
     H_ = 1 / (9.81 - 0.6 * w**2 + 1j * 0.8 * w)
-    whole = found.response(w)[0]
+    whole = linear.response(w)[0]
     assert whole[0] == pytest.approx(np.array([H_[0], H_[0]]), rel=1e-12)  # hangs: x = l phi
     assert whole[1] == pytest.approx(-(w[0] ** 2) * np.array([H_[0], H_[0]]), rel=1e-12)
-    assert found.units["push.force.x"] == "N"
+    assert linear.units["push.force.x"] == "N"
 
 
 def test_scipy_takes_the_system():
     from scipy import signal
 
-    found = pendulum(0.8).linearize()
-    space = found.to_statespace()
+    linear = pendulum(0.8).linearize()
+    space = linear.to_statespace()
     t = np.linspace(0.0, 2.0, 21)
     _, y, _ = signal.lsim(space, 0.0 * t, t, X0=[0.1, 0.0])
-    assert y == pytest.approx([(expm(found.A * s) @ [0.1, 0.0])[0] for s in t], abs=1e-12)
+    assert y == pytest.approx([(expm(linear.A * s) @ [0.1, 0.0])[0] for s in t], abs=1e-12)
 
 
 def test_control_takes_the_system_with_its_names():
-    found = pendulum(0.8).linearize(inputs=["push.force.x"])
-    space = found.to_control()
+    linear = pendulum(0.8).linearize(inputs=["push.force.x"])
+    space = linear.to_control()
     assert space.input_labels == ["crank_drive", "push_force_x"]
     assert space.output_labels == ["crank_q"]
-    assert space(2j) == pytest.approx(found.response(2.0)[0], rel=1e-12)
+    assert space(2j) == pytest.approx(linear.response(2.0)[0], rel=1e-12)
 
 
 def test_small_motions_are_the_linear_ones():
     mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
     place = mech.equilibria().stable[0]
-    found, q0, d = mech.linearize(place), float(place.q[0]), 1e-5
+    linear, q0, d = mech.linearize(place), float(place.q[0]), 1e-5
     t = np.linspace(0.1, 1.5, 8)
     run = mech.simulate(times=t.tolist(), start={"crank": (q0 + d, 0.0)})
-    x = np.array([(expm(found.A * s) @ [d, 0.0])[0] for s in t])
+    x = np.array([(expm(linear.A * s) @ [d, 0.0])[0] for s in t])
     assert np.abs(run["crank.q"] - q0 - x).max() < 20 * d**2
 
 
 def test_friction_that_slips_is_in_it():
     """About a motion: differences of the driving moment with friction."""
     mech = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").compile()
-    found, h = mech.linearize(1.0, rates=10.0), 1e-4
+    linear, h = mech.linearize(1.0, rates=10.0), 1e-4
 
     def drive(q, rate):
         return mech.run(q, rates=rate, accelerations=0.0, want="crank.drive")["crank.drive"][0]
 
-    assert found.effort[0] == pytest.approx(drive(1.0, 10.0), rel=1e-13)
+    assert linear.effort[0] == pytest.approx(drive(1.0, 10.0), rel=1e-13)
     K = (
         drive(1 - 2 * h, 10) - 8 * drive(1 - h, 10) + 8 * drive(1 + h, 10) - drive(1 + 2 * h, 10)
     ) / (12 * h)
-    assert found.K[0, 0] == pytest.approx(K, rel=DIGITS)
+    assert linear.K[0, 0] == pytest.approx(K, rel=DIGITS)
 
 
 def test_floquet_is_what_the_return_map_tells():
     mech = bm.Graph.load(GRAPHS / "pump.json").compile()
     motion = mech.simulate("steady", friction="none")
-    found = bm.design.floquet(mech, motion)
-    assert abs(found.multipliers[0] - 1) < 1e-9  # a motion that starts later is the same
-    assert found.multipliers[1].real == pytest.approx(motion.motion.facts["multiplier"], rel=1e-8)
-    assert "multiplier" in str(found)
+    multipliers = bm.design.floquet(mech, motion)
+    assert abs(multipliers.multipliers[0] - 1) < 1e-9  # a motion that starts later is the same
+    assert multipliers.multipliers[1].real == pytest.approx(
+        motion.motion.facts["multiplier"], rel=1e-8
+    )
+    assert "multiplier" in str(multipliers)
     with pytest.raises(bm.RequestError, match="no period"):
         bm.design.floquet(mech, mech.run(at=1.0))
 
@@ -182,19 +184,19 @@ def test_what_does_not_fit_is_said():
 
 
 def test_pictures(tmp_path):
-    found = (
+    linear = (
         bm.Graph.load(GRAPHS / "fivebar_falling.json")
         .compile()
         .linearize({"left": 1.2, "right": 2.0})
     )
-    found.plot(tmp_path / "bode.png")
+    linear.plot(tmp_path / "bode.png")
     assert (tmp_path / "bode.png").stat().st_size > 10_000
-    labels = [t.get_text() for t in found.figure().axes[0].get_legend().get_texts()]
+    labels = [t.get_text() for t in linear.figure().axes[0].get_legend().get_texts()]
     assert labels[0] == "left.q by left.drive"
-    made = found.animate(0, tmp_path / "mode.html", amplitude=0.05)
+    made = linear.animate(0, tmp_path / "mode.html", amplitude=0.05)
     assert made.path.stat().st_size > 1000
     with pytest.raises(bm.RequestError, match="from 0 on"):
-        found.animate(9)
+        linear.animate(9)
 
 
 def wheel(sample=None):
@@ -218,7 +220,7 @@ def wheel(sample=None):
 
 def test_a_controlled_wheel_has_the_transfer_function_of_the_textbook():
     """C(s) = kp + ki/s + kd n s/(s + n) around 1/(J s): T = C G / (1 + C G)."""
-    found = (
+    linear = (
         wheel()
         .compile()
         .linearize(
@@ -228,17 +230,17 @@ def test_a_controlled_wheel_has_the_transfer_function_of_the_textbook():
             outputs=["wheel.rate", "pid.y"],
         )
     )
-    assert found.inputs == ("wheel.drive", "setpoint.y")
-    assert dict(found.states) == pytest.approx({"pid.integral": 0.0, "pid.filtered": 0.0})
+    assert linear.inputs == ("wheel.drive", "setpoint.y")
+    assert dict(linear.states) == pytest.approx({"pid.integral": 0.0, "pid.filtered": 0.0})
     w = np.array([0.01, 1.0, 5.0, 200.0])
     s = 1j * w
     control, plant = 3.0 + 5.0 / s + 0.4 * 30.0 * s / (s + 30.0), 1 / (2.0 * s)
     loop = control * plant
-    response = found.response(w)
+    response = linear.response(w)
     assert response[:, 0, 1] == pytest.approx(loop / (1 + loop), rel=1e-11)
     assert response[:, 0, 0] == pytest.approx(plant / (1 + loop), rel=1e-11)
     assert response[:, 1, 1] == pytest.approx(control / (1 + loop), rel=1e-11)
-    space = found.to_statespace()
+    space = linear.to_statespace()
     assert space.A.shape == (4, 4)
 
 
@@ -247,12 +249,12 @@ def test_a_controlled_fourbar_is_that_of_three_angles_and_multipliers():
     mech = bm.Graph.load(GRAPHS / "control/speed_controlled_fourbar.json").compile()
     z0 = np.array([0.4, 3.0, 20.0, 0.3, 2.0])
     states = dict(zip(("motor.current", "pid.integral", "pid.filtered"), z0[2:], strict=True))
-    found = mech.linearize(
+    linear = mech.linearize(
         {"crank": 0.4}, rates={"crank": 3.0}, states=states, inputs=["setpoint.y"]
     )
-    assert found.states == states
+    assert linear.states == states
     linkage, motor = controlled.FourBar(), controlled.Motor()
-    kept_up = float(found.effort[0])  # what else the crank needs to keep its rate
+    kept_up = float(linear.effort[0])  # what else the crank needs to keep its rate
 
     def rates(z, setpoint=10.0):
         q, w, i, total, filtered = z
@@ -268,9 +270,9 @@ def test_a_controlled_fourbar_is_that_of_three_angles_and_multipliers():
         return (f(-2 * h) - 8 * f(-h) + 8 * f(h) - f(2 * h)) / (12 * h)
 
     A = np.column_stack([slope(lambda h, e=e: rates(z0 + h * e), 5e-4) for e in np.eye(5)])
-    assert np.abs(found.A - A).max() <= 1e-9 * np.abs(A).max()
-    assert found.A[1] == pytest.approx(A[1], rel=1e-9, abs=1e-9)
-    assert found.B[:, 1] == pytest.approx(slope(lambda h: rates(z0, 10.0 + h), 1e-3), abs=1e-8)
+    assert np.abs(linear.A - A).max() <= 1e-9 * np.abs(A).max()
+    assert linear.A[1] == pytest.approx(A[1], rel=1e-9, abs=1e-9)
+    assert linear.B[:, 1] == pytest.approx(slope(lambda h: rates(z0, 10.0 + h), 1e-3), abs=1e-8)
 
 
 def test_states_at_rest_are_looked_for():
@@ -283,11 +285,11 @@ def test_states_at_rest_are_looked_for():
         if wire["from"] == "wheel.rate":
             wire["from"] = "wheel.q"
     g = bm.Graph.from_data(data)
-    found = g.compile().linearize({"wheel": 0.3})
+    linear = g.compile().linearize({"wheel": 0.3})
     weight = 9.81 * 0.5 * math.cos(0.3)
-    assert found.states["pid.integral"] == pytest.approx(weight / 5.0, rel=1e-12)
-    assert found.effort == pytest.approx([0.0], abs=1e-12)
-    assert not found.notes
+    assert linear.states["pid.integral"] == pytest.approx(weight / 5.0, rel=1e-12)
+    assert linear.effort == pytest.approx([0.0], abs=1e-12)
+    assert not linear.notes
 
 
 def test_signals_that_do_not_fit_are_refused():

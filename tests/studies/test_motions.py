@@ -22,7 +22,7 @@ def test_columns_are_those_of_single_simulations():
     watt, masses = mechanism("watt_sixbar"), [0.5, 1.0, 2.0]
     kept = ["max_abs(crank.rate)", "final(first.C.p)", "mean(mechanism.kinetic_energy)"]
     own = ["motion.t_end", "motion.q_end", "motion.error", "motion.fluctuation"]
-    found = watt.study({MASS: masses}, want=[*kept, *own], simulate=FALL)
+    study = watt.study({MASS: masses}, want=[*kept, *own], simulate=FALL)
     for k, mass in enumerate(masses):
         outputs = ["crank.rate", "first.C.p", "mechanism.kinetic_energy"]
         run = remade(watt, {MASS: mass}).simulate("standstill", want=outputs)
@@ -31,16 +31,16 @@ def test_columns_are_those_of_single_simulations():
             "standstill", want="crank.rate", times=np.linspace(0.0, m.t_end, 200_001)
         )
         largest = np.abs(fine["crank.rate"]).max()
-        assert found["max_abs(crank.rate)"][k] == pytest.approx(largest, rel=1e-8)
+        assert study["max_abs(crank.rate)"][k] == pytest.approx(largest, rel=1e-8)
         assert np.abs(run["crank.rate"]).max() < largest * (1 - 1e-4)
-        assert found["final(first.C.p)"][k] == run["first.C.p"][-1]
+        assert study["final(first.C.p)"][k] == run["first.C.p"][-1]
         energy = run["mechanism.kinetic_energy"]
-        assert found["mean(mechanism.kinetic_energy)"][k] == pytest.approx(energy.mean(), rel=1e-14)
+        assert study["mean(mechanism.kinetic_energy)"][k] == pytest.approx(energy.mean(), rel=1e-14)
         one = [m.t_end, m.q_end, m.error, m.fluctuation(0.0, m.t_end)]
-        assert [found[name][k] for name in own] == one
-    assert found.status == ("ok",) * 3
-    assert found.unit("motion.t_end") == "s"
-    assert found.unit("final(first.C.p)") == "m"
+        assert [study[name][k] for name in own] == one
+    assert study.status == ("ok",) * 3
+    assert study.unit("motion.t_end") == "s"
+    assert study.unit("final(first.C.p)") == "m"
 
 
 def test_the_period_of_a_pendulum_from_three_lengths():
@@ -48,13 +48,13 @@ def test_the_period_of_a_pendulum_from_three_lengths():
     swings = np.radians([5.0, 60.0, 120.0])
     rod = bare_rod()
     rod.start("crank", q=0.0)
-    found = rod.compile().study(
+    study = rod.compile().study(
         {"scene.initial.crank.q": -math.pi / 2 + swings},
         want=["motion.t_end", "poses(crank.q)"],
         simulate={**FALL, "times": np.linspace(0.0, 3.0, 31)},
     )
     for swing, half, row in zip(
-        swings, found["motion.t_end"], found["poses(crank.q)"], strict=True
+        swings, study["motion.t_end"], study["poses(crank.q)"], strict=True
     ):
         a, b = 1.0, math.cos(swing / 2)
         while abs(a - b) > 1e-15:
@@ -68,23 +68,23 @@ def test_the_period_of_a_pendulum_from_three_lengths():
 def test_time_to_rest_is_where_friction_stops_it():
     data = bm.Graph.load(GRAPHS / "motions/pin_pendulum.json")
     address = "crank.friction.A.coefficient"
-    found = data.compile().study(
+    study = data.compile().study(
         {address: [0.6, 1.0]}, want=["motion.time_to_rest", "motion.standstills"],
         simulate={"until": "time=60"},
     )  # fmt: skip
     for k, mu in enumerate((0.6, 1.0)):
         motion = data.replace({address: mu}).compile().simulate("time=60", want=[]).motion
         rests = [e.t for e in motion.events if e.kind == "rest"]
-        assert found["motion.time_to_rest"][k] == rests[-1]
+        assert study["motion.time_to_rest"][k] == rests[-1]
         stands = sum(e.kind == "standstill" for e in motion.events)
-        assert found["motion.standstills"][k] == stands
+        assert study["motion.standstills"][k] == stands
 
 
 def test_settling_of_a_damped_slide():
     """A line through x'' + 2 d x' + w^2 x = 0: where the envelope's last swing leaves the band."""
     t = np.linspace(0.0, 3.0, 3001)
     want = ["settling(slider.q)", "settling(slider.q, 0.1)"]
-    found = slide(damping=4.0).study(
+    study = slide(damping=4.0).study(
         {"spring.damping": [4.0, 8.0]},
         want=want,
         simulate={"times": t, "start": {"slider": (0.2, 0.0)}},
@@ -96,24 +96,24 @@ def test_settling_of_a_damped_slide():
         off = np.abs(x - x[-1])
         for label, share in zip(want, (0.02, 0.1), strict=True):
             last = t[np.flatnonzero(off > share * off.max())[-1]]
-            assert last <= found[label][k] <= last + 1e-3
+            assert last <= study[label][k] <= last + 1e-3
     assert settling(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 0.5, 0.0, 0.0]), 0.25) == 1.5
     assert settling(np.arange(3.0), np.ones(3)) == 0.0
 
 
 def test_a_design_without_a_motion_is_a_row_with_its_reason():
     watt = mechanism("watt_sixbar")
-    found = watt.study(
+    study = watt.study(
         {"first.l_i": [watt.parameters()["first.l_i"].value, 0.3]},
         want=["motion.t_end", "max(crank.rate)"],
         simulate=FALL,
     )
-    assert found.status[0] == "ok"
-    assert found.status[1] in ("no-motion", "ended-early")
-    assert found.reason(1).startswith(found.status[1] + ": ")
-    assert np.isnan(found["motion.t_end"][1])
-    assert np.isnan(found["max(crank.rate)"][1])
-    assert not found.reason(0)
+    assert study.status[0] == "ok"
+    assert study.status[1] in ("no-motion", "ended-early")
+    assert study.reason(1).startswith(study.status[1] + ": ")
+    assert np.isnan(study["motion.t_end"][1])
+    assert np.isnan(study["max(crank.rate)"][1])
+    assert not study.reason(0)
     rod = bare_rod()
     rod.start("crank", q=0.0)
     rod.add_stop("crank", -1.0, 1.0)
@@ -164,12 +164,12 @@ def test_parts_in_a_folder_and_by_processes(tmp_path):
     rod = bare_rod()
     rod.start("crank", q=0.0)
     mech, masses = rod.compile(), np.linspace(1.0, 2.0, 300)
-    how = {"want": ["motion.t_end", "max_abs(crank.rate)"], "simulate": FALL}
-    here = mech.study({MASS: masses}, **how)
-    there = mech.study({MASS: masses}, out=tmp_path / "parts", workers=2, **how)
-    for label in how["want"]:
-        np.testing.assert_array_equal(here[label], there[label])
-    assert here.status == there.status
+    settings = {"want": ["motion.t_end", "max_abs(crank.rate)"], "simulate": FALL}
+    here = mech.study({MASS: masses}, **settings)
+    study = mech.study({MASS: masses}, out=tmp_path / "parts", workers=2, **settings)
+    for label in settings["want"]:
+        np.testing.assert_array_equal(here[label], study[label])
+    assert here.status == study.status
     assert len(list((tmp_path / "parts").iterdir())) == 2
     assert "300 designs in motion, until standstill" in repr(here)
     here.to_csv(tmp_path / "table.csv")
@@ -229,21 +229,21 @@ def test_motions_side_by_side_are_the_single_ones_within_their_errors(name, monk
     outputs = [f"poses({mech.drivers[0]}.{what})" for what in ("q", "rate")]
     want = [*(f"motion.{x}" for x in own), *outputs]
     values = np.linspace(*ends, 16)
-    found = mech.study({address: values}, want=want, simulate=request)
+    study = mech.study({address: values}, want=want, simulate=request)
     assert not moved_alone
     few = [0, 7, 15]
     alone = mech.study({address: values[few]}, want=want, simulate=request)
     assert len(moved_alone) == len(few)
     assert alone.status == ("ok",) * 3
-    error = found["motion.error"][few] + alone["motion.error"]
-    late = found["motion.time_error"][few] + alone["motion.time_error"]
-    assert (found["motion.error"] <= (request.get("accuracy") or 1e-9)).all()
-    assert (np.abs(found["motion.q_end"][few] - alone["motion.q_end"]) <= error).all()
-    assert (np.abs(found["motion.t_end"][few] - alone["motion.t_end"]) <= late).all()
-    assert (found["motion.standstills"][few] == alone["motion.standstills"]).all()
-    moved = np.abs(found[outputs[0]][few] - alone[outputs[0]])
+    error = study["motion.error"][few] + alone["motion.error"]
+    late = study["motion.time_error"][few] + alone["motion.time_error"]
+    assert (study["motion.error"] <= (request.get("accuracy") or 1e-9)).all()
+    assert (np.abs(study["motion.q_end"][few] - alone["motion.q_end"]) <= error).all()
+    assert (np.abs(study["motion.t_end"][few] - alone["motion.t_end"]) <= late).all()
+    assert (study["motion.standstills"][few] == alone["motion.standstills"]).all()
+    moved = np.abs(study[outputs[0]][few] - alone[outputs[0]])
     assert (np.nanmax(moved, axis=1) <= error).all()
-    assert (np.isnan(found[outputs[0]][few]) == np.isnan(alone[outputs[0]])).all()
+    assert (np.isnan(study[outputs[0]][few]) == np.isnan(alone[outputs[0]])).all()
 
 
 def test_time_to_rest_side_by_side_is_that_of_the_closed_form():
@@ -251,7 +251,7 @@ def test_time_to_rest_side_by_side_is_that_of_the_closed_form():
     graph = GRAPHS / "motions/pin_pendulum.json"
     exact = 28.084229257323663  # tests/dynamics/motions.py, in 30 digits
     address = "crank.friction.A.coefficient"
-    found = (
+    study = (
         bm.Graph.load(graph)
         .compile()
         .study(
@@ -260,8 +260,8 @@ def test_time_to_rest_side_by_side_is_that_of_the_closed_form():
             simulate={"until": "time=100"},
         )
     )
-    assert found["motion.time_to_rest"][0] == pytest.approx(exact, abs=1e-8)
-    assert abs(found["motion.q_end"][0] + 1.5570362062188914) <= found["motion.error"][0]
+    assert study["motion.time_to_rest"][0] == pytest.approx(exact, abs=1e-8)
+    assert abs(study["motion.q_end"][0] + 1.5570362062188914) <= study["motion.error"][0]
 
 
 def test_what_arrays_cannot_decide_goes_by_itself():
@@ -269,9 +269,9 @@ def test_what_arrays_cannot_decide_goes_by_itself():
     pytest.importorskip("llvmlite", reason="the extra fast is not installed")
     address = "scene.gravity.y"
     g = np.append(np.linspace(-9.0, -8.0, 15), 0.0)  # without gravity the rod stays
-    found = fallen().study({address: g}, want="motion.t_end", simulate=FALL)
-    assert found.status == ("ok",) * 16
-    assert found["motion.t_end"][-1] == 0.0
+    study = fallen().study({address: g}, want="motion.t_end", simulate=FALL)
+    assert study.status == ("ok",) * 16
+    assert study["motion.t_end"][-1] == 0.0
     rod = bare_rod()
     rod.start("crank", q=0.0)
     rod.add_stop("crank", -1.0, 1.0)
@@ -309,28 +309,28 @@ def test_an_interrupted_study_keeps_what_is_done():
     rod = bare_rod()
     rod.start("crank", q=0.0)
 
-    def stop(what, done, whole):
-        if done >= 32:
+    def stop(task, count, total):
+        if count >= 32:
             os.kill(os.getpid(), signal.SIGINT) if os.name != "nt" else signal.raise_signal(2)
 
-    found = rod.compile().study(
+    study = rod.compile().study(
         {MASS: np.linspace(1.0, 2.0, 96)},
         want="motion.t_end",
         simulate=FALL,
         progress=stop,
         engine="scalar",
     )
-    assert found.interrupted
-    assert 32 <= found.n < 96
-    assert found.n % 16 == 0
+    assert study.interrupted
+    assert 32 <= study.n < 96
+    assert study.n % 16 == 0
 
 
 def test_sweep_on_the_command_line(capsys):
     graph = str(GRAPHS / "watt_sixbar.json")
     arguments = ["sweep", graph, "--vary", f"{MASS}=0.5:2:4", "--want", "motion.t_end"]
     assert main([*arguments, "--until", "standstill"]) == 0
-    said = capsys.readouterr().out
-    assert "4 designs in motion, until standstill" in said
-    assert "1.42706" in said
+    text = capsys.readouterr().out
+    assert "4 designs in motion, until standstill" in text
+    assert "1.42706" in text
     assert main([*arguments, "--accuracy", "1e-6"]) == 2
     assert "--until" in capsys.readouterr().err

@@ -24,8 +24,8 @@ def asked():
 def test_values_are_those_of_a_study(asked):
     x = asked.start * 1.01
     vary = {a: [value] for a, value in asked.numbers(x).items()}
-    found = mechanism("ruiz_fourbar").study(vary, want=WANT, at=TURN)
-    kept = [np.atleast_1d(row[0]) for row in found.found.values.values()]
+    study = mechanism("ruiz_fourbar").study(vary, want=WANT, at=TURN)
+    kept = [np.atleast_1d(row[0]) for row in study.found.values.values()]
     rows = [np.concatenate([r.real, r.imag]) if np.iscomplexobj(r) else r for r in kept]
     np.testing.assert_array_equal(asked(x), np.concatenate(rows))
 
@@ -63,11 +63,11 @@ def test_a_design_that_does_not_assemble_or_that_a_file_refuses_is_infinitely_ba
 def test_scipy_finds_the_best_place_of_a_mass():
     mech = mechanism("ruiz_fourbar")
     f = mech.objective(["crank.links.crank.cm.x"], want="rms(mechanism.shaking_force)", at=TURN)
-    found = minimize(f, f.start, jac=f.jacobian)
-    assert found.fun < f(f.start)
-    assert abs(f.jacobian(found.x)[0]) < 1e-4 * abs(f.jacobian(f.start)[0])
-    around = [f(found.x + d) for d in (-1e-3, 1e-3)]
-    assert min(around) > found.fun
+    optimum = minimize(f, f.start, jac=f.jacobian)
+    assert optimum.fun < f(f.start)
+    assert abs(f.jacobian(optimum.x)[0]) < 1e-4 * abs(f.jacobian(f.start)[0])
+    around = [f(optimum.x + d) for d in (-1e-3, 1e-3)]
+    assert min(around) > optimum.fun
 
 
 def test_of_a_number_a_turn_there_is_no_derivative():

@@ -29,29 +29,32 @@ def numbers(data):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_every_number_of_a_file_has_an_address(path):
-    known = parameters_of(document(path).sections())
-    assert len(known) >= numbers(document(path).to_data())
-    assert len({p.path for p in known.values()}) == len(known)
+    parameters = parameters_of(document(path).sections())
+    assert len(parameters) >= numbers(document(path).to_data())
+    assert len({p.path for p in parameters.values()}) == len(parameters)
 
 
 @pytest.mark.parametrize("path", SMALL, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_the_same_numbers_make_the_same_mechanism(path):
     made = document(path)
-    known = parameters_of(made.sections())
-    again = made.replace({address: p.value for address, p in known.items()})
-    assert parameters_of(again.sections()) == known
+    parameters = parameters_of(made.sections())
+    again = made.replace({address: p.value for address, p in parameters.items()})
+    assert parameters_of(again.sections()) == parameters
 
 
 def test_a_replaced_number_is_that_of_the_new_document_alone():
     graph = bm.Graph.load(GRAPHS / "engine.json")
-    known = parameters_of(graph.sections())
-    table = next(a for a in known if a.endswith("law.values[3]"))
+    parameters = parameters_of(graph.sections())
+    table = next(a for a in parameters if a.endswith("law.values[3]"))
     other = graph.replace({table: np.float64(7.5), "frame.O.x": 0.5})
     changed = parameters_of(other.sections())
-    assert {a for a in known if changed[a].value != known[a].value} == {table, "frame.O.x"}
+    assert {a for a in parameters if changed[a].value != parameters[a].value} == {
+        table,
+        "frame.O.x",
+    }
     assert changed[table].value == 7.5
     assert "expect" not in other.to_data()
-    assert parameters_of(graph.sections()) == known
+    assert parameters_of(graph.sections()) == parameters
     assert other.compile().parameters()["frame.O.x"].value == 0.5
 
 
@@ -87,8 +90,8 @@ def test_values_are_refused_as_in_a_file_all_at_once():
     graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     with pytest.raises(bm.FormatError) as error:
         graph.replace({"dyad.l_i": -1.0, "frame.D.x": float("nan"), "dyad.branch": 0.5})
-    said = [p.where for p in error.value.problems]
-    assert said == ["blocks.frame.markers.D.at", "blocks.dyad.l_i", "blocks.dyad.branch"]
+    text = [p.where for p in error.value.problems]
+    assert text == ["blocks.frame.markers.D.at", "blocks.dyad.l_i", "blocks.dyad.branch"]
     assert "must be > 0 m, got -1" in str(error.value)
 
 
@@ -102,13 +105,13 @@ def test_what_is_no_number_or_no_mapping_is_refused():
 
 
 def test_a_mechanism_lists_its_numbers_with_units():
-    known = mechanism("ruiz_fourbar").parameters()
-    assert known["dyad.l_i"].unit == "m"
-    assert known["dyad.links.i.inertia"].unit == "kg m2"
-    assert known["crank.offset"].unit == "rad"
-    line = next(line for line in repr(known).splitlines() if line.startswith("dyad.l_i"))
+    parameters = mechanism("ruiz_fourbar").parameters()
+    assert parameters["dyad.l_i"].unit == "m"
+    assert parameters["dyad.links.i.inertia"].unit == "kg m2"
+    assert parameters["crank.offset"].unit == "rad"
+    line = next(line for line in repr(parameters).splitlines() if line.startswith("dyad.l_i"))
     assert line.split() == ["dyad.l_i", "6", "m"]
-    assert json.dumps([p.address for p in known.values()])
+    assert json.dumps([p.address for p in parameters.values()])
 
 
 RATIOS = {  # of forces, and of components
@@ -137,8 +140,8 @@ def test_every_number_but_a_ratio_has_its_unit(path):
 def test_forces_stiffnesses_and_sizes_of_laws_have_their_units(document):
     def units(name):
         folder = GRAPHS if document is bm.Graph else JOINTS
-        known = parameters_of(document.load(folder / f"{name}.json").sections())
-        return {address.rpartition(".")[2]: p.unit for address, p in known.items()}
+        parameters = parameters_of(document.load(folder / f"{name}.json").sections())
+        return {address.rpartition(".")[2]: p.unit for address, p in parameters.items()}
 
     squeezer = units("andrews_squeezer")
     assert [squeezer[x] for x in ("stiffness", "free_length", "damping", "moment")] == [
@@ -153,8 +156,8 @@ def test_forces_stiffnesses_and_sizes_of_laws_have_their_units(document):
 
 
 def units_of(load, **beside):
-    known = parameters_of({"blocks": {"load": load, **beside}})
-    return {a.removeprefix("load."): p.unit for a, p in known.items() if a.startswith("load.")}
+    parameters = parameters_of({"blocks": {"load": load, **beside}})
+    return {a.removeprefix("load."): p.unit for a, p in parameters.items() if a.startswith("load.")}
 
 
 @pytest.mark.parametrize(
@@ -189,8 +192,8 @@ def test_a_torsional_load_along_a_guide_is_a_force_over_a_way():
     linkage.add_load("damped", "torsion_spring", joint=guide, stiffness=2.0, damping=3.0)
     law = {"kind": "dc", "stall_moment": 4.0, "no_load_speed": 5.0}
     linkage.add_load("dc", "motor", joint=guide, law=law)
-    known = linkage.compile().parameters()
-    units = {a.split(".", 1)[1]: p.unit for a, p in known.items() if a.startswith("loads.d")}
+    parameters = linkage.compile().parameters()
+    units = {a.split(".", 1)[1]: p.unit for a, p in parameters.items() if a.startswith("loads.d")}
     assert units["damped.stiffness"] == "N/m"
     assert units["damped.damping"] == "N s/m"
     assert units["dc.law.stall_moment"] == "N"

@@ -20,8 +20,8 @@ POSES = np.linspace(0.2, 6.0, 59)  # holds 1.0
 
 def rebuilt(label, address, value):
     """A reduction of the mechanism with another number, by a study of one design."""
-    found = MECH.study({address: [value]}, want=[label], at=POSES)
-    return complex(found[label][0])
+    study = MECH.study({address: [value]}, want=[label], at=POSES)
+    return complex(study[label][0])
 
 
 def difference(label, address):
@@ -33,13 +33,13 @@ def difference(label, address):
 
 @pytest.mark.parametrize("label", WANT)
 def test_derivatives_are_those_of_rebuilt_mechanisms(label):
-    found = MECH.sensitivity([label], to=TO, at=POSES)
-    assert [*found] == [label]
+    derivatives = MECH.sensitivity([label], to=TO, at=POSES)
+    assert [*derivatives] == [label]
     for address in TO:
-        exact, wanted = complex(found[label, address][0]), difference(label, address)
+        exact, expected = complex(derivatives[label, address][0]), difference(label, address)
         x = MECH.parameters()[address].value
-        size = max(abs(wanted), abs(complex(found.value(label)[0]) / x))
-        assert abs(exact - wanted) <= 1e-9 * size
+        size = max(abs(expected), abs(complex(derivatives.value(label)[0]) / x))
+        assert abs(exact - expected) <= 1e-9 * size
 
 
 @pytest.mark.parametrize("label", WANT)
@@ -65,16 +65,16 @@ def test_the_stroke_of_a_slider():
     mech = g.compile()
     name = next(n for n in mech.outputs if n.endswith("Cj.p"))
     address = "crank.length"
-    found = mech.sensitivity([f"stroke({name})"], to=[address])
+    derivatives = mech.sensitivity([f"stroke({name})"], to=[address])
     x, h = mech.parameters()[address].value, 1e-4
 
     def length(v):
         return g.replace({address: v}).compile().stroke(name).length
 
-    wanted = (8 * (length(x + h) - length(x - h)) - length(x + 2 * h) + length(x - 2 * h)) / (
+    expected = (8 * (length(x + h) - length(x - h)) - length(x + 2 * h) + length(x - 2 * h)) / (
         12 * h
     )
-    assert found[f"stroke({name})", address][0] == pytest.approx(wanted, rel=1e-9)
+    assert derivatives[f"stroke({name})", address][0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_tolerance_takes_reductions():
@@ -96,8 +96,8 @@ def test_objective_takes_a_stroke():
     for i in range(2):
         e = np.eye(2)[i] * h
         x = f.start
-        wanted = (8 * (f(x + e) - f(x - e)) - f(x + 2 * e) + f(x - 2 * e)) / (12 * h)
-        assert f.jacobian(x)[i] == pytest.approx(wanted, rel=1e-8)
+        expected = (8 * (f(x + e) - f(x - e)) - f(x + 2 * e) + f(x - 2 * e)) / (12 * h)
+        assert f.jacobian(x)[i] == pytest.approx(expected, rel=1e-8)
 
 
 def test_pictures_and_tables_have_them(tmp_path):
@@ -106,10 +106,10 @@ def test_pictures_and_tables_have_them(tmp_path):
     MECH.tolerance(made, want=["range(dyad.j.angle)", "dyad.C.p.x"], at=POSES).plot(
         tmp_path / "b.png"
     )
-    found = MECH.sensitivity(["max_abs(crank.drive)", "dyad.C.p.x"], to=TO, at=POSES)
-    found.plot(tmp_path / "c.png")
-    assert "max_abs(crank.drive) [N m]" in str(found)
-    rows = found.to_csv().splitlines()
+    derivatives = MECH.sensitivity(["max_abs(crank.drive)", "dyad.C.p.x"], to=TO, at=POSES)
+    derivatives.plot(tmp_path / "c.png")
+    assert "max_abs(crank.drive) [N m]" in str(derivatives)
+    rows = derivatives.to_csv().splitlines()
     assert sum(r.startswith("max_abs(crank.drive),") for r in rows) == 1
     assert sum(r.startswith("dyad.C.p.x,") for r in rows) == 59
 
@@ -164,19 +164,21 @@ def test_where_a_design_rests_is_kept_with_exact_derivatives(output):
     to = ["spring.stiffness", "frame.W.y", "arm.links.crank.mass", "spring.free_length"]
 
     def rebuilt(address, x):
-        other = g.replace({address: x}).compile()
-        (e,) = other.equilibria().stable
+        design = g.replace({address: x}).compile()
+        (e,) = design.equilibria().stable
         q = e.q[0] + 2 * np.pi * round((0.3 - e.q[0]) / (2 * np.pi))
-        return other.run(at=[q], want=output, rates=0.0, accelerations=0.0)[output][0]
+        return design.run(at=[q], want=output, rates=0.0, accelerations=0.0)[output][0]
 
-    found = mech.sensitivity(label, to=to, at=[0.3])
+    derivatives = mech.sensitivity(label, to=to, at=[0.3])
     for address in to:
         x = mech.parameters()[address].value
         h = 1e-3 * x
         f = {k: rebuilt(address, x + k * h) for k in (-3, -2, -1, 0, 1, 2, 3)}
-        wanted = (45 * (f[1] - f[-1]) - 9 * (f[2] - f[-2]) + (f[3] - f[-3])) / (60 * h)
-        assert found.value(label)[0] == pytest.approx(f[0], rel=1e-12)
-        assert found[label, address][0] == pytest.approx(wanted, rel=1e-9, abs=1e-9 * abs(f[0] / x))
+        expected = (45 * (f[1] - f[-1]) - 9 * (f[2] - f[-2]) + (f[3] - f[-3])) / (60 * h)
+        assert derivatives.value(label)[0] == pytest.approx(f[0], rel=1e-12)
+        assert derivatives[label, address][0] == pytest.approx(
+            expected, rel=1e-9, abs=1e-9 * abs(f[0] / x)
+        )
 
 
 def test_a_study_and_an_objective_take_where_it_rests():

@@ -64,22 +64,22 @@ GALLERY = ("ruiz_fourbar", "engine", "excavator", "toggle_press", "whitworth_sha
 def test_derivatives_by_address_agree_with_60_digits(name):
     mech = mechanism(name)
     request = request_of(mech)
-    found = sensitivity(mech, outputs(mech), **request, on_gap="mark")
+    derivatives = sensitivity(mech, outputs(mech), **request, on_gap="mark")
     dice = random.Random(3)
     ways = {
         a: 0.0 if any(x in a for x in SPLINES) else (abs(p.value) or 1.0) * dice.uniform(-1.0, 1.0)
-        for a, p in found.parameters.items()
+        for a, p in derivatives.parameters.items()
     }
-    exact = by_differences(mech, found, request, ways)
-    margin = min([1.0, *(x.min() for x in found.result.quality.margin.values())])
+    exact = by_differences(mech, derivatives, request, ways)
+    margin = min([1.0, *(x.min() for x in derivatives.result.quality.margin.values())])
     largest = {}
     for x, d in exact.items():
         unit = mech.outputs[x].unit.removesuffix("/rad")
-        size = max(np.abs(d).max(), np.nanmax(np.abs(found.result[x])))
+        size = max(np.abs(d).max(), np.nanmax(np.abs(derivatives.result[x])))
         largest[unit] = max(size, largest.get(unit, 0.0))
     assert len(exact) > 10
     for x, d in exact.items():
-        along = np.einsum("m,mn->n", list(ways.values()), found[x])
+        along = np.einsum("m,mn->n", list(ways.values()), derivatives[x])
         scale = largest[mech.outputs[x].unit.removesuffix("/rad")] / margin
         assert np.abs(along - d).max() <= EXACT * scale, x
 
@@ -99,11 +99,11 @@ def test_derivatives_by_the_numbers_of_a_document_agree_with_differences(name):
 def test_what_only_a_chance_makes_a_dyad_has_no_transmission_angle_near_by():
     mech = bm.Linkage.load(JOINTS / "excavator.json").compile()
     angles = [name for name in mech.outputs if name.endswith("transmission_angle")]
-    found = sensitivity(mech, "*", samples=3)
-    gone = set(angles) - set(found)
+    derivatives = sensitivity(mech, "*", samples=3)
+    gone = set(angles) - set(derivatives)
     assert gone
-    assert gone <= set(found.left_out)
-    assert set(found) == set(outputs(mech)) - gone
+    assert gone <= set(derivatives.left_out)
+    assert set(derivatives) == set(outputs(mech)) - gone
     with pytest.raises(bm.RequestError, match="designs near by do not have it"):
         sensitivity(mech, sorted(gone), samples=3)
 
@@ -126,8 +126,10 @@ def pendulum(**more):
 
 def test_what_coincides_by_chance_moves_by_itself():
     mech = pendulum(cm=(1.0, 0.0)).compile()
-    found = mech.sensitivity("driver.motor.drive", ["loads.push.at.*", "joints.A.at*"], at=0.0)
-    by = {a: found["driver.motor.drive", a][0] for a in found.parameters}
+    derivatives = mech.sensitivity(
+        "driver.motor.drive", ["loads.push.at.*", "joints.A.at*"], at=0.0
+    )
+    by = {a: derivatives["driver.motor.drive", a][0] for a in derivatives.parameters}
     # The moment about A of a force F at s is (s - A) x F; the weight acts 0.5 m from A.
     assert by["loads.push.at.x"] == pytest.approx(-4.0, rel=1e-14)
     assert by["loads.push.at.y"] == pytest.approx(3.0, rel=1e-14)
@@ -136,8 +138,8 @@ def test_what_coincides_by_chance_moves_by_itself():
 
 
 def test_a_mass_without_a_place_is_at_the_origin_of_its_link():
-    said, default = (pendulum(**more).compile() for more in ({"cm": (0.0, 0.0)}, {}))
-    for mech in (said, default):
+    text, default = (pendulum(**more).compile() for more in ({"cm": (0.0, 0.0)}, {}))
+    for mech in (text, default):
         run = mech.run(at=0.0, want=["driver.motor.drive"])
         assert run["driver.motor.drive"][0] == pytest.approx(-0.5 * 20.0, rel=1e-14)
 
@@ -154,17 +156,19 @@ def test_numbers_are_equal_if_they_stay_equal():
 def test_the_coordinate_of_a_driver_is_turned_at_held_rates():
     mech = mechanism("watt_sixbar")
     want = ["second.C.p", "second.C.v", "crank.J_red", "crank.dJ_red"]
-    found = sensitivity(
+    derivatives = sensitivity(
         mech, want, "crank.q", at=[0.3, 1.7], rates=[2.0, 2.0], accelerations=[0, 0]
     )
-    result = found.result
+    result = derivatives.result
     np.testing.assert_allclose(
-        found["second.C.p", "crank.q"] * 2.0, result["second.C.v"], rtol=1e-13
+        derivatives["second.C.p", "crank.q"] * 2.0, result["second.C.v"], rtol=1e-13
     )
-    np.testing.assert_allclose(found["crank.J_red", "crank.q"], result["crank.dJ_red"], rtol=1e-12)
+    np.testing.assert_allclose(
+        derivatives["crank.J_red", "crank.q"], result["crank.dJ_red"], rtol=1e-12
+    )
     acceleration = mech.run(**request_at([0.3, 1.7]), want=["second.C.a"])["second.C.a"]
-    np.testing.assert_allclose(found["second.C.v", "crank.q"] * 2.0, acceleration, rtol=1e-12)
-    assert found.unit("second.C.p", "crank.q") == "m/rad"
+    np.testing.assert_allclose(derivatives["second.C.v", "crank.q"] * 2.0, acceleration, rtol=1e-12)
+    assert derivatives.unit("second.C.p", "crank.q") == "m/rad"
 
 
 def request_at(q):
@@ -172,20 +176,20 @@ def request_at(q):
 
 
 def test_numbers_are_ranked_by_what_a_hundredth_of_them_does():
-    found = mechanism("ruiz_fourbar").sensitivity("crank.drive", "dyad.l_*", samples=73)
-    first, second = found.ranked("crank.drive")
+    derivatives = mechanism("ruiz_fourbar").sensitivity("crank.drive", "dyad.l_*", samples=73)
+    first, second = derivatives.ranked("crank.drive")
     assert first.change >= second.change > 0.0
     assert first.parameter.address == "dyad.l_i"
     assert first.change == pytest.approx(0.01 * 6.0 * abs(first.derivative), rel=1e-15)
-    assert "dyad.l_i" in found.text().splitlines()[2]
+    assert "dyad.l_i" in derivatives.text().splitlines()[2]
 
 
 def test_a_document_has_the_derivatives_of_its_graph():
     by_blocks = mechanism("ruiz_fourbar").sensitivity("crank.drive", "dyad.l_i", samples=13)
     linkage = bm.Linkage.load(JOINTS / "ruiz_fourbar.json").compile()
-    found = linkage.sensitivity("driver.motor.drive", "joints.C.at[0].x", samples=13)
+    derivatives = linkage.sensitivity("driver.motor.drive", "joints.C.at[0].x", samples=13)
     np.testing.assert_allclose(
-        found["driver.motor.drive", "joints.C.at[0].x"],
+        derivatives["driver.motor.drive", "joints.C.at[0].x"],
         by_blocks["crank.drive", "dyad.l_i"],
         rtol=1e-11,
     )
@@ -197,11 +201,11 @@ def test_a_kink_has_two_derivatives():
     graph.add("motor", bm.Motor(law=law | {"interpolation": "linear"}, driver="crank"))
     graph.connect("frame.frame", "motor.a")
     graph.connect("crank.crank", "motor.b")
-    found = graph.compile().sensitivity("crank.tau_red", "crank.q", at=[0.9, 1.0, 1.1])
-    assert found.kinks("crank.tau_red").tolist() == [[False, True, False]]
-    step = found.behind["crank.tau_red"] - found.ahead["crank.tau_red"]
+    derivatives = graph.compile().sensitivity("crank.tau_red", "crank.q", at=[0.9, 1.0, 1.1])
+    assert derivatives.kinks("crank.tau_red").tolist() == [[False, True, False]]
+    step = derivatives.behind["crank.tau_red"] - derivatives.ahead["crank.tau_red"]
     assert step[0, 1] == pytest.approx(2.0 - -1.0, rel=1e-12)
-    assert "one-sided at 1 of 3 samples: " in found.text()
+    assert "one-sided at 1 of 3 samples: " in derivatives.text()
 
 
 def rubbing():
@@ -213,37 +217,37 @@ def rubbing():
 
 def test_where_a_number_sets_a_resting_pair_going_there_is_no_derivative():
     mech, numbers = rubbing(), ["frame.O.y", "crank.length", "crank.q", "crank.rate"]
-    found = mech.sensitivity(["crank.drive", "piston.C.p"], numbers, at=[0.0, 0.3])
+    derivatives = mech.sensitivity(["crank.drive", "piston.C.p"], numbers, at=[0.0, 0.3])
     moves = [[True, False], [False, False], [True, False], [False, False]]
-    assert found.jumps["crank.drive"].tolist() == moves
-    assert not found.jumps["piston.C.p"].any()
-    said = "no derivative by frame.O.y, crank.q at 1 of 2 samples: a pair with friction rests"
-    assert said in found.text()
+    assert derivatives.jumps["crank.drive"].tolist() == moves
+    assert not derivatives.jumps["piston.C.p"].any()
+    text = "no derivative by frame.O.y, crank.q at 1 of 2 samples: a pair with friction rests"
+    assert text in derivatives.text()
     ahead, behind = mech.run(at=[1e-9, -1e-9], want="piston.S.friction")["piston.S.friction"]
     assert ahead == pytest.approx(-behind, rel=1e-6)
     assert abs(ahead) > 1.0
     for number in ("frame.O.y", "crank.q"):  # the rest of the output has its derivative
         without = mech.sensitivity("crank.drive", number, at=0.0, friction="none")
-        assert found["crank.drive", number][0] == without["crank.drive", number][0]
+        assert derivatives["crank.drive", number][0] == without["crank.drive", number][0]
 
 
 def test_at_rest_it_is_the_rate_that_sets_all_pairs_going():
     numbers = ["dyad.l_i", "crank.q", "crank.rate", "crank.acceleration"]
     request = {"at": 0.3, "rates": 0.0, "accelerations": 0.0}
-    found = mechanism("ruiz_fourbar").sensitivity("crank.drive", numbers, **request)
-    assert found.jumps["crank.drive"][:, 0].tolist() == [False, False, True, False]
+    derivatives = mechanism("ruiz_fourbar").sensitivity("crank.drive", numbers, **request)
+    assert derivatives.jumps["crank.drive"][:, 0].tolist() == [False, False, True, False]
 
 
 def test_a_table_of_numbers_reads_back(tmp_path):
-    found = mechanism("ruiz_fourbar").sensitivity(
+    derivatives = mechanism("ruiz_fourbar").sensitivity(
         ["crank.drive", "dyad.C.p"], "dyad.l_*", at=[0.1, 0.2]
     )
-    found.to_csv(tmp_path / "s.csv")
+    derivatives.to_csv(tmp_path / "s.csv")
     head, *rows = csv.reader((tmp_path / "s.csv").read_text("utf-8").splitlines())
     assert head[-2:] == ["per dyad.l_i [m]", "per dyad.l_j [m]"]
     assert [row[0] for row in rows] == ["crank.drive"] * 2 + ["dyad.C.p.x"] * 2 + ["dyad.C.p.y"] * 2
-    assert float(rows[0][-2]) == found["crank.drive", "dyad.l_i"][0]
-    assert float(rows[-1][-1]) == found["dyad.C.p", "dyad.l_j"][1].imag
+    assert float(rows[0][-2]) == derivatives["crank.drive", "dyad.l_i"][0]
+    assert float(rows[-1][-1]) == derivatives["dyad.C.p", "dyad.l_j"][1].imag
 
 
 @pytest.mark.parametrize(
@@ -269,8 +273,8 @@ def test_a_number_without_a_derivative_is_refused_beside_others_as_well():
     with pytest.raises(RequestError) as error:
         mech.sensitivity("crank.drive", to, at=0.3)
     assert {p.where for p in error.value.problems} == {"gas.law.arguments[21]", "crank.sign"}
-    found = mech.sensitivity("crank.drive", ["crank.length", "gas.law.arg*"], at=0.3)
-    assert list(found.parameters) == ["crank.length"]
+    derivatives = mech.sensitivity("crank.drive", ["crank.length", "gas.law.arg*"], at=0.3)
+    assert list(derivatives.parameters) == ["crank.length"]
 
 
 @pytest.mark.parametrize(
@@ -292,24 +296,24 @@ def test_linear_tolerance_is_what_many_designs_scatter():
     laws = {"dyad.l_i": bm.dist.Normal(6.0, 1e-4), "dyad.l_j": bm.dist.Uniform(2.999, 3.001)}
     laws["dyad.friction.C.radius"] = bm.dist.Normal(0.02, 1e-4)
     count = 4000
-    found = mech.tolerance(laws, ["crank.drive", "dyad.C.p"], samples=7, count=count)
-    for name in found:
-        np.testing.assert_allclose(found.shares(name).sum(axis=0), 1.0, rtol=1e-14)
-        ratio = found.sampled[name].deviation / found[name]
+    tolerance = mech.tolerance(laws, ["crank.drive", "dyad.C.p"], samples=7, count=count)
+    for name in tolerance:
+        np.testing.assert_allclose(tolerance.shares(name).sum(axis=0), 1.0, rtol=1e-14)
+        ratio = tolerance.sampled[name].deviation / tolerance[name]
         # Four standard errors of a deviation, for a normal distribution the largest of the three.
         np.testing.assert_allclose(ratio, 1.0, atol=4.0 / np.sqrt(2.0 * count))
-    assert found.shares("dyad.C.p")[2].max() == 0.0
+    assert tolerance.shares("dyad.C.p")[2].max() == 0.0
 
 
 def test_a_tolerance_is_drawn_and_told(tmp_path):
     laws = {"dyad.l_i": bm.dist.Normal(6.0, 1e-3), "dyad.l_j": bm.dist.Uniform(2.99, 3.01)}
-    found = mechanism("ruiz_fourbar").tolerance(laws, "crank.drive", samples=5, count=20)
-    found.plot(tmp_path / "t.png")
+    tolerance = mechanism("ruiz_fourbar").tolerance(laws, "crank.drive", samples=5, count=20)
+    tolerance.plot(tmp_path / "t.png")
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
-    said = found.text().splitlines()
-    assert said[0].startswith("crank.drive: deviation up to ")
-    assert said[1].startswith("20 designs: ")
-    assert {line.split()[0] for line in said[3:]} == set(laws)
+    text = tolerance.text().splitlines()
+    assert text[0].startswith("crank.drive: deviation up to ")
+    assert text[1].startswith("20 designs: ")
+    assert {line.split()[0] for line in text[3:]} == set(laws)
 
 
 def test_designs_that_the_file_would_refuse_are_not_drawn():
@@ -329,8 +333,8 @@ def test_tolerance_is_about_the_means():
         {"dyad.l_i": bm.dist.Normal(6.1, 1e-3)}, "crank.drive", at=0.3
     )
     graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({"dyad.l_i": 6.1})
-    there = graph.compile().sensitivity("crank.drive", "dyad.l_i", at=0.3)
-    assert moved["crank.drive"] == abs(there["crank.drive", "dyad.l_i"]) * 1e-3
+    derivatives = graph.compile().sensitivity("crank.drive", "dyad.l_i", at=0.3)
+    assert moved["crank.drive"] == abs(derivatives["crank.drive", "dyad.l_i"]) * 1e-3
 
 
 @pytest.mark.parametrize("make", [bm.Graph, bm.Linkage])
@@ -344,8 +348,10 @@ def test_parts_of_vectors_are_outputs_everywhere(make):
         run = mech.run(samples=5, want=want, engine=engine)
         np.testing.assert_array_equal(run[want[0]] + 1j * run[want[2]], run[vector])
     assert run.unit(want[0]) == "m"
-    found = mech.sensitivity(want, [number], samples=5)
-    np.testing.assert_array_equal(found[want[0]] + 1j * found[want[2]], found[vector])
+    derivatives = mech.sensitivity(want, [number], samples=5)
+    np.testing.assert_array_equal(
+        derivatives[want[0]] + 1j * derivatives[want[2]], derivatives[vector]
+    )
     bands = mech.tolerance({number: bm.dist.Normal(6.0, 1e-3)}, want, samples=5, count=16)
     both = np.hypot(bands[want[0]], bands[want[2]])
     np.testing.assert_allclose(both, bands[vector], rtol=1e-12)

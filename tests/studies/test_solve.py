@@ -15,9 +15,9 @@ EPS = np.finfo(float).eps
 
 def test_every_place_of_a_driver_is_found_to_rounding():
     for value in (0.8, 1.4, 2.3, 1.4 - 2 * np.pi):  # an angle is told but for whole turns
-        found = RUIZ.solve({ANGLE: value})
-        assert len(found) == 2
-        for solution in found:
+        solutions = RUIZ.solve({ANGLE: value})
+        assert len(solutions) == 2
+        for solution in solutions:
             q = solution["crank.q"]
             off = RUIZ.run(q, want=ANGLE)[ANGLE][0] - value
             # rounding of the angle, and of the place times its slope
@@ -35,14 +35,14 @@ def test_what_grows_over_a_turn_does_not_close_on_it(name):
 
 
 def test_a_value_may_have_a_unit():
-    one, other = RUIZ.solve({ANGLE: "80deg"}), RUIZ.solve({ANGLE: np.radians(80.0)})
-    assert [s["crank.q"] for s in one] == [s["crank.q"] for s in other]
+    solutions, other = RUIZ.solve({ANGLE: "80deg"}), RUIZ.solve({ANGLE: np.radians(80.0)})
+    assert [s["crank.q"] for s in solutions] == [s["crank.q"] for s in other]
 
 
 def test_forces_are_solved_for_as_well():
-    found = RUIZ.solve({"crank.drive": 1000.0})
-    assert len(found) == 4
-    there = RUIZ.run([s["crank.q"] for s in found], want="crank.drive")["crank.drive"]
+    solutions = RUIZ.solve({"crank.drive": 1000.0})
+    assert len(solutions) == 4
+    there = RUIZ.run([s["crank.q"] for s in solutions], want="crank.drive")["crank.drive"]
     assert there == pytest.approx(1000.0, rel=1e-11)
 
 
@@ -58,11 +58,11 @@ def test_a_value_that_is_only_touched_has_one_place_and_none_beyond():
 
 def test_all_assembly_modes_are_gone_through():
     there = RUIZ.run(0.7, want="dyad.C.p")["dyad.C.p"][0].real
-    other = RUIZ.document.replace({"dyad.branch": -1}).compile()
-    found = RUIZ.solve({"dyad.C.p.x": float(there)}, modes=True)
-    assert {s.mode["dyad.branch"] for s in found} == {1, -1}
-    for s in found:
-        mech = RUIZ if s.mode["dyad.branch"] == 1 else other
+    design = RUIZ.document.replace({"dyad.branch": -1}).compile()
+    solutions = RUIZ.solve({"dyad.C.p.x": float(there)}, modes=True)
+    assert {s.mode["dyad.branch"] for s in solutions} == {1, -1}
+    for s in solutions:
+        mech = RUIZ if s.mode["dyad.branch"] == 1 else design
         x = mech.run(s["crank.q"], want="dyad.C.p")["dyad.C.p"][0].real
         assert x == pytest.approx(there, abs=1e-13)
 
@@ -70,21 +70,21 @@ def test_all_assembly_modes_are_gone_through():
 def test_a_point_is_reached_by_two_drivers_from_all_sides():
     arms = bm.Graph.load(GRAPHS / "fivebar_falling.json").compile()
     p = complex(arms.run({"left": [1.2], "right": [2.2]}, want="dyad.C.p")["dyad.C.p"][0])
-    found = arms.solve({"dyad.C.p.x": p.real, "dyad.C.p.y": p.imag})
+    solutions = arms.solve({"dyad.C.p.x": p.real, "dyad.C.p.y": p.imag})
     assert any(
         s["left.q"] == pytest.approx(1.2, abs=1e-12)
         and s["right.q"] == pytest.approx(2.2, abs=1e-12)
-        for s in found
+        for s in solutions
     )
-    for s in found:
+    for s in solutions:
         at = {"left": [s["left.q"]], "right": [s["right.q"]]}
         assert arms.run(at, want="dyad.C.p")["dyad.C.p"][0] == pytest.approx(p, abs=1e-12)
 
 
 def test_numbers_of_the_design():
     (length,) = RUIZ.solve({ANGLE: 1.4}, to="dyad.l_i", at=0.5)
-    other = RUIZ.document.replace({"dyad.l_i": length["dyad.l_i"]}).compile()
-    assert other.run(0.5, want=ANGLE)[ANGLE][0] == pytest.approx(1.4, abs=1e-14)
+    design = RUIZ.document.replace({"dyad.l_i": length["dyad.l_i"]}).compile()
+    assert design.run(0.5, want=ANGLE)[ANGLE][0] == pytest.approx(1.4, abs=1e-14)
     slope = RUIZ.document.replace({"dyad.l_i": length["dyad.l_i"]}).compile()
     exact = slope.sensitivity(ANGLE, to="dyad.l_i", at=0.5)[ANGLE][0, 0]
     assert length.slopes[0, 0] == pytest.approx(1 / exact, rel=1e-12)
@@ -100,8 +100,8 @@ def test_a_load_for_a_drive_is_the_force_at_hand():
 def test_an_extreme_between_the_samples():
     top = RUIZ.extremes("crank.drive").maximum.value
     (found,) = RUIZ.solve({"max(crank.drive)": 1.01 * top}, to="couple.moment", samples=73)
-    other = RUIZ.document.replace(dict(found.values)).compile()
-    assert other.extremes("crank.drive").maximum.value == pytest.approx(1.01 * top, rel=1e-9)
+    design = RUIZ.document.replace(dict(found.values)).compile()
+    assert design.extremes("crank.drive").maximum.value == pytest.approx(1.01 * top, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -124,6 +124,6 @@ def test_what_is_no_question_is_refused(wanted, request_, said):
 
 
 def test_what_cannot_be_reached_says_how_near_it_came():
-    found = RUIZ.solve({ANGLE: 3.0}, to="dyad.l_i", at=0.5)
-    assert len(found) == 0
-    assert "no solution: dyad.l_i = " in str(found)
+    solutions = RUIZ.solve({ANGLE: 3.0}, to="dyad.l_i", at=0.5)
+    assert len(solutions) == 0
+    assert "no solution: dyad.l_i = " in str(solutions)
