@@ -45,6 +45,8 @@ def test_every_pair_link_load_block_and_drive_has_its_row():
         "value of crank",
         "law of motion of crank",
         "mode of dyad",
+        "margin of dyad",
+        "transmission angle of dyad",
         "load of couple",
         "load of weightlike",
         *(

@@ -103,8 +103,8 @@ class Setting(NamedTuple):
 def run_to(
     mechanism: Compiled,
     accuracy: float,
-    given: Arguments,
-    taken: Samples,
+    settings: Arguments,
+    samples: Samples,
     want: Iterable[str] | str,
     static: bool,
     engine: str,
@@ -112,45 +112,45 @@ def run_to(
 ) -> Result:
     """Run with the settings that an accuracy needs; ``result.accuracy`` says which.
 
-    Raises `RequestError` where the accuracy is not a positive number, or where settings are
-    ``given`` that it is there to choose.
+    Raises `RequestError` where the accuracy is not a positive number, or where one of the
+    ``settings`` that it chooses is not None.
     """
-    if given_names := [name for name, value in given.items() if value is not None]:
+    if chosen_settings := [name for name, value in settings.items() if value is not None]:
         chosen, remedy = f"accuracy={accuracy!r:.60} chooses it", "give the accuracy or the setting"
-        raise refused(listed(given_names), chosen, remedy, code="useless-setting")
+        raise refused(listed(chosen_settings), chosen, remedy, code="useless-setting")
     if not (is_number(accuracy) and accuracy > 0):
         wrong = f"must be > 0, got {accuracy!r:.60}"
         raise refused("accuracy", wrong, "try 1e-6", code="bad-value")
     request = _Request(mechanism, as_names("want", want), static)
-    kept = mechanism._once(_decisions)
-    key, samples = (request.want, static, accuracy, engine), _fingerprint(taken)
-    decided, setting, judged = kept.get(key, (b"", None, None))
-    if setting is not None and decided == samples:
-        result = request.run(taken, setting, engine, chunk)
+    cache = mechanism._once(_decisions)
+    key, fingerprint = (request.want, static, accuracy, engine), _fingerprint(samples)
+    decided, setting, judged = cache.get(key, (b"", None, None))
+    if setting is not None and decided == fingerprint:
+        result = request.run(samples, setting, engine, chunk)
         result.accuracy = judged
         return result
-    probe = look(request, _probed(taken), accuracy)
-    for setting in _settings(request, probe, taken.n, accuracy, engine):
-        result = request.run(taken, setting, engine, chunk)
+    probe = look(request, _probed(samples), accuracy)
+    for setting in _settings(request, probe, samples.n, accuracy, engine):
+        result = request.run(samples, setting, engine, chunk)
         judged = _judged(request, result, setting, probe, accuracy)
         if judged.reached:
             break
     result.accuracy = judged
-    kept[key] = samples, setting, judged
+    cache[key] = fingerprint, setting, judged
     return result
 
 
-def _probed(taken: Samples) -> Samples:
+def _probed(samples: Samples) -> Samples:
     """Samples to probe: some of those asked for; of few of them also what lies roundings beside.
 
     One sample alone may have none of the rounding that those next to it have.
     """
-    index = taken.spread(PROBE)
-    each = math.ceil(PROBE / max(1, len(index)))
-    few = taken.at(np.repeat(index, each))
-    beside = 1 + DOUBLE * np.tile(np.arange(each), len(index))
-    inputs = {n: few.inputs[n] * (beside if n[:2] == "q_" else 1.0) for n in few.inputs}
-    return few if each == 1 else replace(few, inputs=inputs)
+    index = samples.spread(PROBE)
+    copies = math.ceil(PROBE / max(1, len(index)))
+    few = samples.at(np.repeat(index, copies))
+    perturbed = 1 + DOUBLE * np.tile(np.arange(copies), len(index))
+    inputs = {n: few.inputs[n] * (perturbed if n[:2] == "q_" else 1.0) for n in few.inputs}
+    return few if copies == 1 else replace(few, inputs=inputs)
 
 
 def _decisions(mechanism: Compiled) -> dict[Any, tuple[bytes, Setting | None, Accuracy | None]]:
@@ -158,10 +158,10 @@ def _decisions(mechanism: Compiled) -> dict[Any, tuple[bytes, Setting | None, Ac
     return {}
 
 
-def _fingerprint(taken: Samples) -> bytes:
+def _fingerprint(samples: Samples) -> bytes:
     """A word that is the same for the same samples only."""
-    digest = hashlib.blake2b(repr(taken.clock).encode())
-    for name, x in (*taken.inputs.items(), ("times", taken.times)):
+    digest = hashlib.blake2b(repr(samples.clock).encode())
+    for name, x in (*samples.inputs.items(), ("times", samples.times)):
         digest.update(name.encode())
         if x is not None:
             digest.update(np.asarray(x, float).tobytes())
@@ -188,11 +188,11 @@ class _Request(NamedTuple):
         chunk: int | None = None,
     ) -> Result:
         """A run with a setting."""
-        how: Arguments = {"friction": setting.method, "static": self.static}
-        plan = self.mechanism._plan_at(samples, self.want, **how)
+        settings: Arguments = {"friction": setting.method, "static": self.static}
+        plan = self.mechanism._plan_at(samples, self.want, **settings)
         engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
         values, name = self.mechanism._evaluate(plan, samples, engine, setting.precision, chunk)
-        return Result(self.mechanism, plan, samples, values, name, how)
+        return Result(self.mechanism, plan, samples, values, name, settings)
 
 
 def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
@@ -208,8 +208,8 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     smooth = request.run(few, Setting("none")) if rubs else double
     single = request.run(few, Setting("none", precision="complex64"))
     wide = request.run(few, Setting("none", precision="clongdouble")) if WIDER else None
-    rounding, left_out = _rounding(single, smooth, wide, good)
-    errors = reference_errors(double, double, good).without(left_out)
+    rounding, excluded = _rounding(single, smooth, wide, good)
+    errors = reference_errors(double, double, good).without(excluded)
     quality = double.quality
     contraction = _worst(quality.contraction, good)
     share = errors.error(smooth) if rubs else 0.0
@@ -218,24 +218,28 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
         rounding = dict.fromkeys(rounding, math.inf)
     elif rubs and WIDER and signed.any():
         rubbed = request.run(few, Setting("newton", precision="clongdouble"))
-        lost = reference_errors(rubbed, double, signed).without(left_out).error(double)
+        lost = reference_errors(rubbed, double, signed).without(excluded).error(double)
         for name, eps in (("complex128", DOUBLE), ("clongdouble", LONG)):
             rounding[name] = max(rounding[name], lost * eps / DOUBLE)
     elif rubs:
         rounding["complex128"] *= 1 + share / max(1 - contraction, DOUBLE)
     if wide is not None and SAFETY * rounding["complex128"] > accuracy / 2:
-        how = {"friction": "none", "static": request.static, "want": wide.plan.want}
-        exact = reference_errors(wide, wide, good).without(left_out)
-        rounding["clongdouble"] = max(rounding["clongdouble"], _kept_back(exact, request, few, how))
+        settings = {"friction": "none", "static": request.static, "want": wide.plan.want}
+        exact = reference_errors(wide, wide, good).without(excluded)
+        rounding["clongdouble"] = max(
+            rounding["clongdouble"], _kept_back(exact, request, few, settings)
+        )
     return Probe(share, contraction, _least_margin(double, good), rounding, rubs, few, errors)
 
 
-def _kept_back(exact: ReferenceErrors, request: _Request, few: Samples, how: Arguments) -> float:
+def _kept_back(
+    exact: ReferenceErrors, request: _Request, few: Samples, settings: Arguments
+) -> float:
     """What a wider number does not gain: kernels that iterate, lengths derived in double."""
-    ways = [rotated_run]
+    runs = [rotated_run]
     if request.mechanism.names is not None:  # made of a document
-        ways.append(run_off_by_a_digit)
-    return max(exact.error(way(request.mechanism, few, "clongdouble", how)) for way in ways)
+        runs.append(run_off_by_a_digit)
+    return max(exact.error(run(request.mechanism, few, "clongdouble", settings)) for run in runs)
 
 
 def _known(result: Result) -> NDArray[np.bool_]:
@@ -247,8 +251,8 @@ def _known(result: Result) -> NDArray[np.bool_]:
     return good if good.any() else comparable(result, friction=False, near=True)
 
 
-def _worst(columns: Record, good: Any, least: float = 0.0) -> float:
-    return max((float(np.max(c[good], initial=least)) for c in columns.values()), default=least)
+def _worst(columns: Record, good: Any, initial: float = 0.0) -> float:
+    return max((float(np.max(c[good], initial=initial)) for c in columns.values()), default=initial)
 
 
 def _least_margin(result: Result, good: Any) -> float:
@@ -303,34 +307,34 @@ def _judged(
     good = _known(result)
     nearer = max(1.0, probe.margin / max(_least_margin(result, good), 1e-300))
     rounding = SAFETY * probe.rounding[setting.precision] * nearer**1.5
-    rubbing, words = 0.0, f"{rounding:.1g} from rounding"
+    rubbing, explanation = 0.0, f"{rounding:.1g} from rounding"
     if probe.rubs:
         rubbing = _friction_left(request, result, setting, probe, good)
-        words += f", {rubbing:.1g} from friction"
+        explanation += f", {rubbing:.1g} from friction"
     answered = np.array([word == "ok" for word in result.quality.status])
-    unsure, left_out, bound = int((answered & ~good).sum()), probe.errors.left_out, 0.0
+    unsure, excluded, bound = int((answered & ~good).sum()), probe.errors.left_out, 0.0
     if unsure:
-        words += f"; at or near a dead centre, so by their margins: {unsure} samples"
-    if left_out:
-        words += f"; rounding alone, so by the margins: {listed(left_out, 3)}"
-    if unsure or left_out:
-        least = max(_least_margin(result, answered), 1e-200)
-        bound = SAFETY * EPS_OF[setting.precision] / least**1.5
-    return Accuracy(accuracy, max(rounding + rubbing, bound), *setting, words)
+        explanation += f"; at or near a dead centre, so by their margins: {unsure} samples"
+    if excluded:
+        explanation += f"; rounding alone, so by the margins: {listed(excluded, 3)}"
+    if unsure or excluded:
+        margin = max(_least_margin(result, answered), 1e-200)
+        bound = SAFETY * EPS_OF[setting.precision] / margin**1.5
+    return Accuracy(accuracy, max(rounding + rubbing, bound), *setting, explanation)
 
 
 def _friction_left(
     request: _Request, result: Result, setting: Setting, probe: Probe, good: Any
 ) -> float:
     """Error that the solution of the friction equations leaves."""
-    left, quality = 0.0, result.quality
+    error, quality = 0.0, result.quality
     for block, residual in quality.residual.items():
         P = float(np.max(quality.contraction[block][good], initial=probe.contraction))
         if setting.friction == "newton":
             P = min(P, CONTRACTS)  # not what decides whether it converges
         worst = float(np.max(residual[good], initial=0.0))
-        left += SAFETY * probe.share * worst / (1 - P) if P < 1 else math.inf
+        error += SAFETY * probe.share * worst / (1 - P) if P < 1 else math.inf
     if setting.friction == "newton":
-        return left
+        return error
     # Shares of several joints may cancel; errors need not.
-    return max(left, SAFETY * probe.errors.error(request.run(probe.few, setting)))
+    return max(error, SAFETY * probe.errors.error(request.run(probe.few, setting)))

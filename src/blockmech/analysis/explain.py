@@ -63,31 +63,31 @@ def explain(
     width = max([len(r.name) for r in rows] + [len("output")])
     lines = [f"{'output':<{width}}  calls alone  saved without it  drags in"] * bool(rows)
     for r in rows:
-        what = f"{listed(r.stages, 6)} of {listed(r.blocks, 4)}" if r.blocks else "nothing"
-        lines.append(f"{r.name:<{width}}  {r.alone:>11}  {r.saves:>16}  {what}")
+        contents = f"{listed(r.stages, 6)} of {listed(r.blocks, 4)}" if r.blocks else "nothing"
+        lines.append(f"{r.name:<{width}}  {r.alone:>11}  {r.saves:>16}  {contents}")
     return "\n".join([plan.explain(), "", *lines])
 
 
 def shares(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> tuple[Share, ...]:
     """What each wanted output costs, the dearest first; many are told by quantity or pattern."""
     patterns = as_names("want", want)
-    whole = mechanism.plan(patterns, **settings)
+    full_plan = mechanism.plan(patterns, **settings)
     rows = []
-    for name, members in _groups(mechanism, patterns, whole, settings).items():
+    for name, members in _groups(mechanism, patterns, full_plan, settings).items():
         plan = mechanism.plan(members, **settings)
-        rest = tuple(n for n in whole.want if n not in members)
-        left = mechanism.plan(rest, **settings).calls if rest else 0
+        rest = tuple(n for n in full_plan.want if n not in members)
+        remaining_calls = mechanism.plan(rest, **settings).calls if rest else 0
         blocks = tuple(dict.fromkeys(e.block for e in plan.entries))
         stages = tuple(dict.fromkeys(e.stage for e in plan.entries))
-        rows.append(Share(name, blocks, stages, plan.calls, whole.calls - left))
+        rows.append(Share(name, blocks, stages, plan.calls, full_plan.calls - remaining_calls))
     return tuple(sorted(rows, key=lambda s: -s.saves))
 
 
 def _groups(
-    mechanism: Compiled, patterns: tuple[str, ...], whole: Plan, settings: Arguments
+    mechanism: Compiled, patterns: tuple[str, ...], plan: Plan, settings: Arguments
 ) -> Mapping[str, tuple[str, ...]]:
     """Outputs one by one, or by the user's patterns, or by the dearest stage they need."""
-    names = whole.want
+    names = plan.want
     if len(names) <= GROUPS:
         return {n: (n,) for n in names}
     if len(patterns) > 1:
@@ -98,6 +98,6 @@ def _groups(
     members_of: dict[str, tuple[str, ...]] = {}
     for members in by_quantity.values():
         stages = {e.stage for e in mechanism.plan(tuple(members), **settings).entries}
-        family = next((words for stage, words in FAMILIES if stage in stages), "inputs")
+        family = next((family_name for stage, family_name in FAMILIES if stage in stages), "inputs")
         members_of[family] = (*members_of.get(family, ()), *members)
     return members_of

@@ -182,20 +182,24 @@ def verify(
     RequestError for a result of another mechanism, or with settings beside it
     """
     if isinstance(at, Result):
-        beside = (samples, times, rates, accelerations, friction, precision)
-        if static or any(x is not None for x in beside):
-            found = "a result is verified at its own samples, with its own settings"
-            raise refused("at", found, "leave the others out")
+        settings_given = (samples, times, rates, accelerations, friction, precision)
+        if static or any(x is not None for x in settings_given):
+            message = "a result is verified at its own samples, with its own settings"
+            raise refused("at", message, "leave the others out")
         return _of_result(mechanism, at, engine, chunk)
     if at is None and samples is None and times is None:
         samples = SAMPLES
-    how: Arguments = {"engine": engine, "precision": precision or "complex128", "chunk": chunk}
+    engine_settings: Arguments = {
+        "engine": engine,
+        "precision": precision or "complex128",
+        "chunk": chunk,
+    }
     blocks = mechanism._of_blocks
-    taken = blocks.samples(at, samples, times, rates, accelerations)
-    taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
+    poses = blocks.samples(at, samples, times, rates, accelerations)
+    poses = replace(poses, inputs={**poses.inputs, **_states(blocks, poses.n)})
     settings = {"friction": friction, "static": static}
-    run = blocks._answer(taken, EVERYTHING, settings, **how)
-    shaken = _perturbed_run(run, how)
+    run = blocks._answer(poses, EVERYTHING, settings, **engine_settings)
+    shaken = _perturbed_run(run, engine_settings)
     evidence = Evidence(shaken) if shaken.n > run.n else Evidence(run, shaken)
     return _judged(mechanism, run.n, evidence)
 
@@ -211,21 +215,21 @@ def _of_result(
         return _together([*legs])
     motion = result.motion
     blocks = mechanism._of_blocks
-    how = {"friction": result.settings["friction"]}
+    settings = {"friction": result.settings["friction"]}
     if motion is None:
-        how["static"] = result.settings["static"]
-        run = blocks._answer(result.samples, EVERYTHING, how, engine, None, chunk)
+        settings["static"] = result.settings["static"]
+        run = blocks._answer(result.samples, EVERYTHING, settings, engine, None, chunk)
         return _judged(mechanism, run.n, Evidence(run))
     t = motion.times(1) if result.time is None else result.time
-    run = result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
+    run = result_along(blocks, motion, t, EVERYTHING, **settings, engine=engine, chunk=chunk)
     judged = _judged(mechanism, run.n, Evidence(run), idle)
     jumps = list(blows(mechanism, motion)) if motion.impacts else []
-    more = [
+    checks = [
         Check(f"{x.what} {_said(mechanism, x.of)}", float(_relative(x.left, x.scale)))
         for x in jumps
     ]
-    more += [Check(*row) for row in trajectory(result, motion)]
-    return replace(judged, rows=(*judged.rows, *more))
+    checks += [Check(*row) for row in trajectory(result, motion)]
+    return replace(judged, rows=(*judged.rows, *checks))
 
 
 def _together(legs: Sequence[Verification]) -> Verification:
@@ -237,28 +241,28 @@ def _together(legs: Sequence[Verification]) -> Verification:
     return Verification(tuple(worst.values()), sum(leg.samples for leg in legs), conditioning)
 
 
-def _judged(mechanism: Compiled, n: int, evidence: Evidence, *more: CheckOf) -> Verification:
+def _judged(mechanism: Compiled, n: int, evidence: Evidence, *further: CheckOf) -> Verification:
     """The worst of every check over all evidence, the first ``n`` samples of which were asked."""
     worst: dict[str, float] = {}
     good = evidence.good
-    found = [row for check in (*CHECKS, *more) for row in check(evidence)]
-    left, scale = (np.array([row[k] for row in found])[..., good] for k in (2, 3))
-    for (what, of, *_), value in zip(found, _relative(left, scale).tolist(), strict=True):
-        name = f"{what} {_said(mechanism, of)}"
+    residuals = [row for check in (*CHECKS, *further) for row in check(evidence)]
+    errors, scale = (np.array([row[k] for row in residuals])[..., good] for k in (2, 3))
+    for (equation, of, *_), value in zip(residuals, _relative(errors, scale).tolist(), strict=True):
+        name = f"{equation} {_said(mechanism, of)}"
         worst[name] = np.maximum(worst.get(name, 0.0), value)
-    asked = good & (np.arange(len(good)) < n)
-    conditions = [evidence.condition(block)[asked] for block in evidence.structure.blocks]
+    requested = good & (np.arange(len(good)) < n)
+    conditions = [evidence.condition(block)[requested] for block in evidence.structure.blocks]
     rows = tuple(Check(name, float(value)) for name, value in worst.items())
-    return Verification(rows, int(asked.sum()), float(np.max(conditions, initial=1.0)))
+    return Verification(rows, int(requested.sum()), float(np.max(conditions, initial=1.0)))
 
 
-def _relative(left: Any, scale: Any) -> Any:
+def _relative(error: Any, scale: Any) -> Any:
     """The largest residuals (m,) by their scales (m, n) each; NaN where there is one.
 
     Below the smallest normal number rounding is a share of that, not of the number.
     """
-    known = np.maximum(scale, np.finfo(np.float64).tiny)
-    return np.max(np.where(left == 0, 0.0, np.abs(left) / known), axis=-1, initial=0.0)
+    nonzero = np.maximum(scale, np.finfo(np.float64).tiny)
+    return np.max(np.where(error == 0, 0.0, np.abs(error) / nonzero), axis=-1, initial=0.0)
 
 
 def _states(mechanism: Compiled, n: int) -> Data:
@@ -268,7 +272,7 @@ def _states(mechanism: Compiled, n: int) -> Data:
     return {f"{STATE}{k}": x + np.cos(at + 2 * k) for k, x in enumerate(initial)}
 
 
-def _perturbed_run(run: Result, how: Arguments) -> Result:
+def _perturbed_run(run: Result, engine_settings: Arguments) -> Result:
     """The same poses without friction, each with rates and accelerations of its own.
 
     Rates are between half of those asked for and those; none is zero. Accelerations are of the
@@ -276,21 +280,19 @@ def _perturbed_run(run: Result, how: Arguments) -> Result:
     before, in the same arrays.
     """
     mechanism, at = run.mechanism, np.arange(run.n)
-    inputs = {name: np.asarray(given, dtype=float) for name, given in run.samples.inputs.items()}
+    inputs = {name: np.asarray(column, dtype=float) for name, column in run.samples.inputs.items()}
     links = [f"{link}.omega" for link in mechanism.structure.links][1:]
     fastest = float(np.nanmax(np.abs([run[name] for name in links]), initial=0.0)) or 1.0
     for k, _ in enumerate(mechanism.drivers):
         rate = inputs[f"qd_{k}"]
-        rate_or_one = np.where(rate == 0, float(np.abs(rate).max()) or 1.0, rate)
-        inputs[f"qd_{k}"] = rate_or_one * (3 + np.cos(at + k)) / 4
-        inputs[f"qdd_{k}"] = inputs[f"qdd_{k}"] + np.abs(rate_or_one) * fastest * np.sin(
-            2 * at + k + 1
-        )
+        speed = np.where(rate == 0, float(np.abs(rate).max()) or 1.0, rate)
+        inputs[f"qd_{k}"] = speed * (3 + np.cos(at + k)) / 4
+        inputs[f"qdd_{k}"] = inputs[f"qdd_{k}"] + np.abs(speed) * fastest * np.sin(2 * at + k + 1)
     plan = mechanism.plan("*", friction="none", static=run.settings["static"])
     samples = Samples(run.n, inputs, run.samples.time)
     if plan.program.source == run.plan.program.source:
         samples = _stacked(run.samples, samples)
-    values, engine = mechanism._evaluate(plan, samples, **how)
+    values, engine = mechanism._evaluate(plan, samples, **engine_settings)
     settings = run.settings | {"friction": "none"}
     return Result(mechanism, plan, samples, values, engine, settings)
 
@@ -299,8 +301,8 @@ def _stacked(first: Samples, second: Samples) -> Samples:
     """The samples of two runs, one behind the other."""
     n = first.n
     inputs = {
-        name: np.concatenate([np.broadcast_to(given, n), np.broadcast_to(second.inputs[name], n)])
-        for name, given in first.inputs.items()
+        name: np.concatenate([np.broadcast_to(column, n), np.broadcast_to(second.inputs[name], n)])
+        for name, column in first.inputs.items()
     }
     time = None if first.time is None else np.tile(first.time, 2)
     return Samples(2 * n, inputs, time)

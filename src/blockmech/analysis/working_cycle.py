@@ -58,8 +58,8 @@ class Cycle:
 
     def run(self, s: Floats, want: str) -> Result:
         """The wanted output at places s (n,); gaps are marked."""
-        given = {**self.request(s), **self.settings}
-        return self.mechanism.run(want=want, on_gap="mark", **given)
+        arguments = {**self.request(s), **self.settings}
+        return self.mechanism.run(want=want, on_gap="mark", **arguments)
 
     @property
     def panels(self) -> int:
@@ -84,16 +84,16 @@ class Cycle:
 
     def stretches(self, value: Callable[[Floats], Any]) -> Iterator[tuple[float, float]]:
         """Ends of the stretches on which a value is finite, to rounding."""
-        places = self.places()
+        coordinates = self.places()
 
         def exists(s: float) -> bool:
             return bool(np.isfinite(value(np.array([s]))[0]))
 
         def edge(i: int, side: int) -> float:
-            inside, last = float(places[i]), not 0 <= i + side < len(places)
-            return inside if last else bisect(exists, inside, float(places[i + side]))
+            inside, last = float(coordinates[i]), not 0 <= i + side < len(coordinates)
+            return inside if last else bisect(exists, inside, float(coordinates[i + side]))
 
-        for a, b in runs(np.isfinite(value(places))):
+        for a, b in runs(np.isfinite(value(coordinates))):
             yield edge(a, -1), edge(b, 1)
 
     def at(self, s: float) -> tuple[dict[str, float], float | None]:
@@ -123,8 +123,8 @@ def cycle_through(mechanism: Compiled, samples: Samples, settings: Arguments) ->
         if any(len(values) > 1 for values in rates):
             raise no_range("rates", "give the driver a law of motion in place of rates")
         rate, acceleration = (float(values[0]) for values in rates)
-        more = {"rates": rate, "accelerations": acceleration}
-        return by_coordinate(mechanism, settings, *ends, None, more, samples.n)
+        rates_of_driver = {"rates": rate, "accelerations": acceleration}
+        return by_coordinate(mechanism, settings, *ends, None, rates_of_driver, samples.n)
     even = [np.linspace(c[0], c[-1], len(c)) for c in columns]
     if not columns or not all(map(np.allclose, columns, even)):
         raise no_range("samples", "sample the drivers at equal steps, or by time")
@@ -142,18 +142,18 @@ def by_coordinate(
     n: int = 0,
 ) -> Cycle:
     """A range of the only driver's coordinate, by its law or at given rates."""
-    more = dict(rates or {})
+    driver_rates = dict(rates or {})
     rotary = mechanism.structure.driver_joint(mechanism.drivers[0]).rotary
     count = (high - low) / TURN if rotary else 0.0
-    whole = round(count) >= 1 and abs(count - round(count)) <= SAME * count
+    turns = round(count) >= 1 and abs(count - round(count)) <= SAME * count
     steps = min(MOST, max(SCANNED, n - 1, math.ceil(SCANNED * count)))
-    rate = more.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
+    rate = driver_rates.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
 
     def request(s: Floats) -> Data:
-        return {"at": s, **more}
+        return {"at": s, **driver_rates}
 
     return Cycle(
-        mechanism, settings, "coordinate", low, high, request, steps, whole, float(rate) < 0
+        mechanism, settings, "coordinate", low, high, request, steps, turns, float(rate) < 0
     )
 
 

@@ -141,13 +141,18 @@ def motor(
 
     Raises `RequestError` for unknown names or values that do not fit.
     """
-    own = _driver(mechanism, driver)
-    given = dict(limits or {})
-    odd = [n for n, x in given.items() if n not in ("rms", "peak", "speed") or not x > 0]
-    if odd or not 0 < efficiency <= 1 or not inertia >= 0 or (ratio is not None and not ratio > 0):
+    actuated = _driver(mechanism, driver)
+    bounds = dict(limits or {})
+    invalid = [n for n, x in bounds.items() if n not in ("rms", "peak", "speed") or not x > 0]
+    if (
+        invalid
+        or not 0 < efficiency <= 1
+        or not inertia >= 0
+        or (ratio is not None and not ratio > 0)
+    ):
         valid = "limits: rms, peak, speed > 0; 0 < efficiency <= 1, inertia >= 0, ratio > 0"
-        raise refused(odd[0] if odd else "motor", "a value does not fit", valid)
-    names = [mechanism._of_driver(own, x) for x in ("drive", "rate", "acceleration")]
+        raise refused(invalid[0] if invalid else "motor", "a value does not fit", valid)
+    names = [mechanism._of_driver(actuated, x) for x in ("drive", "rate", "acceleration")]
     run = mechanism.run(at, samples=samples, times=times, rates=rates, accelerations=accelerations,
                         want=names, friction=friction)  # fmt: skip
     effort, rate, acceleration = (np.asarray(run[n], float) for n in names)
@@ -158,9 +163,10 @@ def motor(
         ratio = (float(np.mean(load**2)) / turning) ** 0.25 if turning > 0 else 1.0
     moment, speed = load / ratio + rotor * ratio, rate * ratio
     return MotorDemand(
-        own, run.unit(names[0]), float(ratio), moment, speed, float(np.sqrt(np.mean(moment**2))),
+        actuated, run.unit(names[0]), float(ratio), moment, speed,
+        float(np.sqrt(np.mean(moment**2))),
         float(np.abs(moment).max()), float(np.abs(speed).max()),
-        float(np.abs(moment * speed).max()), given,
+        float(np.abs(moment * speed).max()), bounds,
     )  # fmt: skip
 
 
@@ -197,23 +203,25 @@ def available(
 
     Raises `RequestError` for unknown names, or a number that the drive does not follow.
     """
-    own = _driver(mechanism, driver)
+    actuated = _driver(mechanism, driver)
     mechanism, paths = with_efforts(mechanism, (number,), parameters(mechanism))
     (p,) = chosen_numbers(mechanism, tuple(paths.values())).values()
     family = Family(mechanism, [p.address])
     if family.alone:
         raise refused(p.address, family.alone, "name a load")
-    name = mechanism._of_driver(own, "drive")
-    taken = mechanism.samples(at, samples, None, rates, None)
+    name = mechanism._of_driver(actuated, "drive")
+    run_samples = mechanism.samples(at, samples, None, rates, None)
     plan = family.general.plan([name], friction=friction, static=static)
     refuse_deflections(mechanism, plan, "designs")
-    mechanism._refuse_states(plan, taken.inputs)
-    engine, n = DualEngine(plan.program), taken.n
-    given = {k: np.broadcast_to(np.asarray(x, float), n) for k, x in _inputs(taken, plan).items()}
+    mechanism._refuse_states(plan, run_samples.inputs)
+    engine, n = DualEngine(plan.program), run_samples.n
+    columns = {
+        k: np.broadcast_to(np.asarray(x, float), n) for k, x in _inputs(run_samples, plan).items()
+    }
     forces = np.full(n, np.nan)
     for start in range(0, n, BLOCK):
         part = slice(start, min(start + BLOCK, n))
-        inputs = {k: x[part] for k, x in given.items()}
+        inputs = {k: x[part] for k, x in columns.items()}
         x = np.full(part.stop - part.start, float(p.value) or 1.0)
         for _ in range(STEPS):
             design = family.design({p: Dual(x, np.ones((1, x.size)))})
@@ -221,11 +229,11 @@ def available(
             drive = values[plan.layout[name][0]]
             with np.errstate(all="ignore"):
                 step = (effort - drive.x) / drive.d[0]
-            done = np.abs(step) <= 64 * EPS * np.maximum(np.abs(x), np.abs(p.value) or 1.0)
+            converged = np.abs(step) <= 64 * EPS * np.maximum(np.abs(x), np.abs(p.value) or 1.0)
             x = x + np.where(np.isfinite(step), step, np.nan)
-            if (done | ~np.isfinite(x)).all():
+            if (converged | ~np.isfinite(x)).all():
                 break
-        forces[part] = np.where(done, x, np.nan)
+        forces[part] = np.where(converged, x, np.nan)
     if not np.isfinite(forces).any():
         raise refused(p.address, f"no value of it makes {name} {effort:.6g}", "name a load")
     return forces
@@ -234,12 +242,12 @@ def available(
 def _driver(mechanism: Compiled, driver: str | None) -> str:
     """The driver that is meant. Raises `RequestError` where there is no such one."""
     drivers = mechanism.drivers
-    own = drivers[0] if driver is None and len(drivers) == 1 else driver
-    if own is None or own not in drivers:
-        raise refused("driver", f"no driver {own!r}", f"drivers: {listed(drivers)}")
-    return own
+    actuated = drivers[0] if driver is None and len(drivers) == 1 else driver
+    if actuated is None or actuated not in drivers:
+        raise refused("driver", f"no driver {actuated!r}", f"drivers: {listed(drivers)}")
+    return actuated
 
 
-def _inputs(taken: Samples, plan: Plan) -> Record:
-    inputs = taken.given(plan.program.inputs)
+def _inputs(samples: Samples, plan: Plan) -> Record:
+    inputs = samples.given(plan.program.inputs)
     return {name: inputs[name] for name in plan.program.inputs}

@@ -205,8 +205,8 @@ def fold(system: System, x: Floats, parameter: float) -> Fold | None:
 
     z, miss = newton(singular, np.append(x, parameter)[None])
     singular(z)
-    steps = float(np.abs(z[0, :3] - x).max()) <= LONGEST and abs(last.bend) >= SAME
-    return last if steps and miss[0] <= SAME else None
+    is_near = float(np.abs(z[0, :3] - x).max()) <= LONGEST and abs(last.bend) >= SAME
+    return last if is_near and miss[0] <= SAME else None
 
 
 def solved(matrices: Floats, right: Floats) -> Floats:

@@ -96,99 +96,107 @@ def sensitivity(
     RequestError for unknown names, and for outputs or numbers without a derivative
     AssemblyError, SingularError, FrictionError at gaps, unless marked
     """
-    asked_for, to = as_sequence("want", want), as_sequence("to", to)
+    patterns, to = as_sequence("want", want), as_sequence("to", to)
     poses = {"samples": samples, "times": times, "rates": rates, "accelerations": accelerations}
-    how = {"friction": friction, "static": static}
-    given: Arguments = {**poses, **how}
-    if any(map(is_reduction, asked_for)):
-        return _of_reductions(mechanism, asked_for, to, at, given, on_gap)
-    names = _differentiable(mechanism, asked_for)
-    result = mechanism.run(at, want=names, on_gap=on_gap, **given)
+    settings = {"friction": friction, "static": static}
+    arguments: Arguments = {**poses, **settings}
+    if any(map(is_reduction, patterns)):
+        return _of_reductions(mechanism, patterns, to, at, arguments, on_gap)
+    names = _differentiable(mechanism, patterns)
+    result = mechanism.run(at, want=names, on_gap=on_gap, **arguments)
     parameters, alone = _asked(mechanism, result, to)
-    left_out = {a: why for a, p in parameters.items() if (why := without_derivative(p))}
-    chosen = {a: p for a, p in parameters.items() if a not in left_out}
-    near = Variation.of(mechanism, chosen.values())
-    if gone := _gone(names, near, asked_for):
-        result = mechanism.run(at, want=[n for n in names if n not in gone], on_gap=on_gap, **given)
-    plan = near.general.plan(tuple(result), **result.settings)
+    excluded = {a: why for a, p in parameters.items() if (why := without_derivative(p))}
+    chosen = {a: p for a, p in parameters.items() if a not in excluded}
+    variation = Variation.of(mechanism, chosen.values())
+    if gone := _gone(names, variation, patterns):
+        result = mechanism.run(
+            at, want=[n for n in names if n not in gone], on_gap=on_gap, **arguments
+        )
+    plan = variation.general.plan(tuple(result), **result.settings)
     seeds = np.diag([size_of(p, chosen.values()) for p in chosen.values()])
-    if not _varies(plan, near, seeds):
-        bad = [a for a, seed in zip(chosen, seeds, strict=True) if not _varies(plan, near, seed)]
-        left_out |= dict.fromkeys(bad, "the pieces of its table follow it by no formula")
+    if not _varies(plan, variation, seeds):
+        bad = [
+            a for a, seed in zip(chosen, seeds, strict=True) if not _varies(plan, variation, seed)
+        ]
+        excluded |= dict.fromkeys(bad, "the pieces of its table follow it by no formula")
         seeds = seeds[[a not in bad for a in chosen]]
         chosen = {a: p for a, p in chosen.items() if a not in bad}
-    if wrong := left_out.keys() & alone if chosen else left_out.keys():
+    if wrong := excluded.keys() & alone if chosen else excluded.keys():
         raise RequestError(
-            [Problem("no-derivative", a, why) for a, why in left_out.items() if a in wrong]
+            [Problem("no-derivative", a, why) for a, why in excluded.items() if a in wrong]
         )
     bent = _deflections(result, plan, chosen)
-    ahead, going = _derived(plan, near, seeds, chosen, result, bent)
-    behind, _ = _derived(plan, near, -seeds, chosen, result, bent)
+    forward, going = _derived(plan, variation, seeds, chosen, result, bent)
+    behind, _ = _derived(plan, variation, -seeds, chosen, result, bent)
     none = np.zeros((len(chosen), result.n), bool)
-    jumps = dict.fromkeys(ahead, none)
+    jumps = dict.fromkeys(forward, none)
     if any(x.any() for x in going.values()):
-        for name in ahead:  # whose own plan tells which friction it follows
-            own = near.general.plan([name], **result.settings).reports["rest"]
-            jumps[name] = np.any([none, *(x for pair, x in going.items() if pair in own)], axis=0)
-    left_out |= gone
-    return Sensitivity(result, chosen, ahead, {x: -d for x, d in behind.items()}, jumps, left_out)
+        for name in forward:  # whose own plan tells which friction it follows
+            rest_pairs = variation.general.plan([name], **result.settings).reports["rest"]
+            jumps[name] = np.any(
+                [none, *(x for pair, x in going.items() if pair in rest_pairs)], axis=0
+            )
+    excluded |= gone
+    return Sensitivity(result, chosen, forward, {x: -d for x, d in behind.items()}, jumps, excluded)
 
 
-def program_numbers(plan: Plan, near: Variation, seeds: Array) -> tuple[Any, ...]:
+def program_numbers(plan: Plan, variation: Variation, seeds: Array) -> tuple[Any, ...]:
     """The parameters of a program, with tangents in directions (k, m) of what varies."""
     with np.errstate(all="ignore"):
-        return plan.program.values(*near.design(seeds))
+        return plan.program.values(*variation.design(seeds))
 
 
 def _of_reductions(
     mechanism: Compiled,
-    asked_for: Sequence[str],
+    patterns: Sequence[str],
     to: Sequence[str],
     at: Any,
-    given: Arguments,
+    arguments: Arguments,
     on_gap: OnGap,
 ) -> Sensitivity:
     """Derivatives of reductions, and of outputs that stand beside them."""
-    plain = [n for n in asked_for if not is_reduction(n)]
+    plain = [n for n in patterns if not is_reduction(n)]
     order = ("samples", "times", "rates", "accelerations")
-    taken = mechanism.samples(at, *(given[name] for name in order))
+    samples = mechanism.samples(at, *(arguments[name] for name in order))
     columns = wanted(
-        [n for n in asked_for if is_reduction(n)], mechanism.outputs, taken, mechanism.drivers
+        [n for n in patterns if is_reduction(n)], mechanism.outputs, samples, mechanism.drivers
     )
     if numbers := [w.label for w in columns if w.how == WHOLE]:
         why = "it is one number a turn, and has no derivative"
         raise RequestError([Problem("no-derivative", label, why) for label in numbers])
     names = [*plain, *dict.fromkeys(w.output for w in columns)]
-    base = sensitivity(mechanism, names, to, at, on_gap=on_gap, **given)
-    kept = _differentiable(mechanism, plain) if plain else ()
-    sides = ({n: side[n] for n in kept} for side in (base.ahead, base.behind, base.jumps))
-    ahead, behind, jumps = sides
+    base = sensitivity(mechanism, names, to, at, on_gap=on_gap, **arguments)
+    outputs = _differentiable(mechanism, plain) if plain else ()
+    sides = ({n: side[n] for n in outputs} for side in (base.ahead, base.behind, base.jumps))
+    forward, behind, jumps = sides
     values = {}
-    how = {k: given[k] for k in ("friction", "static")}
+    settings = {k: arguments[k] for k in ("friction", "static")}
     for w in columns:
         y, label = np.asarray(base.result[w.output]), w.label
         jumping = base.jumps[w.output]
         if w.how == STROKE:
-            values[label], slopes = _stroke_slopes(base, w, how)
-            ahead[label], behind[label] = slopes
+            values[label], slopes = _stroke_slopes(base, w, settings)
+            forward[label], behind[label] = slopes
         elif w.how in EXTREMES and (turns := _extremes(base.result, w)):
             y, poses = turns
-            there = sensitivity(mechanism, w.output, tuple(base.parameters), **poses, **how)
-            y = np.asarray(there.result[w.output]) if w.vector else y
-            jumping = there.jumps[w.output]
+            at_extremes = sensitivity(
+                mechanism, w.output, tuple(base.parameters), **poses, **settings
+            )
+            y = np.asarray(at_extremes.result[w.output]) if w.vector else y
+            jumping = at_extremes.jumps[w.output]
             values[label] = w.value(y)
-            ahead[label] = w.slopes(y, there.ahead[w.output])
-            behind[label] = -w.slopes(y, -there.behind[w.output])
+            forward[label] = w.slopes(y, at_extremes.ahead[w.output])
+            behind[label] = -w.slopes(y, -at_extremes.behind[w.output])
         elif w.how == REST:
-            slopes_of = rest_slopes(mechanism, taken, w.output, tuple(base.parameters))
-            values[label], (ahead[label], behind[label]) = slopes_of
+            slopes_of = rest_slopes(mechanism, samples, w.output, tuple(base.parameters))
+            values[label], (forward[label], behind[label]) = slopes_of
         else:
             values[label] = w.value(y)
-            ahead[label] = w.slopes(y, base.ahead[w.output])
+            forward[label] = w.slopes(y, base.ahead[w.output])
             behind[label] = -w.slopes(y, -base.behind[w.output])
         jumps[label] = jumping if w.how == POSES else np.asarray(jumping.any(axis=1, keepdims=True))
     reduced = {w.label: (w, values[w.label]) for w in columns}
-    return replace(base, ahead=ahead, behind=behind, jumps=jumps, reduced=reduced)
+    return replace(base, ahead=forward, behind=behind, jumps=jumps, reduced=reduced)
 
 
 def _extremes(run: Result, w: Wanted) -> tuple[Array, Data] | None:
@@ -205,12 +213,12 @@ def _extremes(run: Result, w: Wanted) -> tuple[Array, Data] | None:
     some = np.zeros(len(y), bool)
     for sign in EXTREMES[w.how]:
         some |= np.isclose(size, sign * (sign * size).max(), rtol=REST_SHARE, atol=0.0)
-    places = np.array([turn.s for turn in every])
-    return y[some], cycle.request(places[some])
+    coordinates = np.array([turn.s for turn in every])
+    return y[some], cycle.request(coordinates[some])
 
 
 def _stroke_slopes(
-    base: Sensitivity, w: Wanted, how: Arguments
+    base: Sensitivity, w: Wanted, settings: Arguments
 ) -> tuple[Array, tuple[Array, Array]]:
     """A stroke and its derivatives (k, 1) to both sides: those of its ends, where they are.
 
@@ -225,16 +233,16 @@ def _stroke_slopes(
         poses: Arguments = {"times": [float(end.time or 0.0) for end in ends]}
     else:
         drivers = run.mechanism.drivers
-        places = [run.mechanism._of_driver(d, "q") for d in drivers]
-        poses = {"at": {d: [e.at[q] for e in ends] for d, q in zip(drivers, places, strict=True)}}
-    there = sensitivity(run.mechanism, w.output, tuple(base.parameters), **poses, **how)
-    low, high = np.asarray(there.result[w.output])
-    along = (high - low) / abs(high - low) if w.vector else 1.0
+        names = [run.mechanism._of_driver(d, "q") for d in drivers]
+        poses = {"at": {d: [e.at[q] for e in ends] for d, q in zip(drivers, names, strict=True)}}
+    at_ends = sensitivity(run.mechanism, w.output, tuple(base.parameters), **poses, **settings)
+    low, high = np.asarray(at_ends.result[w.output])
+    direction = (high - low) / abs(high - low) if w.vector else 1.0
 
     def change(d: Array) -> Array:
-        return np.asarray((np.conj(along) * (d[:, 1:] - d[:, :1])).real)
+        return np.asarray((np.conj(direction) * (d[:, 1:] - d[:, :1])).real)
 
-    sides = change(there.ahead[w.output]), change(there.behind[w.output])
+    sides = change(at_ends.ahead[w.output]), change(at_ends.behind[w.output])
     return np.array([moved.length]), sides
 
 
@@ -246,10 +254,10 @@ def chosen_numbers(mechanism: Compiled, addresses: Sequence[str]) -> dict[str, P
     return chosen
 
 
-def _varies(plan: Plan, near: Variation, seeds: Array) -> bool:
+def _varies(plan: Plan, variation: Variation, seeds: Array) -> bool:
     """Whether all parameters of a program have derivatives in some directions."""
     try:
-        program_numbers(plan, near, np.atleast_2d(seeds))
+        program_numbers(plan, variation, np.atleast_2d(seeds))
     except RequestError:
         return False
     return True
@@ -259,28 +267,28 @@ def _deflections(
     result: Result, plan: Plan, chosen: Mapping[str, Parameter]
 ) -> dict[str, tuple[Array, Array]]:
     """States (n,) of friction laws that a program reads, and their derivatives (k, n)."""
-    m, taken = result.mechanism, result.samples
+    m, samples = result.mechanism, result.samples
     names = (f"{STATE}{m.structure.states[ref]}" for ref in m.structure.remembering)
     read = {i: name for i, name in enumerate(names) if name in plan.program.inputs}
     if not read:
         return {}
-    own = m._once(Course)
-    here = {i: own.of(i, taken) for i in read}
+    course = m._once(Course)
+    states = {i: course.of(i, samples) for i in read}
     slopes = {i: np.zeros((len(chosen), result.n)) for i in read}
-    for (j, p), place in itertools.product(enumerate(chosen.values()), CENTRAL):
+    for (j, p), offset in itertools.product(enumerate(chosen.values()), CENTRAL):
         if p.path[0] == GIVEN:
             continue  # they are held, as rates are
         step = STEP * (abs(p.value) or 1.0)
-        there = remade(m, {p.address: p.value + place * step})._once(Course)
+        shifted = remade(m, {p.address: p.value + offset * step})._once(Course)
         for i in read:
-            if not there.same(i, own):
-                slopes[i][j] += CENTRAL[place] / step * (there.of(i, taken) - here[i])
-    return {name: (here[i], slopes[i]) for i, name in read.items()}
+            if not shifted.same(i, course):
+                slopes[i][j] += CENTRAL[offset] / step * (shifted.of(i, samples) - states[i])
+    return {name: (states[i], slopes[i]) for i, name in read.items()}
 
 
 def _derived(
     plan: Plan,
-    near: Variation,
+    variation: Variation,
     seeds: Array,
     chosen: Mapping[str, Parameter],
     result: Result,
@@ -293,19 +301,21 @@ def _derived(
     sets them going.
     """
     shape = len(chosen), result.n
-    given, own = result.samples.given(plan.program.inputs), result.mechanism.drivers
-    inputs = dict(given)
-    for (i, driver), x in itertools.product(enumerate(near.base.drivers), INPUTS.values()):
-        inputs[f"{x}_{i}"] = given[f"{x}_{own.index(driver)}"]
+    sampled, drivers = result.samples.given(plan.program.inputs), result.mechanism.drivers
+    inputs = dict(sampled)
+    for (i, driver), x in itertools.product(enumerate(variation.base.drivers), INPUTS.values()):
+        inputs[f"{x}_{i}"] = sampled[f"{x}_{drivers.index(driver)}"]
     inputs |= {name: Dual(z, seeds @ slopes) for name, (z, slopes) in bent.items()}
     for j, p in enumerate(chosen.values()):
         if p.path[0] == GIVEN:
             _, x, driver = map(str, p.path)
-            name, seed = f"{x}_{near.base.drivers.index(driver)}", np.zeros(shape)
+            name, seed = f"{x}_{variation.base.drivers.index(driver)}", np.zeros(shape)
             seed[j] = seeds[j].sum()
             inputs[name] = Dual(np.asarray(inputs[name], float), seed)
-    values = DualEngine(plan.program).run(inputs, program_numbers(plan, near, seeds), *shape[::-1])
-    derivatives, outputs = {}, near.outputs(seeds)
+    values = DualEngine(plan.program).run(
+        inputs, program_numbers(plan, variation, seeds), *shape[::-1]
+    )
+    derivatives, outputs = {}, variation.outputs(seeds)
     sizes = np.abs(seeds).sum(axis=1, keepdims=True)
     for name in result:
         columns = [values[i] for i in plan.layout[name]]
@@ -317,10 +327,10 @@ def _derived(
 
 
 def _read(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:
-    made = output.read(*columns)
+    value = output.read(*columns)
     if output.kind == "vector":
-        return np.asarray(slope(made.real) + 1j * slope(made.imag)) + np.zeros(shape)
-    return np.asarray(np.broadcast_to(slope(made), shape))
+        return np.asarray(slope(value.real) + 1j * slope(value.imag)) + np.zeros(shape)
+    return np.asarray(np.broadcast_to(slope(value), shape))
 
 
 def _differentiable(mechanism: Compiled, patterns: Sequence[str]) -> tuple[str, ...]:
@@ -329,18 +339,18 @@ def _differentiable(mechanism: Compiled, patterns: Sequence[str]) -> tuple[str, 
     names = [n for n in outputs.match(patterns) if outputs[n].kind in ("real", "vector")]
     wrong = [n for n in patterns if n in outputs and outputs[n].kind not in ("real", "vector")]
     if wrong or not names:
-        found = "derivatives are of outputs that are a number or a vector a sample"
-        raise RequestError([Problem("no-derivative", n, found) for n in wrong or patterns])
+        message = "derivatives are of outputs that are a number or a vector a sample"
+        raise RequestError([Problem("no-derivative", n, message) for n in wrong or patterns])
     return tuple(names)
 
 
-def _gone(names: Sequence[str], near: Variation, alone: Sequence[str]) -> dict[str, str]:
+def _gone(names: Sequence[str], variation: Variation, alone: Sequence[str]) -> dict[str, str]:
     """Outputs that no design near by has, and why: of a dyad by chance its transmission angle.
 
     Raises `RequestError` for those that are named one by one, and where no others are.
     """
     why = "designs near by do not have it: what coincides here by chance does not there"
-    gone = dict.fromkeys((n for n in names if n not in near.general.outputs), why)
+    gone = dict.fromkeys((n for n in names if n not in variation.general.outputs), why)
     if wrong := gone if len(gone) == len(names) else gone.keys() & set(alone):
         raise RequestError([Problem("no-derivative", n, why) for n in sorted(wrong)])
     return gone
@@ -350,19 +360,19 @@ def _asked(
     mechanism: Compiled, result: Result, patterns: Sequence[str]
 ) -> tuple[dict[str, Parameter], set[str]]:
     """The numbers that addresses and patterns name, and which are named one by one."""
-    known = parameters(mechanism)
+    numbers = parameters(mechanism)
     # Coordinate, rate and acceleration of each driver as numbers; as large as they become.
     parameters_ = {}
     for i, driver in enumerate(mechanism.drivers):
-        for what, name in INPUTS.items():
-            address, given = (
-                mechanism._of_driver(driver, what),
+        for quantity, name in INPUTS.items():
+            address, column = (
+                mechanism._of_driver(driver, quantity),
                 result.samples.inputs[f"{name}_{i}"],
             )
-            size = float(np.abs(np.asarray(given, float)).max(initial=0.0))
+            size = float(np.abs(np.asarray(column, float)).max(initial=0.0))
             unit = mechanism.outputs[address].unit
             parameters_[address] = Parameter(address, size, unit, (GIVEN, name, driver))
-    return fitting(known, patterns, parameters_)
+    return fitting(numbers, patterns, parameters_)
 
 
 def fitting(

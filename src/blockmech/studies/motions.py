@@ -61,8 +61,8 @@ MOTION = "motion"  # what is reduced is the motion itself
 def _rested(motion: Motion) -> float:
     """When it came to rest [s]; NaN where it did not."""
     rests = [event.t for event in motion.events if event.kind == ends.REST]
-    stands = motion.status == "rest" or motion.end == ends.REST
-    return rests[-1] if rests else motion.t_end if stands else math.nan
+    at_rest = motion.status == "rest" or motion.end == ends.REST
+    return rests[-1] if rests else motion.t_end if at_rest else math.nan
 
 
 NUMBERS: Mapping[str, tuple[str, Callable[[Motion], float]]] = {
@@ -123,27 +123,29 @@ class MotionRunner(Runner):
     ) -> MotionRunner:
         """That of a request. Raises `RequestError` for what is unknown or does not fit."""
         m = family.mechanism
-        known = [*inspect.signature(request_of).parameters][2:-1]  # the engine is the study's
+        arguments = [*inspect.signature(request_of).parameters][2:-1]  # the engine is the study's
         for name in simulation:
-            if name not in known:
-                found, valid = "no such argument of a motion", f"arguments: {listed(known)}"
-                remedy = close_match(str(name), known) or "friction and outputs are the study's"
-                raise refused(f"simulate[{name}]", found, remedy, valid, "unknown-argument")
+            if name not in arguments:
+                message, valid = "no such argument of a motion", f"arguments: {listed(arguments)}"
+                remedy = close_match(str(name), arguments) or "friction and outputs are the study's"
+                raise refused(f"simulate[{name}]", message, remedy, valid, "unknown-argument")
         friction_asked(settings["friction"])
         request, starts = request_of(m.scene, m._coordinate_units, **simulation)
         stops_of(m, starts, simulation.get("stops"))
         times = simulation.get("times")
         spread = OUTPUTS if times is None else len(request.times)
-        own = cls(family, (), {}, settings, simulation=simulation, n=spread)
-        return replace(own, want=columns(want, family.general.outputs, own._column, own._numbers()))
+        runner = cls(family, (), {}, settings, simulation=simulation, n=spread)
+        return replace(
+            runner, want=columns(want, family.general.outputs, runner._column, runner._numbers())
+        )
 
-    def _column(self, output: Any, how: str) -> Wanted:
-        words: Words = {
+    def _column(self, output: Any, reduction: str) -> Wanted:
+        readers: Words = {
             **dict.fromkeys((*SIMPLE, "final", POSES)),
             "settling": _share,
         }
-        made = column(output, how, words)
-        return replace(made, unit="s") if made.how == "settling" else made
+        wanted = column(output, reduction, readers)
+        return replace(wanted, unit="s") if wanted.how == "settling" else wanted
 
     def _numbers(self) -> dict[str, Wanted]:
         """Columns of the motion itself, by name."""
@@ -200,27 +202,27 @@ class MotionRunner(Runner):
 
     def blocks(self, planned: Together | None, chosen: Any) -> Iterator[Rows]:
         """All blocks of a part, one after the other."""
-        made, size = chosen.columns(0, chosen.count), FEW if planned is None else TOGETHER
+        numbers, size = chosen.columns(0, chosen.count), FEW if planned is None else TOGETHER
         for k in range(0, chosen.count, size):
-            rows = zip(self.family.parameters, made.values(), strict=True)
+            rows = zip(self.family.parameters, numbers.values(), strict=True)
             yield self.block(planned, {p: x[k : k + size] for p, x in rows})
 
     def block(self, planned: Together | None, columns: Mapping[Parameter, Array]) -> Rows:
         """Some designs, side by side, and each by itself where that cannot be."""
         m = len(next(iter(columns.values())))
         values = {w.label: np.array([_nothing(w, self.n)] * m) for w in self.want}
-        word, place = np.zeros(m, np.int8), np.full(m, "", object)
+        word, culprit = np.zeros(m, np.int8), np.full(m, "", object)
         alone = range(m) if planned is None else planned.into(values, columns).tolist()
         for i in alone:
             row = {p.address: document_value(p, x[i]) for p, x in columns.items()}
             moved = self.moved(row)
             for label, x in moved.values.items():
                 values[label][i] = x
-            word[i], place[i] = REASONS.index(moved.word or OK), moved.place
+            word[i], culprit[i] = REASONS.index(moved.word or OK), moved.place
         for label, x in values.items():
             bad = (word == 0) & np.isnan(x if x.ndim == 1 else x[:, 0])
-            word[bad], place[bad] = REASONS.index(NO_NUMBER), label
-        return Rows(values, word, place, np.full(m, -1), np.zeros(m, np.int64))
+            word[bad], culprit[bad] = REASONS.index(NO_NUMBER), label
+        return Rows(values, word, culprit, np.full(m, -1), np.zeros(m, np.int64))
 
     # -- one design ------------------------------------------------------------------------
 
@@ -228,9 +230,13 @@ class MotionRunner(Runner):
         """What is kept of a design. `KeyboardInterrupt` ends its motion and the study's."""
         outputs = list(dict.fromkeys(w.output for w in self.want if w.how != MOTION))
         try:
-            own: Any = remade(self.family.mechanism, numbers)  # a `Mechanism`, with its methods
-            how = {"engine": self.engine, "friction": self.settings["friction"], **self.simulation}
-            result = own.simulate(want=outputs, **how)
+            design: Any = remade(self.family.mechanism, numbers)  # a `Mechanism`, with its methods
+            arguments = {
+                "engine": self.engine,
+                "friction": self.settings["friction"],
+                **self.simulation,
+            }
+            result = design.simulate(want=outputs, **arguments)
         except BlockmechError as error:
             return Moved({}, NO_MOTION, f"{error.problems[0].where} ({error.problems[0].found})")
         motion = result.motion
@@ -246,8 +252,10 @@ class MotionRunner(Runner):
     def value(self, w: Wanted, result: Result, motion: Motion) -> Any:
         """One column of a motion."""
         if w.how == MOTION:
-            own = NUMBERS.get(w.output)
-            return float(motion.facts.get(w.output, math.nan) if own is None else own[1](motion))
+            reader = NUMBERS.get(w.output)
+            return float(
+                motion.facts.get(w.output, math.nan) if reader is None else reader[1](motion)
+            )
         t, y = np.asarray(result.time), np.asarray(result[w.output])
         if w.how not in EXTREMES or len(t) < 2:
             return reduced(w, t, y, self.n)
@@ -282,17 +290,17 @@ class Together:
     def of(cls, runner: MotionRunner) -> Together | None:
         """That of a request; None where single motions know more, or nothing can be compiled."""
         m = runner.family.mechanism
-        states = {m._of_driver(d, what) for d in m.drivers for what in ("q", "rate")}
-        known = (w.output in (OF_BATCH if w.how == MOTION else states) for w in runner.want)
-        if not all(known):
+        states = {m._of_driver(d, quantity) for d in m.drivers for quantity in ("q", "rate")}
+        computable = (w.output in (OF_BATCH if w.how == MOTION else states) for w in runner.want)
+        if not all(computable):
             return None
-        given = {"engine": runner.engine, **runner.simulation}
-        request, starts = request_of(m.scene, m._coordinate_units, **given)
+        arguments = {"engine": runner.engine, **runner.simulation}
+        request, starts = request_of(m.scene, m._coordinate_units, **arguments)
         stops = stops_of(m, starts, runner.simulation.get("stops"))
         if any(math.isfinite(stop.q) for between in stops for stop in between):
             return None  # where a pair's stop is, each design says for itself
-        how = friction_asked(runner.settings["friction"])
-        system = System(runner.family.general, method=how, engine=runner.engine)
+        friction = friction_asked(runner.settings["friction"])
+        system = System(runner.family.general, method=friction, engine=runner.engine)
         rates, method = choose_rates(system, request), request.method
         numbers = all(w.how == MOTION for w in runner.want)
         swings = None
@@ -311,27 +319,29 @@ class Together:
         if motions is None:
             motions = moved(self.system, self.request, self.rates, numbers, m)
         elif motions.alone.any() and self.request.method == "auto":
-            others = moved(self.system, self.request, self.rates, numbers, m)
-            motions = motions.merged(others, motions.alone)
+            restarted = moved(self.system, self.request, self.rates, numbers, m)
+            motions = motions.merged(restarted, motions.alone)
         some = np.flatnonzero(~motions.alone)
-        own_numbers = [w for w in runner.want if w.how == MOTION]
-        for w in own_numbers:
+        facts = [w for w in runner.want if w.how == MOTION]
+        for w in facts:
             values[w.label][some] = OF_BATCH[w.output](motions)[some]
-        if len(own_numbers) < len(runner.want):
+        if len(facts) < len(runner.want):
             self._outputs_into(values, motions, some.tolist())
         return np.flatnonzero(motions.alone)
 
     def _outputs_into(self, values: dict[str, Array], motions: Motions, some: list[int]) -> None:
         """Put reductions of the driver's coordinate and rate of some designs into their columns."""
         runner, request = self.runner, self.request
-        own, t0 = runner.family.mechanism, request.start.t
-        rate = own._of_driver(own.drivers[0], "rate")
+        mechanism, t0 = runner.family.mechanism, request.start.t
+        rate = mechanism._of_driver(mechanism.drivers[0], "rate")
         t = t0 + np.linspace(0.0, 1.0, runner.n) * (motions.t - t0)[:, None]
         if request.times:
             t = np.tile(request.times, (len(motions.t), 1))
-        shown, t = t <= motions.t[:, None], np.minimum(t, motions.t[:, None])
-        shown[:, 0] |= ~shown.any(axis=1)  # all wanted times lie after the end: it stands for them
-        begin, span = t[:, 0], np.where(shown, t, -np.inf).max(axis=1) - t[:, 0]
+        reached, t = t <= motions.t[:, None], np.minimum(t, motions.t[:, None])
+        reached[:, 0] |= ~reached.any(
+            axis=1
+        )  # all wanted times lie after the end: it stands for them
+        begin, span = t[:, 0], np.where(reached, t, -np.inf).max(axis=1) - t[:, 0]
         states = motions.track.state(t)
         ends = np.stack([motions.q, motions.rate], axis=-1)[:, None]  # which are known exactly
         states = np.where((t == motions.t[:, None])[..., None], ends, states)
@@ -343,7 +353,7 @@ class Together:
                 values[w.label][of] = _extremes(w, motions, of, begin[of], span[of], runner.n, part)
                 continue
             for i in some:
-                values[w.label][i] = reduced(w, t[i, shown[i]], y[i, shown[i]], runner.n)
+                values[w.label][i] = reduced(w, t[i, reached[i]], y[i, reached[i]], runner.n)
 
 
 def _extremes(
@@ -382,10 +392,10 @@ def settling(t: Array, y: Array, share: float = WITHIN) -> float:
     1.5
     """
     off = np.abs(y - y[-1])
-    far = np.flatnonzero(off > share * off.max())
-    if not far.size:
+    outside = np.flatnonzero(off > share * off.max())
+    if not outside.size:
         return float(t[0])
-    i = int(far[-1])
+    i = int(outside[-1])
     fall = (off[i] - share * off.max()) / (off[i] - off[i + 1])
     return float(t[i] + fall * (t[i + 1] - t[i]))
 
@@ -397,8 +407,8 @@ def _share(text: str, name: str) -> float:
     except ValueError:
         share = math.nan
     if not 0.0 < share < 1.0:
-        found = f'"{text}" is no share of the change'
-        raise refused(f"settling({name}, {text})", found, "give a number between 0 and 1")
+        message = f'"{text}" is no share of the change'
+        raise refused(f"settling({name}, {text})", message, "give a number between 0 and 1")
     return share
 
 
@@ -421,10 +431,10 @@ def runner_of(
     """
     if simulation is None:
         return Runner.of(family, want, poses, settings)
-    given = [name for name, x in poses.items() if x is not None]
-    given += ["static"] * bool(settings["static"])
-    if given:
-        found = "designs that move have no poses"
+    superfluous = [name for name, x in poses.items() if x is not None]
+    superfluous += ["static"] * bool(settings["static"])
+    if superfluous:
+        message = "designs that move have no poses"
         remedy = "name times as an argument of the motion: simulate={'times': ...}"
-        raise refused(listed(given), found, remedy, code="useless-setting")
+        raise refused(listed(superfluous), message, remedy, code="useless-setting")
     return MotionRunner.moving(family, want, simulation, settings)

@@ -51,25 +51,25 @@ class Objective:
     def __call__(self, x: Any) -> Any:
         """One number, or all that is kept (r,): of a vector its x, then its y."""
         family, numbers = self._runner.family, self.numbers(x)
-        given = dict(zip(family.parameters, numbers.values(), strict=True))
-        bad = any(problem for p in given for problem in family.problems(p, given[p]))
+        parameters = dict(zip(family.parameters, numbers.values(), strict=True))
+        bad = any(problem for p in parameters for problem in family.problems(p, parameters[p]))
         rows = self._rows(self.start if bad else np.array([*numbers.values()]))
-        whole = np.where(np.isfinite(rows) & (not bad), rows, np.inf)
-        return float(whole[0]) if len(whole) == 1 else whole
+        answer = np.where(np.isfinite(rows) & (not bad), rows, np.inf)
+        return float(answer[0]) if len(answer) == 1 else answer
 
     def jacobian(self, x: Any) -> Array:
         """Derivatives (k,) of one number, (r, k) of all; exact to rounding, one-sided at kinks.
 
         Raises `BlockmechError` for a design that does not assemble.
         """
-        other = remade(self.mechanism, self.numbers(x))
+        design = remade(self.mechanism, self.numbers(x))
         labels = [w.label for w in self._runner.want]
         derivatives = sensitivity(
-            other, labels, self.addresses, **self._over, **self._runner.settings
+            design, labels, self.addresses, **self._over, **self._runner.settings
         )
         rows = [_parts(derivatives[label].T) for label in labels]
-        whole = np.concatenate(rows)
-        return whole[0] if len(whole) == 1 else whole
+        jacobian = np.concatenate(rows)
+        return jacobian[0] if len(jacobian) == 1 else jacobian
 
     def numbers(self, x: Any) -> dict[str, float]:
         """Address -> number, for `Graph.replace`. Raises `RequestError` where they are not k."""
@@ -78,8 +78,8 @@ class Objective:
         except (TypeError, ValueError, OverflowError):
             raise refused("x", f"got {x!r:.60}", "give a row of numbers") from None
         if row.shape != self.start.shape:
-            found = f"has shape {row.shape} where there are {len(self.addresses)} numbers"
-            raise refused("x", found, f"give those of {listed(self.addresses)}")
+            message = f"has shape {row.shape} where there are {len(self.addresses)} numbers"
+            raise refused("x", message, f"give those of {listed(self.addresses)}")
         return dict(zip(self.addresses, row.tolist(), strict=True))
 
     def _rows(self, x: Array) -> Array:
@@ -102,8 +102,8 @@ class MotionObjective(Objective):
         """
         at = np.array([*self.numbers(x).values()])
         slopes = [self._slope(at, k) for k in range(len(at))]
-        whole = np.stack(slopes, axis=-1)
-        return whole[0] if len(whole) == 1 else whole
+        jacobian = np.stack(slopes, axis=-1)
+        return jacobian[0] if len(jacobian) == 1 else jacobian
 
     def _slope(self, at: Array, k: int) -> Array:
         step = STEP * (abs(at[k]) or 1.0)
@@ -112,14 +112,14 @@ class MotionObjective(Objective):
             (0, 1, 2, 3, 4): (-25.0, 48.0, -36.0, 16.0, -3.0),
             (0, -1, -2, -3, -4): (25.0, -48.0, 36.0, -16.0, 3.0),
         }
-        for places, weights in rules.items():
-            rows = np.repeat(at[None], len(places), axis=0)
-            rows[:, k] += step * np.array(places)
+        for offsets, weights in rules.items():
+            rows = np.repeat(at[None], len(offsets), axis=0)
+            rows[:, k] += step * np.array(offsets)
             values = np.array([np.atleast_1d(self(row)) for row in rows])
             if np.isfinite(values).all():
                 return np.asarray(np.array(weights) @ values / (12.0 * step))
-        found = f"the motion has no answer near {self.addresses[k]} = {at[k]:.9g}"
-        raise refused(self.addresses[k], found, "start where designs move", code="no-derivative")
+        message = f"the motion has no answer near {self.addresses[k]} = {at[k]:.9g}"
+        raise refused(self.addresses[k], message, "start where designs move", code="no-derivative")
 
 
 @declared
@@ -145,15 +145,15 @@ def objective(
 
     Raises `RequestError` for unknown names, or settings that do not fit.
     """
-    how = {"friction": friction, "static": static}
+    settings = {"friction": friction, "static": static}
     family = Family(mechanism, as_sequence("to", to), friction)
     poses: Arguments = {"at": at, "samples": samples, "times": times}
-    runner = runner_of(family, want, poses, how, simulate)
+    runner = runner_of(family, want, poses, settings, simulate)
     if isinstance(runner, MotionRunner):
         return MotionObjective(mechanism, runner, poses)
-    if whole := [w.label for w in runner.want if w.how == WHOLE]:
-        found = "it is one number a turn, and has no derivative"
-        raise RequestError([Problem("no-derivative", label, found) for label in whole])
+    if undifferentiable := [w.label for w in runner.want if w.how == WHOLE]:
+        message = "it is one number a turn, and has no derivative"
+        raise RequestError([Problem("no-derivative", label, message) for label in undifferentiable])
     return Objective(mechanism, runner, poses)
 
 

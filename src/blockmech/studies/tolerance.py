@@ -163,8 +163,8 @@ class Tolerance(Pictured, Mapping[str, Array]):
         if self.sensitivity.one_number(output):
             yield f"{output}: deviation {deviation[0]:.4g} {unit}".rstrip()
         else:
-            most = f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip()
-            yield f"{most}, at {run._place(k, degrees)}"
+            summary = f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip()
+            yield f"{summary}, at {run._place(k, degrees)}"
         if output in self.sampled:
             sample = self.sampled[output]
             n, off = int(sample.designs[k]), sample.deviation[k]
@@ -217,11 +217,13 @@ def tolerance(
     RequestError for unknown names, and where an output or a number has no derivative
     AssemblyError, SingularError, FrictionError at gaps of the mean design
     """
-    given = numbers if isinstance(numbers, Mapping) else {}
-    wrong = [a for a, law in given.items() if not isinstance(law, Distribution)]
-    if wrong or not given:
-        remedy, places = "give e.g. bm.dist.Normal(6.0, 1e-4)", wrong or ["numbers"]
-        raise RequestError(Problem("bad-request", a, "no distribution", "", remedy) for a in places)
+    distributions = numbers if isinstance(numbers, Mapping) else {}
+    wrong = [a for a, law in distributions.items() if not isinstance(law, Distribution)]
+    if wrong or not distributions:
+        remedy, addresses = "give e.g. bm.dist.Normal(6.0, 1e-4)", wrong or ["numbers"]
+        raise RequestError(
+            Problem("bad-request", a, "no distribution", "", remedy) for a in addresses
+        )
     parameters_of = named(parameters(mechanism), numbers)
     laws = {p.address: law for p, law in parameters_of.items()}
     moved = {p.address: law.mean for p, law in parameters_of.items() if law.mean != p.value}
@@ -230,9 +232,9 @@ def tolerance(
     linear = sensitivity(centre, want, laws, **poses, friction=friction, static=static)  # type: ignore[arg-type]
     sampled = {}
     if count is not None:
-        family, how = Family(centre, laws, friction), linear.result.settings
+        family, settings = Family(centre, laws, friction), linear.result.settings
         every = [n if n in linear.reduced else f"poses({n})" for n in linear]
-        runner = Runner.of(family, every, poses, how)
+        runner = Runner.of(family, every, poses, settings)
         sampled = _drawn(runner, designs(laws, Sample(count, "random", seed)), linear, progress)
     return Tolerance(linear, laws, sampled)
 
@@ -242,7 +244,7 @@ def _drawn(
 ) -> dict[str, Scatter]:
     """Mean and deviation of outputs over random designs, block by block."""
     sums: dict[str, list[Any]] = {name: [0, 0.0, 0.0] for name in linear}
-    for (_, done), block in Work(runner, chosen).here(runner.checked(chosen)):
+    for (_, count), block in Work(runner, chosen).here(runner.checked(chosen)):
         assert block is not None  # as nothing is written
         for name, column in zip(sums, block.values.values(), strict=True):
             rows = column if column.ndim > 1 else column[:, None]
@@ -251,7 +253,7 @@ def _drawn(
             terms = good.sum(axis=0), off.sum(axis=0), np.square(np.abs(off)).sum(axis=0)
             sums[name] = [a + b for a, b in zip(sums[name], terms, strict=True)]
         if progress is not None:
-            progress(f"{done} of {chosen.count} designs", done, chosen.count)
+            progress(f"{count} of {chosen.count} designs", count, chosen.count)
     sampled = {}
     with np.errstate(invalid="ignore", divide="ignore"):
         for name, (n, first, second) in sums.items():

@@ -62,11 +62,11 @@ class _Family:
         modes = {f"{d}.branch": b for d, b in zip(dyads, branches, strict=True)}
         self.graph = graph.replace(modes)
         self.mechanism: Mechanism = self.graph.compile()
-        known = self.mechanism.parameters()
-        self.lengths = [a for a in known if a.endswith((".l_i", ".l_j"))]
+        parameters = self.mechanism.parameters()
+        self.lengths = [a for a in parameters if a.endswith((".l_i", ".l_j"))]
         self.places = [
             a[:-2]
-            for a in known
+            for a in parameters
             if a.endswith(".x") and ".links." not in a and not a.startswith("scene")
         ]
         self.output = next(o for o in self.mechanism.outputs if o.endswith(".P.p"))
@@ -99,45 +99,47 @@ class _Family:
         """The tracing point (m, n) of designs at crank angles, NaN where they do not close."""
         column = f"poses({self.output})"
         vary = dict(zip(self.addresses, x.T, strict=True))
-        made = self.mechanism.study(vary, want=column, at=theta, sampling="paired", friction="none")
-        return np.asarray(made[column])
+        study = self.mechanism.study(
+            vary, want=column, at=theta, sampling="paired", friction="none"
+        )
+        return np.asarray(study[column])
 
     @cached_property
     def _near(self) -> tuple[Variation, Plan]:
         """The mechanism as its numbers vary, and the plan of the tracing point."""
-        known = self.mechanism.parameters()
-        near = Variation.of(self.mechanism, [known[a] for a in self.addresses])
-        return near, near.general.plan((self.output,), friction="none")
+        parameters = self.mechanism.parameters()
+        variation = Variation.of(self.mechanism, [parameters[a] for a in self.addresses])
+        return variation, variation.general.plan((self.output,), friction="none")
 
     def traced(self, x: Floats, theta: Floats) -> tuple[Points, Any]:
         """The tracing point (n,) at crank angles, and derivatives (n, k + 1) by numbers and angle.
 
         NaN where the design does not close.
         """
-        near, plan = self._near
+        variation, plan = self._near
         k, n = len(x), len(theta)
         seeds = np.eye(k + 1, k)
-        rows = zip(near.numbers, x.tolist(), np.eye(k), strict=True)
-        here = replace(near, numbers={path: Varied(v, e) for path, v, e in rows})
+        rows = zip(variation.numbers, x.tolist(), np.eye(k), strict=True)
+        design = replace(variation, numbers={path: Varied(v, e) for path, v, e in rows})
         angle = np.zeros((k + 1, n))
         angle[-1] = 1.0
         with np.errstate(all="ignore"):
             values = DualEngine(plan.program).run(
-                {"q_0": Dual(theta, angle)}, plan.program.values(*here.design(seeds)), n, k + 1
+                {"q_0": Dual(theta, angle)}, plan.program.values(*design.design(seeds)), n, k + 1
             )
-            made = here.outputs(seeds)[self.output].read(
+            point = design.outputs(seeds)[self.output].read(
                 *(values[i] for i in plan.layout[self.output])
             )
-            z = value(made.real) + 1j * value(made.imag)
-            return z, np.asarray(slope(made.real) + 1j * slope(made.imag)).T
+            z = value(point.real) + 1j * value(point.imag)
+            return z, np.asarray(slope(point.real) + 1j * slope(point.imag)).T
 
     def refined(
-        self, x: Floats, theta: Floats, wanted: Points, free: bool
+        self, x: Floats, theta: Floats, targets: Points, free: bool
     ) -> tuple[Floats, Floats]:
         """Numbers and crank angles nearest to the points, by least squares."""
         from scipy.optimize import least_squares
 
-        size, k = size_of(wanted), len(x)
+        size, k = size_of(targets), len(x)
         last: Data = {}
 
         def at(u: Floats) -> tuple[Floats, Floats]:
@@ -145,13 +147,13 @@ class _Family:
                 z, d = self.traced(u[:k], np.append(theta[0], u[k:]) if free else theta)
                 d = np.hstack([d[:, :k], np.diag(d[:, k])[:, 1:]]) if free else d[:, :k]
                 closes = np.isfinite(z) & np.isfinite(d).all(axis=1)
-                gap = np.where(closes, z - wanted, FAR * size) / size
+                gap = np.where(closes, z - targets, FAR * size) / size
                 d = np.where(closes[:, None], d, 0.0) / size
                 r, J = np.concatenate([gap.real, gap.imag]), np.vstack([d.real, d.imag])
                 last.update(u=u.tobytes(), r=r, J=J)
             return last["r"], last["J"]
 
-        low, high = self._bounds(wanted, size)
+        low, high = self._bounds(targets, size)
         start = np.clip(x, low, high)
         if free:
             turns = np.full(len(theta) - 1, np.inf)
@@ -164,9 +166,9 @@ class _Family:
         )  # fmt: skip
         return optimum.x[:k], np.append(theta[0], optimum.x[k:]) if free else theta
 
-    def _bounds(self, wanted: Points, size: float) -> tuple[Floats, Floats]:
+    def _bounds(self, targets: Points, size: float) -> tuple[Floats, Floats]:
         """Lowest and highest numbers (k,): what can be built about a path of a size [m]."""
-        n, middle = len(self.lengths), wanted.mean()
+        n, middle = len(self.lengths), targets.mean()
         low, high = np.full((2, n), [[SMALL * size], [LARGE * size]])
         for a in self.places:
             at = middle if a.startswith("frame.") else 0j
@@ -175,7 +177,7 @@ class _Family:
         return low, high
 
     def judged(
-        self, x: Floats, theta: Floats, wanted: Points, load: _Load
+        self, x: Floats, theta: Floats, targets: Points, load: _Load
     ) -> tuple[Design, float] | None:
         """A design and its largest driving moment; None where it has a defect on the way."""
         steps = np.diff(theta)
@@ -183,18 +185,18 @@ class _Family:
             return None
         graph = self.graph.replace(dict(zip(self.addresses, x.tolist(), strict=True)))
         graph = _with_bars(graph, load.density, load.gravity)
-        way = np.linspace(theta[0], theta[-1], POSES)
+        angles = np.linspace(theta[0], theta[-1], POSES)
         try:
-            run = graph.run(at=way, rates=load.rate, accelerations=0.0,
+            run = graph.run(at=angles, rates=load.rate, accelerations=0.0,
                             want=["crank.drive", *self.margins])  # fmt: skip
             z = graph.run(at=theta, want=self.output)[self.output]
         except BlockmechError:
             return None
-        least = min(float(run[m].min()) for m in self.margins)
-        if not least > DEAD:
+        margin = min(float(run[m].min()) for m in self.margins)
+        if not margin > DEAD:
             return None
         moment = float(np.abs(run["crank.drive"]).max())
-        return Design(graph, theta, self.output, np.abs(z - wanted), least), moment
+        return Design(graph, theta, self.output, np.abs(z - targets), margin), moment
 
 
 class _Load(NamedTuple):
@@ -210,15 +212,15 @@ def _with_bars(graph: Graph, density: float, gravity: tuple[float, float]) -> Gr
     data = graph.to_data()
     data.setdefault("scene", {})["gravity"] = [*gravity]
     for name, block in data["blocks"].items():
-        own = block.setdefault("links", {}) if name != "frame" else {}
+        links = block.setdefault("links", {}) if name != "frame" else {}
         ends = {k: complex(block[f"l_{k}"]) for k in "ij" if f"l_{k}" in block}
         if name == "crank":
-            marks = [complex(*m["at"]) for m in own["crank"]["markers"].values()]
+            marks = [complex(*m["at"]) for m in links["crank"]["markers"].values()]
             ends = {"crank": max(marks, key=abs)}
         for link, end in ends.items():
             mass = density * abs(end)
             bar = {"mass": mass, "inertia": mass * abs(end) ** 2 / 12}
-            own[link] = {**own.get(link, {}), **bar, "cm": [end.real / 2, end.imag / 2]}
+            links[link] = {**links.get(link, {}), **bar, "cm": [end.real / 2, end.imag / 2]}
     return Graph.from_data(data)
 
 
@@ -363,28 +365,28 @@ def path_over_structures(
     load = _Load(density, rate, gravity)
     request = [P.tolist(), None if theta is None else theta.tolist(), starts, refined, load, seed]
     question = hashlib.sha256(repr(request).encode()).hexdigest()
-    found: list[Candidate] = []
+    candidates: list[Candidate] = []
     tried: dict[str, int] = {}
     end = clock.monotonic() + budget
     try:
         for i, s in enumerate(chosen):
             if progress is not None:
-                progress(f"{s.name}, {len(found)} designs", i, len(chosen))
-            kept = None if out is None else _kept(Path(out), s, question)
-            if kept is None:
+                progress(f"{s.name}, {len(candidates)} designs", i, len(chosen))
+            stored = None if out is None else _kept(Path(out), s, question)
+            if stored is None:
                 if clock.monotonic() > end:
                     break
                 count, rows = _of_structure(s, P, theta, starts, refined, load, seed)
                 if out is not None:
                     _keep(Path(out), s, question, count, rows)
             else:
-                count, rows = kept
+                count, rows = stored
             tried[s.name] = count
-            found += rows
+            candidates += rows
     except KeyboardInterrupt:
         pass
-    left = tuple(s.name for s in chosen if s.name not in tried)
-    return Candidates(tuple(sorted(found, key=lambda c: c.measures)), tried, left)
+    untried = tuple(s.name for s in chosen if s.name not in tried)
+    return Candidates(tuple(sorted(candidates, key=lambda c: c.measures)), tried, untried)
 
 
 def _of_structure(
@@ -400,8 +402,10 @@ def _of_structure(
     from scipy.stats import qmc
 
     graph = blank(s, seed)
-    along = np.append(0.0, np.cumsum(np.abs(np.diff(P))))
-    timings = [theta] if theta is not None else [math.tau * p * along / along[-1] for p in TIMINGS]
+    length = np.append(0.0, np.cumsum(np.abs(np.diff(P))))
+    timings = (
+        [theta] if theta is not None else [math.tau * p * length / length[-1] for p in TIMINGS]
+    )
     rows: list[tuple[float, _Family, Floats, Floats]] = []
     count = 0
     for modes in itertools.product((1, -1), repeat=len(s.dyads)):
@@ -420,13 +424,13 @@ def _of_structure(
                 for i in best
                 if np.isfinite(cost[i])
             ]
-    made: list[Candidate] = []
+    candidates: list[Candidate] = []
     for _, family, x, at in sorted(rows, key=lambda row: row[0])[:refined]:
         numbers, angles = family.refined(x, at, P, theta is None)
         judged = family.judged(numbers, angles, P, load)
         if judged is not None:
-            made.append(Candidate(s.name, s.links, *judged, MET * size_of(P)))
-    return count, made
+            candidates.append(Candidate(s.name, s.links, *judged, MET * size_of(P)))
+    return count, candidates
 
 
 def _keep(out: Path, s: Structure, question: str, count: int, rows: Sequence[Candidate]) -> None:

@@ -75,10 +75,10 @@ def trade(
     ------
     RequestError for an unknown question or output, or settings that do not fit
     """
-    asked_for: Arguments = {"at": at, "samples": samples, "times": times, "rates": rates}
-    asked_for |= {"accelerations": accelerations, "static": static, "until": until}
-    asked_for |= {"start": start, "friction": friction}
-    request = {name: x for name, x in asked_for.items() if x is not None}
+    settings: Arguments = {"at": at, "samples": samples, "times": times, "rates": rates}
+    settings |= {"accelerations": accelerations, "static": static, "until": until}
+    settings |= {"start": start, "friction": friction}
+    request = {name: x for name, x in settings.items() if x is not None}
     _refuse_mistakes(question, {"budget": budget, "target": target, "within": within}, request)
     names = None if want is None else as_names("want", want)
     clock, report = Clock(budget), say or (lambda *_: None)
@@ -111,23 +111,28 @@ def trade(
 
 
 def _refuse_mistakes(
-    question: str, limits: Mapping[str, float | None], given: Iterable[str]
+    question: str, limits: Mapping[str, float | None], names: Iterable[str]
 ) -> None:
     """Refuse an unknown question, limits that are none, and what a question does not take."""
     if question not in REQUESTS:
-        found, valid = f'no question "{question}"', "questions: run, simulate"
+        message, valid = f'no question "{question}"', "questions: run, simulate"
         hint = close_match(question, REQUESTS)
-        raise refused("question", found, hint, valid, "unknown-question")
+        raise refused("question", message, hint, valid, "unknown-question")
     problems = [
         Problem("bad-value", name, f"must be > 0, got {value}", "", "")
         for name, value in limits.items()
         if value is not None and not 0 < value < math.inf
     ]
-    known = REQUESTS[question]
-    for name in (name for name in given if name not in known):
-        others = [f"leave it out, or ask the question {q}" for q in REQUESTS if name in REQUESTS[q]]
-        remedy = others[0]
-        found, valid = f"the question {question} does not take it", f"it takes: {listed(known)}"
-        problems.append(Problem("useless-setting", name, found, valid, remedy))
+    valid_names = REQUESTS[question]
+    for name in (name for name in names if name not in valid_names):
+        remedies = [
+            f"leave it out, or ask the question {q}" for q in REQUESTS if name in REQUESTS[q]
+        ]
+        remedy = remedies[0]
+        message, valid = (
+            f"the question {question} does not take it",
+            f"it takes: {listed(valid_names)}",
+        )
+        problems.append(Problem("useless-setting", name, message, valid, remedy))
     if problems:
         raise RequestError(problems)
