@@ -225,7 +225,7 @@ def _of_result(
     judged = _judged(mechanism, run.n, Evidence(run), idle)
     jumps = list(blows(mechanism, motion)) if motion.impacts else []
     checks = [
-        Check(f"{x.what} {_said(mechanism, x.of)}", float(_relative(x.left, x.scale)))
+        Check(f"{x.equation} {_said(mechanism, x.of)}", float(_relative(x.error, x.scale)))
         for x in jumps
     ]
     checks += [Check(*row) for row in trajectory(result, motion)]
