@@ -173,14 +173,16 @@ def fivebar(
     return wire(graph, "left.B dyad.B", "right.B dyad.D")
 
 
-def slider(
-    body: bm.Link | None = None, friction: Any = None, *, gravity: float = 0.0, **markers: Any
-) -> Graph:
-    """A mass on the frame's guide A, which runs along x."""
-    graph = _frame("slider", gravity, A=bm.Marker(at=(0.0, 0.0), angle=0.0), **markers)
-    links = {} if body is None else {"slider": body}
-    graph.add("slider", bm.SlideDrive(links=links, friction=_laws("S", friction)))
-    graph.connect("frame.A", "slider.S")
+def pulled(body: bm.Link, friction: Any, laws: Mapping[str, Any], *, gravity: float = 0.0) -> Graph:
+    """A slider ``block`` on a floor along x, and thrusts by polynomials from a post at x = -1."""
+    floor = bm.Marker(at=(0.0, 0.0), angle=0.0)
+    graph = _frame("block", gravity, A=floor, W=(-1.0, 0.0))
+    friction = _laws("S", friction)
+    graph.add("block", bm.SlideDrive(links={"slider": body}, friction=friction))
+    graph.connect("frame.A", "block.S")
+    for name, law in laws.items():
+        law = {"kind": "polynomial", **law}
+        load(graph, name, bm.Thrust(law=law), a="frame.W", b="block.slider")
     return graph
 
 

@@ -11,6 +11,7 @@ import blockmech as bm
 from blockmech.analysis.reference_errors import WIDER
 from blockmech.ground.errors import NotComputedError
 from blockmech.ground.values import Marker, Vector
+from tests import machines
 from tests.gallery import GRAPHS
 from tests.machines import ruiz, toggle, watt, wire
 from tests.wiring import EPS, off
@@ -238,12 +239,7 @@ def test_unknown_wire_names_the_wires_there_are():
 
 def reaching():
     """A four-bar that closes only from -1.37 to 1.37 rad, as cos q > 0.2."""
-    g = bm.Graph("reaching")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (2.0, 0.0)}))
-    g.add("crank", bm.Crank(length=1.0))
-    g.add("dyad", bm.RRR(l_i=1.5, l_j=math.sqrt(4.2) - 1.5, links={"i": bm.Link(mass=1.0)}))
-    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
-    return g
+    return machines.fourbar(1.0, 1.5, math.sqrt(4.2) - 1.5, 2.0, [None, bm.Link(mass=1.0)])
 
 
 GAPPY = [0.5, 1.0, 1.5, 1.2, 3.0]
@@ -334,15 +330,11 @@ RADIUS, COEFFICIENT, FORCE = 0.05, 0.2, 100.0
 
 def winch(rate=3.0, useful=True, start=0.0, end=6.0):
     """A rough crank of 1 m that works against a force turning with it."""
-    g = bm.Graph("winch")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    law = bm.friction.Coulomb(coefficient=COEFFICIENT, radius=RADIUS)
-    g.add("crank", bm.Crank(length=1.0, friction={"A": law}))
-    against = -math.copysign(FORCE, rate)
-    g.add("work", bm.Force(force=(0.0, against), axes="link", useful=useful))
-    wire(g, "frame.A crank.A", "crank.B work.at")
-    g.drive("crank", bm.motion.ConstantRate(rate=rate, start=start, end=end))
-    return g
+    graph = machines.crank(friction=bm.friction.Coulomb(coefficient=COEFFICIENT, radius=RADIUS))
+    work = bm.Force(force=(0.0, -math.copysign(FORCE, rate)), axes="link", useful=useful)
+    machines.load(graph, "work", work, at="crank.B")
+    graph.drive("crank", bm.motion.ConstantRate(rate=rate, start=start, end=end))
+    return graph
 
 
 # drive = 100 N 1 m + f r |R| = 100 + 0.2 0.05 100 = 101 N m

@@ -10,18 +10,15 @@ from hypothesis import strategies as st
 
 import blockmech as bm
 from blockmech.ground.units import UnitWarning
-from tests.machines import ruiz, toggle, wire
+from tests.machines import crank, ruiz, toggle, wire
 
 
 def turning(law=None):
     """A bare crank: what comes out of it is what was asked for."""
-    g = bm.Graph("crank")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    g.add("crank", bm.Crank(length=1.0))
-    wire(g, "frame.A crank.A")
+    graph = crank()
     if law is not None:
-        g.drive("crank", law)
-    return g
+        graph.drive("crank", law)
+    return graph
 
 
 def pair(*laws):

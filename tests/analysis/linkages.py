@@ -8,20 +8,9 @@ import mpmath
 
 import blockmech as bm
 from blockmech import Graph
+from tests import machines
 from tests.machines import wire
 from tests.wiring import EPS
-
-
-def fourbar(
-    crank: float, coupler: float, rocker: float, frame: float, bar: bm.Link | None = None
-) -> Graph:
-    """Crank at the origin, rocker's pivot D at [frame, 0]; each link a bar with these masses."""
-    bar = bar or bm.Link()
-    g = Graph("fourbar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (frame, 0.0)}))
-    g.add("crank", bm.Crank(length=crank, links={"crank": bar}))
-    g.add("dyad", bm.RRR(l_i=coupler, l_j=rocker, branch=1, links={"i": bar, "j": bar}))
-    return wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
 
 
 def short_fourbar(name: str = "short", crank: str = "crank", bar: bm.Link | None = None) -> Graph:
@@ -39,12 +28,7 @@ def short_fourbar(name: str = "short", crank: str = "crank", bar: bm.Link | None
 
 def slider_crank(crank: float, rod: float, offset: float = 0.0, law: object = None) -> Graph:
     """Guide parallel to x at y = offset; the slider's pin is ``dyad.C``."""
-    g = Graph("slider_crank")
-    guide = bm.Marker(at=(0.0, offset), angle=0.0)
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
-    g.add("crank", bm.Crank(length=crank))
-    g.add("dyad", bm.RRP(l=rod))
-    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.G dyad.S")
+    g = machines.slider_crank(crank, rod, offset)
     if law is not None:
         g.drive("crank", law)  # type: ignore[arg-type]
     return g
@@ -82,14 +66,7 @@ def pushed(coupler: float, rocker: float, x: float, y: float) -> Graph:
 
 def fivebar(bar: bm.Link | None = None, apart: float = 4.0, rod: float = 3.0) -> Graph:
     """Two cranks of 1 m some way apart, and two rods; each link a bar with these masses."""
-    bar = bar or bm.Link()
-    g = Graph("fivebar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (apart, 0.0)}))
-    for name, pivot in (("left", "A"), ("right", "D")):
-        g.add(name, bm.Crank(length=1.0, links={"crank": bar}))
-        g.connect(f"frame.{pivot}", f"{name}.A")
-    g.add("dyad", bm.RRR(l_i=rod, l_j=rod, links={"i": bar, "j": bar}))
-    return wire(g, "left.B dyad.B", "right.B dyad.D")
+    return machines.fivebar(1.0, rod, apart, [bar] * 4)
 
 
 def fourbar_limits(crank: float, coupler: float, rocker: float, frame: float) -> list[float]:

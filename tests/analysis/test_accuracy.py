@@ -17,9 +17,8 @@ from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.mechanism import Mechanism
 from blockmech.result.samples import make_samples
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
-from tests.analysis.linkages import fourbar
 from tests.gallery import JOINTS, SHORT, mechanism
-from tests.machines import ruiz, watt, wire
+from tests.machines import fourbar, ruiz, watt, wire
 
 TARGETS = (1e-3, 1e-7, 1e-12)
 SAMPLES = 121

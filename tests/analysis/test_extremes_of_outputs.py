@@ -12,8 +12,8 @@ import pytest
 import blockmech as bm
 from blockmech.analysis.extremes import extremes
 from blockmech.analysis.stroke import stroke
-from tests.analysis.linkages import fivebar, fourbar, slider_crank
-from tests.machines import wire
+from tests.analysis.linkages import fivebar, slider_crank
+from tests.machines import fourbar, wire
 from tests.wiring import EPS
 
 TURN = 2 * math.pi

@@ -18,7 +18,6 @@ from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.analysis.linkages import (
     end_error,
     fivebar,
-    fourbar,
     fourbar_limits,
     pushed,
     slider_crank,
@@ -26,7 +25,7 @@ from tests.analysis.linkages import (
     turning_guide,
 )
 from tests.gallery import mechanism
-from tests.machines import wire
+from tests.machines import fourbar, wire
 from tests.wiring import EPS
 
 TURN = 2 * math.pi

@@ -7,7 +7,7 @@ import math
 import blockmech as bm
 from blockmech import Graph
 from blockmech.model.diagram import UnknownBlock
-from tests.analysis import linkages
+from tests import machines
 from tests.machines import chain, wire
 
 
@@ -35,7 +35,7 @@ def cyclic() -> Graph:
 
 def fourbar(rocker: float = 3.0) -> Graph:
     """A four-bar without mass and load; a short rocker cannot follow the whole turn."""
-    g = linkages.fourbar(2.0, 6.0, rocker, 5.5)
+    g = machines.fourbar(2.0, 6.0, rocker, 5.5)
     g.drive("crank", bm.motion.ConstantRate(rate=10.0))
     return g
 

@@ -11,6 +11,7 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics.change_points import system_of
 from blockmech.plan.plan import Friction
+from tests import machines
 from tests.gallery import changed, document
 
 G = 9.81  # [m/s2]
@@ -28,16 +29,10 @@ def dry(arm):
 
 def arms(count, arm):
     """Links of 1 kg and 0.4 m in a row, each a driver, with dry pins."""
-    g = bm.Graph("arms", gravity=(0.0, -G))
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
     link = bm.Link(mass=1.0, inertia=0.02, cm=(0.2, 0.0))
-    pin = {"A": bm.friction.Coulomb(coefficient=0.5, radius=2 * arm)}
-    last = "frame.O"
-    for i in range(count):
-        g.add(f"arm{i}", bm.Crank(length=0.4, links={"crank": link}, friction=pin))
-        g.connect(last, f"arm{i}.A")
-        last = f"arm{i}.B"
-    return g.compile()
+    pin = bm.friction.Coulomb(coefficient=0.5, radius=2 * arm)
+    lengths = {f"arm{i}": 0.4 for i in range(count)}
+    return machines.arms(lengths, [link] * count, [pin] * count, gravity=G).compile()
 
 
 def fivebar(arm):
@@ -50,21 +45,15 @@ def fivebar(arm):
 
 def fourbar(arm, beside=False):
     """A four-bar that swings, all of its pins dry; ``beside`` it a pendulum of its own."""
-    g = bm.Graph("fourbar", gravity=(0.0, -G))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (0.4, 0.0), "E": (3.0, 0.0)}))
-    rod = bm.Link(mass=1.0, inertia=0.02, cm=(0.2, 0.0))
-    pins = {joint: bm.friction.Coulomb(coefficient=0.5, radius=2 * arm) for joint in "ABCD"}
     crank = bm.Link(mass=2.0, inertia=0.1, cm=(0.05, 0.0))
-    g.add("crank", bm.Crank(length=0.1, links={"crank": crank}, friction={"A": pins["A"]}))
-    dyad = {joint: pins[joint] for joint in "BCD"}
-    links = {"i": rod, "j": rod}
-    g.add("dyad", bm.RRR(l_i=0.4, l_j=0.3, branch=1, links=links, friction=dyad))
-    for a, b in (("frame.A", "crank.A"), ("crank.B", "dyad.B"), ("frame.D", "dyad.D")):
-        g.connect(a, b)
+    rod = bm.Link(mass=1.0, inertia=0.02, cm=(0.2, 0.0))
+    pin = bm.friction.Coulomb(coefficient=0.5, radius=2 * arm)
+    lengths, pivot = (0.1, 0.4, 0.3, 0.4), {"E": (3.0, 0.0)}
+    graph = machines.fourbar(*lengths, [crank, rod, rod], pin, gravity=G, markers=pivot)
     if beside:
-        g.add("other", bm.Crank(length=0.5, links={"crank": rod}))
-        g.connect("frame.E", "other.A")
-    return g.compile()
+        graph.add("other", bm.Crank(length=0.5, links={"crank": rod}))
+        graph.connect("frame.E", "other.A")
+    return graph.compile()
 
 
 def answers(at, static):

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ellipk
 
 import blockmech as bm
-from tests.machines import wire
+from tests import machines
 
 MASS, INERTIA, CM, G = 2.0, 0.3, 0.4, 9.81
 J = INERTIA + MASS * CM**2  # [kg m2] about the pin
@@ -19,15 +19,10 @@ EXACT = 1e-12  # [-] relative: the motion's own error is below 1e-13
 
 def rod(gravity=G, **loads):
     """A rod that turns about a pin, hanging at -90 degrees."""
-    g = bm.Graph("rod", gravity=(0.0, -gravity))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    link = bm.Link(mass=MASS, inertia=INERTIA, cm=(CM, 0.0))
-    g.add("crank", bm.Crank(length=1.0, links={"crank": link}))
-    wire(g, "frame.A crank.A")
-    for name, load in loads.items():
-        g.add(name, load)
-        wire(g, f"crank.A {name}.on")
-    return g.compile()
+    graph = machines.crank(1.0, bm.Link(mass=MASS, inertia=INERTIA, cm=(CM, 0.0)), gravity=gravity)
+    for name, block in loads.items():
+        machines.load(graph, name, block, on="crank.A")
+    return graph.compile()
 
 
 @pytest.mark.parametrize("sense", [1, -1])

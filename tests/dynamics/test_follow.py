@@ -21,6 +21,7 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.ground.errors import FormatError, GraphError, SingularError
 from tests.doors import graph_of as loads
 from tests.dynamics import machines
+from tests.machines import G, bar, crank, fourbar, slider_crank
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 TURN = 2 * math.pi
@@ -37,26 +38,10 @@ def home(q, branch, driver="crank"):
     return {"drivers": {driver: q}, "branch": branch}
 
 
-def rod(length):
-    return bm.Link(mass=1.0, inertia=length**2 / 12, cm=(length / 2, 0.0))
-
-
-def with_crank(length, **markers):
-    graph = bm.Graph("linkage", gravity=(0.0, -9.81))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), **markers}))
-    graph.add("crank", bm.Crank(length=length, links={"crank": rod(length)}))
-    graph.connect("frame.A", "crank.A")
-    return graph
-
-
 def four_bar(a, l_i, l_j, ground, start=UPRIGHT, branch="follow"):
-    graph = with_crank(a, D=(ground, 0.0))
+    bodies = [bar(1.0, length) for length in (a, l_i, l_j)]
     options = {"home": home(*start)} if branch == "follow" else {}
-    links = {"i": rod(l_i), "j": rod(l_j)}
-    graph.add("dyad", bm.RRR(l_i=l_i, l_j=l_j, branch=branch, links=links, **options))
-    graph.connect("crank.B", "dyad.B")
-    graph.connect("frame.D", "dyad.D")
-    return graph
+    return fourbar(a, l_i, l_j, ground, bodies, gravity=G, branch=branch, **options)
 
 
 def parallelogram(a=0.25, b=0.4, **more):
@@ -64,16 +49,12 @@ def parallelogram(a=0.25, b=0.4, **more):
 
 
 def isosceles(r=1.0):
-    graph = with_crank(r, G=bm.Marker(at=(0.0, 0.0), angle=0.0))
-    links = {"i": rod(r), "j": bm.Link(mass=1.0)}
-    graph.add("dyad", bm.RRP(l=r, h=0.0, branch="follow", home=home(0.3, 1), links=links))
-    graph.connect("crank.B", "dyad.B")
-    graph.connect("frame.G", "dyad.S")
-    return graph
+    bodies = [bar(1.0, r), bar(1.0, r), bm.Link(mass=1.0)]
+    return slider_crank(r, r, 0.0, bodies, gravity=G, branch="follow", home=home(0.3, 1))
 
 
 def half_rate():
-    graph = with_crank(1.0, D=(1.0, 0.0))
+    graph = crank(1.0, bar(1.0, 1.0), gravity=G, D=(1.0, 0.0))
     links = {"j": bm.Link(mass=1.0, inertia=0.3)}
     graph.add("dyad", bm.RPR(branch="follow", home=home(1.0, 1), links=links))
     graph.connect("crank.B", "dyad.B")
@@ -315,7 +296,7 @@ def test_a_home_at_a_change_point_or_beyond_reach_is_refused():
 
 
 def test_several_drivers_and_wrong_names_are_told_by_check():
-    graph = with_crank(0.5, D=(1.0, 0.0))
+    graph = crank(0.5, bar(1.0, 0.5), gravity=G, D=(1.0, 0.0))
     graph.add("other", bm.Crank(length=0.5))
     graph.connect("frame.D", "other.A")
     graph.add("dyad", bm.RRR(l_i=1.0, l_j=1.0, branch="follow", home=home(1.0, 1)))
@@ -323,7 +304,7 @@ def test_several_drivers_and_wrong_names_are_told_by_check():
     graph.connect("other.B", "dyad.D")
     (problem,) = graph.check()
     assert (problem.code, problem.where) == ("many-drivers", "dyad.branch")
-    wrong = with_crank(0.25, D=(0.4, 0.0))
+    wrong = crank(0.25, bar(1.0, 0.25), gravity=G, D=(0.4, 0.0))
     wrong.add("dyad", bm.RRR(l_i=0.4, l_j=0.25, branch="follow", home=home(1.0, 1, "krank")))
     wrong.connect("crank.B", "dyad.B")
     wrong.connect("frame.D", "dyad.D")

@@ -10,6 +10,7 @@ from mpmath import mp, mpf
 
 import blockmech as bm
 from blockmech.ground.errors import RequestError
+from tests import machines
 from tests.dynamics.motions import PIN_START, pin_swings
 from tests.dynamics.one_chart import in_one_chart
 from tests.gallery import changed, document
@@ -23,16 +24,11 @@ REST_ANGLE, REST_TIME = -1.81768323201221, 13.5898794353  # [rad], [s]
 
 def pendulum(coefficient=0.2, radius=0.1, law=None, mass=1.0, length=1.0):
     """A point mass on a pin with friction, of 1 kg at 1 m."""
-    graph = bm.Graph("pendulum", gravity=(0.0, -G))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     point = bm.Link(mass=mass, inertia=0.0, cm=(length, 0.0))
-    friction = {"A": {"law": "coulomb", "coefficient": coefficient, "radius": radius}}
-    graph.add("crank", bm.Crank(length=length, links={"crank": point}, friction=friction))
-    graph.connect("frame.A", "crank.A")
+    pin = bm.friction.Coulomb(coefficient=coefficient, radius=radius)
+    graph = machines.crank(length, point, pin, gravity=G)
     if law is not None:
-        graph.add("motor", bm.Motor(law=law))
-        graph.connect("frame.A", "motor.a")
-        graph.connect("crank.crank", "motor.b")
+        machines.load(graph, "motor", bm.Motor(law=law), a="frame.A", b="crank.crank")
     return graph.compile()
 
 

@@ -13,6 +13,7 @@ from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.pair_program import pair_program
 from blockmech.dynamics.system import System
 from blockmech.plan.settings import friction_asked
+from tests import machines
 from tests.gallery import changed, document
 
 G = 9.81  # [m/s2]
@@ -23,12 +24,8 @@ WAYS = [("auto", "auto"), ("dop853", "scalar"), ("dop853", "llvm"), ("radau", "a
 
 def wheel(friction, inertia=1 / 3, mass=1.0, cm=0.0, gravity=0.0):
     """One link on a pin, its inertia [kg m2] about that."""
-    g = bm.Graph("wheel", gravity=(0.0, -gravity))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     link = bm.Link(mass=mass, inertia=inertia - mass * cm**2, cm=(cm, 0.0))
-    g.add("crank", bm.Crank(length=1.0, links={"crank": link}, friction={"A": friction}))
-    g.connect("frame.A", "crank.A")
-    return g
+    return machines.crank(1.0, link, friction, gravity=gravity)
 
 
 def pendulum(friction):
@@ -163,19 +160,11 @@ CURVE = bm.friction.Stribeck(static=0.3, kinetic=0.15, stribeck_speed=0.03, visc
 
 def slider():
     """A slider on a rough floor; its spring's other end is pulled along, as a force of time."""
-    g = bm.Graph("stick-slip", gravity=(0.0, -G))
-    g.add("frame", bm.Frame(markers={"O": bm.Marker(at=(0.0, 0.0), angle=0.0), "W": (-1.0, 0.0)}))
-    block = bm.Link(mass=MASS, inertia=0.1)
-    g.add("block", bm.SlideDrive(links={"slider": block}, friction={"S": CURVE}))
-    g.connect("frame.O", "block.S")
-    for name, line in (
-        ("spring", {"of": "coordinate", "coefficients": [STIFF, -STIFF]}),
-        ("pull", {"of": "time", "coefficients": [0.0, STIFF * PULLED]}),
-    ):
-        g.add(name, bm.Thrust(law={"kind": "polynomial", **line}))
-        g.connect("frame.W", f"{name}.a")
-        g.connect("block.slider", f"{name}.b")
-    return g.compile()
+    lines = {
+        "spring": {"of": "coordinate", "coefficients": [STIFF, -STIFF]},
+        "pull": {"of": "time", "coefficients": [0.0, STIFF * PULLED]},
+    }
+    return machines.pulled(bm.Link(mass=MASS, inertia=0.1), CURVE, lines, gravity=G).compile()
 
 
 def sticking_and_slipping(t_end):

@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 import blockmech as bm
 from blockmech.analysis.deflections import Course
+from tests import machines
 from tests.dynamics.test_friction_laws import HANGING, G, pendulum, wheel
 from tests.gallery import changed, document
 from tests.independent.kept import kept
@@ -176,21 +177,10 @@ def test_stiff_bristles_are_integrated_by_a_stiff_method_and_tend_to_stribecks_l
 
 def block(law, spring=0.0, pull=None):
     """1 kg on a rough floor, on a spring [N/m] or pulled by a force of time."""
-    g = bm.Graph("block", gravity=(0.0, -G))
-    g.add("frame", bm.Frame(markers={"O": bm.Marker(at=(0.0, 0.0), angle=0.0), "W": (-1.0, 0.0)}))
-    link = bm.Link(mass=1.0, inertia=0.1)
-    g.add("block", bm.SlideDrive(links={"slider": link}, friction={"S": law}))
-    g.connect("frame.O", "block.S")
-    lines = {
-        "spring": {"kind": "polynomial", "of": "coordinate", "coefficients": [spring, -spring]}
-    }
+    lines = {"spring": {"of": "coordinate", "coefficients": [spring, -spring]}}
     if pull is not None:
         lines["pull"] = pull
-    for name, line in lines.items():
-        g.add(name, bm.Thrust(law=line))
-        g.connect("frame.W", f"{name}.a")
-        g.connect("block.slider", f"{name}.b")
-    return g.compile()
+    return machines.pulled(bm.Link(mass=1.0, inertia=0.1), law, lines, gravity=G).compile()
 
 
 def test_what_friction_takes_is_heat_and_what_the_bristles_store():
@@ -293,13 +283,9 @@ def test_a_harmonic_motion_has_the_periodic_deflection():
 
 
 def driven(law, motion):
-    g = bm.Graph("wheel", gravity=(0.0, -G))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    link = bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))
-    g.add("crank", bm.Crank(length=1.0, links={"crank": link}, friction={"A": law}))
-    g.connect("frame.A", "crank.A")
-    g.drive("crank", motion)
-    return g.compile()
+    graph = machines.crank(1.0, machines.bar(1.0, 1.0), law, gravity=G)
+    graph.drive("crank", motion)
+    return graph.compile()
 
 
 def test_a_motion_that_does_not_repeat_itself_begins_with_straight_bristles():

@@ -12,6 +12,7 @@ import blockmech as bm
 from blockmech.dynamics import simulation
 from blockmech.dynamics.contacts import pushing
 from blockmech.ground.errors import GraphError, RequestError
+from tests import machines
 from tests.gallery import GRAPHS
 from tests.independent import newton
 from tests.independent.bouncing import hammer
@@ -19,22 +20,16 @@ from tests.independent.bouncing import hammer
 J, TAU, E, W = 0.05, 2.0, 0.6, 30.0
 
 
-def flywheel(restitution=E, moment=TAU, **load):
+def flywheel(restitution=E, moment=TAU, **motor):
     """A wheel that a moment turns against its upper stop."""
-    g = bm.Graph("wheel")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    g.add("crank", bm.Crank(links={"crank": bm.Link(inertia=J)}))
-    g.connect("frame.A", "crank.A")
-    if load:
-        g.add("push", bm.Motor(**load))
-        g.connect("frame.A", "push.a")
-        g.connect("crank.crank", "push.b")
+    graph = machines.crank(body=bm.Link(inertia=J))
+    if motor:
+        machines.load(graph, "push", bm.Motor(**motor), a="frame.A", b="crank.crank")
     else:
-        g.add("push", bm.Couple(moment=moment))
-        g.connect("crank.crank", "push.on")
-    g.add_stop("crank", high=2.0, restitution=restitution)
-    g.start("crank", q=2.0, rate=-W)
-    return g
+        machines.load(graph, "push", bm.Couple(moment=moment), on="crank.crank")
+    graph.add_stop("crank", high=2.0, restitution=restitution)
+    graph.start("crank", q=2.0, rate=-W)
+    return graph
 
 
 @pytest.mark.parametrize(
@@ -142,24 +137,13 @@ def test_a_mirrored_wheel_bounces_as_its_image():
 
 def five_bar():
     """Two heavy cranks and a dyad, of which either crank may strike."""
-    g = bm.Graph("five", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (2.0, 0.0)}))
-    heavy = {"crank": bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.1))}
-    g.add("left", bm.Crank(length=1.0, links=heavy))
-    g.add("right", bm.Crank(length=1.0, links=heavy))
-    rods = {n: bm.Link(mass=1.5, inertia=0.5, cm=(1.0, 0.2)) for n in "ij"}
-    g.add("dyad", bm.RRR(l_i=2.0, l_j=2.0, branch=1, links=rods))
-    for source, end in (
-        ("frame.A", "left.A"),
-        ("frame.E", "right.A"),
-        ("left.B", "dyad.B"),
-        ("right.B", "dyad.D"),
-    ):
-        g.connect(source, end)
-    g.start("left", q=1.2, rate=0.5)
-    g.start("right", q=2.2, rate=1.5)
-    g.add_stop("right", high=2.6, restitution=0.4)
-    return g
+    heavy = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.1))
+    rod = bm.Link(mass=1.5, inertia=0.5, cm=(1.0, 0.2))
+    graph = machines.fivebar(1.0, 2.0, 2.0, [heavy, heavy, rod, rod], gravity=9.81)
+    graph.start("left", q=1.2, rate=0.5)
+    graph.start("right", q=2.2, rate=1.5)
+    graph.add_stop("right", high=2.6, restitution=0.4)
+    return graph
 
 
 def poses(q):

@@ -12,6 +12,7 @@ from blockmech.dynamics import integration
 from blockmech.dynamics.motion_outputs import result_in_chart
 from blockmech.dynamics.request import Until, Watch
 from blockmech.ground.errors import RequestError
+from tests import machines
 from tests.dynamics import scenes
 from tests.dynamics.one_chart import in_one_chart
 from tests.dynamics.scenes import at_rest, motor, of_rate, rod
@@ -136,15 +137,8 @@ def test_a_goal_ahead_of_a_steady_rotation_is_reached(until):
 
 def short_rod():
     """A slider-crank whose rod is too short for a whole turn."""
-    graph = bm.Graph("short_rod")
-    graph.add("frame", bm.Frame(markers={"O": (0, 0), "G": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
-    crank = bm.Link(mass=1.0, inertia=0.02, cm=(0.0, 0.0))
-    graph.add("crank", bm.Crank(length=0.12, links={"crank": crank}))
-    piston = bm.Link(mass=1.1, inertia=0.01, cm=(0.0, 0.0))
-    graph.add("dyad", bm.RRP(l=0.1, h=0.0, branch=1, links={"j": piston}))
-    for a, b in (("frame.O", "crank.A"), ("crank.B", "dyad.B"), ("frame.G", "dyad.S")):
-        graph.connect(a, b)
-    return graph.compile()
+    crank, piston = bm.Link(mass=1.0, inertia=0.02), bm.Link(mass=1.1, inertia=0.01)
+    return machines.slider_crank(0.12, 0.1, bodies=[crank, None, piston], branch=1).compile()
 
 
 def test_in_a_dead_centre_itself_no_rates_or_forces_are_handed_out():

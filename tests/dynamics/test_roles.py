@@ -7,6 +7,7 @@ import pytest
 
 import blockmech as bm
 from blockmech import laws, signals
+from tests import machines
 
 SINE = bm.motion.Harmonic(amplitude=1.0, frequency=0.7)
 CYCLOID = bm.motion.Cycloidal(start=0.0, end=1.0, time=1.0)
@@ -16,20 +17,15 @@ FINE = np.linspace(0.0, 1.2, 601)
 
 def arm(law=None, friction=(0.0, 0.0), b=0.3, gravity=9.81, stop=None):
     """An arm on an arm, each 1 m, 1 kg, 0.1 kg m2 about its centre at 0.5 m."""
-    g = bm.Graph("arms", gravity=(0.0, -gravity))
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
-    for name, mu in zip("ab", friction, strict=True):
-        link = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
-        rub = {"A": bm.friction.Coulomb(coefficient=mu, radius=0.05)} if mu else {}
-        g.add(name, bm.Crank(length=1.0, links={"crank": link}, friction=rub))
-    g.connect("frame.O", "a.A")
-    g.connect("a.B", "b.A")
+    link = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
+    pins = [bm.friction.Coulomb(coefficient=mu, radius=0.05) if mu else None for mu in friction]
+    graph = machines.arms({"a": 1.0, "b": 1.0}, [link, link], pins, gravity=gravity)
     if law is not None:
-        g.drive("a", law)
-    g.start("b", q=b)
+        graph.drive("a", law)
+    graph.start("b", q=b)
     if stop is not None:
-        g.add_stop("b", *stop)
-    return g
+        graph.add_stop("b", *stop)
+    return graph
 
 
 def energy(r):
@@ -335,13 +331,12 @@ def test_a_motion_ends_where_a_law_does():
 
 
 def driven():
-    g = arm(SINE, (0.0, 0.1))
-    g.add("motor", bm.Motor(law=laws.Signal()))
-    g.add("moment", signals.Input())
-    for wire in ("a.B motor.a", "b.crank motor.b", "moment.y motor.law"):
-        g.connect(*wire.split())
-    g.prescribe("a")
-    return g.compile()
+    graph = arm(SINE, (0.0, 0.1))
+    machines.load(graph, "motor", bm.Motor(law=laws.Signal()), a="a.B", b="b.crank")
+    graph.add("moment", signals.Input())
+    graph.connect("moment.y", "motor.law")
+    graph.prescribe("a")
+    return graph.compile()
 
 
 def test_a_stepper_knows_the_roles_of_the_scene():

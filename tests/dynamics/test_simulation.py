@@ -16,10 +16,10 @@ import blockmech as bm
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.errors import RequestError
-from tests.analysis.linkages import fourbar
 from tests.dynamics import machines, scenes
 from tests.dynamics.one_chart import in_one_chart
 from tests.gallery import GRAPHS, mechanism
+from tests.machines import fourbar
 from tests.wiring import recorded
 
 TURN = 2 * math.pi

@@ -13,6 +13,7 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.patterns import affine_patterns, patterns
 from blockmech.ground.errors import RequestError
 from blockmech.plan.plan import Friction
+from tests import machines
 from tests.dynamics.motions import PIN_START
 from tests.gallery import changed, document
 
@@ -27,20 +28,13 @@ def coulomb(arm):
 
 def arm(upper=0.0, fore=0.0, law=None):
     """Two links of 1 kg at 0.5 m and 0.4 m in a row, friction arms [m] of their pins."""
-    g = bm.Graph("arm", gravity=(0.0, -G))
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
-    links = {"upper": (0.5, upper), "fore": (0.4, fore)}
-    for name, (length, friction) in links.items():
-        link = bm.Link(mass=1.0, inertia=0.02, cm=(length / 2, 0.0))
-        pin = {"A": coulomb(friction)} if friction else {}
-        g.add(name, bm.Crank(length=length, links={"crank": link}, friction=pin))
-    g.connect("frame.O", "upper.A")
-    g.connect("upper.B", "fore.A")
+    lengths = {"upper": 0.5, "fore": 0.4}
+    bodies = [bm.Link(mass=1.0, inertia=0.02, cm=(x / 2, 0.0)) for x in lengths.values()]
+    pins = [coulomb(length) if length else None for length in (upper, fore)]
+    graph = machines.arms(lengths, bodies, pins, gravity=G)
     if law is not None:
-        g.add("motor", bm.Motor(law=law))
-        g.connect("frame.O", "motor.a")
-        g.connect("upper.crank", "motor.b")
-    return g
+        machines.load(graph, "motor", bm.Motor(law=law), a="frame.A", b="upper.crank")
+    return graph
 
 
 def fivebar(arms):

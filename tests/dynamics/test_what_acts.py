@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from tests import machines
 
 G = 9.81
 LAWS = {
@@ -38,12 +39,9 @@ def other(graph):
 
 def pendulum(coefficient=0.2, beside=False, low=None, **start):
     """Mass 1 kg at 1 m, inertia 0.1 kg m2 about its centre, on a dry pin of 0.1 m."""
-    graph = bm.Graph("pendulum", gravity=(0.0, -G))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "H": (2.0, 0.0)}))
-    link, pin = bm.Link(mass=1.0, inertia=0.1, cm=(1.0, 0.0)), bm.friction.Coulomb
-    dry = {"A": pin(coefficient=coefficient, radius=0.1)}
-    graph.add("arm", bm.Crank(length=1.0, links={"crank": link}, friction=dry))
-    graph.connect("frame.A", "arm.A")
+    link = bm.Link(mass=1.0, inertia=0.1, cm=(1.0, 0.0))
+    dry = bm.friction.Coulomb(coefficient=coefficient, radius=0.1)
+    graph = machines.crank(1.0, link, dry, gravity=G, name="arm", H=(2.0, 0.0))
     graph.start("arm", **start)
     if low is not None:
         graph.add_stop("arm", low=low, restitution=0.0)
@@ -53,15 +51,13 @@ def pendulum(coefficient=0.2, beside=False, low=None, **start):
 def fourbar(beside=False, coefficient=3.0, q=1.0, coupler=2.5):
     """A heavy four-bar with dry pins, which its crank leaves at rest."""
     pin = bm.friction.Coulomb(coefficient=coefficient, radius=0.05)
-    graph = bm.Graph("fourbar", gravity=(0.0, -0.4))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (3.0, 0.0), "H": (5.0, 0.0)}))
-    bars = {n: bm.Link(mass=2.0, inertia=0.3, cm=(x, 0.1)) for n, x in (("i", 1.2), ("j", 0.9))}
-    crank = bm.Link(mass=1.0, inertia=0.1, cm=(0.02, 0.0))
-    graph.add("crank", bm.Crank(length=1.0, links={"crank": crank}, friction={"A": pin}))
-    every = dict.fromkeys("BCD", pin)
-    graph.add("d", bm.RRR(l_i=coupler, l_j=2.0, links=bars, friction=every))
-    for wire in ("frame.A crank.A", "crank.B d.B", "frame.D d.D"):
-        graph.connect(*wire.split())
+    bodies = [
+        bm.Link(mass=1.0, inertia=0.1, cm=(0.02, 0.0)),
+        bm.Link(mass=2.0, inertia=0.3, cm=(1.2, 0.1)),
+        bm.Link(mass=2.0, inertia=0.3, cm=(0.9, 0.1)),
+    ]
+    lengths = 1.0, coupler, 2.0, 3.0
+    graph = machines.fourbar(*lengths, bodies, pin, gravity=0.4, markers={"H": (5.0, 0.0)})
     graph.start("crank", q=q)
     return other(graph) if beside else graph.compile()
 
@@ -137,7 +133,7 @@ def test_a_pendulum_that_swings_out_has_no_drive_at_any_standstill_nor_at_rest()
 def test_four_bar_held_by_its_pins_shares_what_balance_leaves_open():
     mechanism = fourbar()
     result = mechanism.simulate("time=1", want="*")
-    pins = ("crank.A", "d.B", "d.C", "d.D")
+    pins = ("crank.A", "dyad.B", "dyad.C", "dyad.D")
     rubs = np.array([result[f"{pin}.friction"][-1] for pin in pins])
     limits = np.array([0.15 * abs(result[f"{pin}.reaction"][-1]) for pin in pins])
     assert result.motion.end in ("time", "rest")
@@ -157,7 +153,7 @@ MACHINES = {
         ["s.S.friction"],
     ),
     "pendulum": (lambda b: pendulum(beside=b, q=0.3), "arm", ["arm.A.friction"]),
-    "fourbar": (lambda b: fourbar(b), "crank", ["crank.A.friction", "d.C.friction"]),
+    "fourbar": (lambda b: fourbar(b), "crank", ["crank.A.friction", "dyad.C.friction"]),
 }
 
 
@@ -195,15 +191,8 @@ def test_a_pendulum_that_lies_against_a_stop_leaves_its_weight_to_it():
 
 def two_arms():
     """Two rods in a row on dry pins."""
-    graph = bm.Graph("arms", gravity=(0.0, -G))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    dry = {"A": bm.friction.Coulomb(coefficient=0.2, radius=0.05)}
-    for name, length in (("arm", 1.0), ("hand", 0.5)):
-        rod = bm.Link(mass=1.0, inertia=length**2 / 12, cm=(length / 2, 0.0))
-        graph.add(name, bm.Crank(length=length, links={"crank": rod}, friction=dry))
-    graph.connect("frame.A", "arm.A")
-    graph.connect("arm.B", "hand.A")
-    return graph.compile()
+    dry = bm.friction.Coulomb(coefficient=0.2, radius=0.05)
+    return machines.arms({"arm": 1.0, "hand": 0.5}, frictions=[dry, dry], gravity=G).compile()
 
 
 HANGING = -math.pi / 2

@@ -14,6 +14,7 @@ from mpmath import mp, mpf
 
 import blockmech as bm
 from blockmech import Graph
+from tests import machines
 from tests.gallery import GRAPHS
 
 DIGITS = 60
@@ -38,12 +39,8 @@ class Motion:
 
 def crank(mass: float = 1.0, arm: float = 1.0, gravity: float = GRAVITY) -> Graph:
     """A point mass on an arm [m]; it hangs at -pi/2."""
-    g = Graph("pendulum", gravity=(0.0, -gravity))
-    g.add("frame", bm.Frame(markers={"O": 0j}))
-    links = {"crank": bm.Link(mass=mass, inertia=0.0, cm=(arm, 0.0))}
-    g.add("crank", bm.Crank(length=arm, links=links))
-    g.connect("frame.O", "crank.A")
-    return g
+    point = bm.Link(mass=mass, inertia=0.0, cm=(arm, 0.0))
+    return machines.crank(arm, point, gravity=gravity)
 
 
 def slider(mass: float = 1.0) -> Graph:

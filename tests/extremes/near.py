@@ -14,7 +14,7 @@ from mpmath import mp, mpf
 
 import blockmech as bm
 from blockmech.ground.errors import BlockmechError
-from tests.machines import wire
+from tests import machines
 
 DIGITS = 60
 CRANK, ROD = 0.25, 0.5  # [m] of the parallelogram
@@ -54,12 +54,8 @@ class Cell:
 
 def parallelogram() -> Any:
     """A parallelogram whose dyad follows the motion; it is flat at 0 and pi."""
-    g = bm.Graph("parallelogram")
-    g.add("frame", bm.Frame(markers={"A": 0j, "D": complex(ROD, 0.0)}))
-    g.add("crank", bm.Crank(length=CRANK))
     home: Any = {"drivers": {"crank": math.pi / 2}, "branch": 1}
-    g.add("dyad", bm.RRR(l_i=ROD, l_j=CRANK, branch="follow", home=home))
-    return wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D").compile()
+    return machines.fourbar(CRANK, ROD, CRANK, ROD, branch="follow", home=home).compile()
 
 
 def short_crank(length: float) -> Any:

@@ -9,7 +9,8 @@ from typing import Any
 
 import blockmech as bm
 from blockmech import Graph
-from tests.machines import wire
+from tests import machines
+from tests.machines import bar, wire
 
 GAPS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-15)
 
@@ -32,20 +33,12 @@ class Scene:
     twin: Graph | None = None
 
 
-def _link(mass: float, length: float) -> bm.Link:
-    return bm.Link(mass=mass, inertia=mass * length**2 / 12, cm=(length / 2, 0.0))
-
-
 def fourbar(
     a: float, b: float, c: float, d: complex, masses: tuple[float, float, float] = (1, 2, 3)
 ) -> Graph:
     """A four-bar: crank a, coupler b, rocker c, fixed pivot at d [m]; masses [kg]."""
-    g = Graph("fourbar", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": 0j, "D": complex(d)}))
-    g.add("crank", bm.Crank(length=a, links={"crank": _link(masses[0], a)}))
-    links = {"i": _link(masses[1], b), "j": _link(masses[2], c)}
-    g.add("dyad", bm.RRR(l_i=b, l_j=c, links=links))
-    return wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
+    bodies = [bar(m, x) for m, x in zip(masses, (a, b, c), strict=True)]
+    return machines.fourbar(a, b, c, d, bodies, gravity=machines.G)
 
 
 def near_dead_centre() -> Iterator[Scene]:
@@ -85,7 +78,7 @@ def near_dead_centre_without_closed_form() -> Iterator[Scene]:
         for kind, reach in (("extended", 5.0 * (1 - gap)), ("folded", 1.0 * (1 + gap))):
             g = Graph("cylinder", gravity=(0.0, -9.81))
             g.add("frame", bm.Frame(markers={"B": 0j, "D": complex(reach)}))
-            links = {"rod": _link(1, 1.0), "j": _link(2, 2.0)}
+            links = {"rod": bar(1, 1.0), "j": bar(2, 2.0)}
             g.add("dyad", bm.Cylinder(l_j=2.0, links=links))
             g.connect("frame.B", "dyad.B")
             g.connect("frame.D", "dyad.D")
@@ -120,13 +113,13 @@ def near_tangent() -> Iterator[Scene]:
         precisions = ("complex128", "complex64") if gap >= 1e-4 else ("complex128",)
         reach = 2.0 * (1 - gap)  # of the guide line from joint B, the link being 2 m
         g = _with_crank(bm.Marker(at=complex(0.0, tip.imag - reach), angle=0.0), "G")
-        g.add("dyad", bm.RRP(l=2.0, h=0.0, links={"i": _link(1, 2.0), "j": _link(1, 0.2)}))
+        g.add("dyad", bm.RRP(l=2.0, h=0.0, links={"i": bar(1, 2.0), "j": bar(1, 0.2)}))
         g.connect("crank.B", "dyad.B")
         g.connect("frame.G", "dyad.S")
         yield Scene(f"RRP tangent, gap {gap:.0e}", g, {"crank": q}, {"crank": 2.0}, precisions)
         g = _with_crank(bm.Marker(at=tip + 2.0), "D")
         offset = 2.0 * (1 - gap)
-        g.add("dyad", bm.RPR(h_i=offset, h_j=0.0, links={"i": _link(1, 1.0), "j": _link(1, 1.0)}))
+        g.add("dyad", bm.RPR(h_i=offset, h_j=0.0, links={"i": bar(1, 1.0), "j": bar(1, 1.0)}))
         g.connect("crank.B", "dyad.B")
         g.connect("frame.D", "dyad.D")
         yield Scene(f"RPR tangent, gap {gap:.0e}", g, {"crank": q}, {"crank": 2.0}, precisions)
@@ -136,7 +129,7 @@ def near_parallel() -> Iterator[Scene]:
     """PRP and RPP whose guides are nearly parallel."""
     for gap in (1e-2, 1e-4, 1e-6, 1e-8):
         precisions = ("complex128", "complex64") if gap >= 1e-4 else ("complex128",)
-        links = {"i": _link(1, 0.3), "j": _link(1, 0.3)}
+        links = {"i": bar(1, 0.3), "j": bar(1, 0.3)}
         g = _with_crank(bm.Marker(at=0.2 + 0.1j, angle=1.2 + gap), "G")
         g.add("dyad", bm.PRP(h1=0.0, h2=0.1, links=links))
         g.blocks["crank"] = bm.Crank(
@@ -154,11 +147,7 @@ def near_parallel() -> Iterator[Scene]:
 
 
 def _with_crank(marker: bm.Marker, name: str) -> Graph:
-    g = Graph("edge", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": 0j, name: marker}))
-    g.add("crank", bm.Crank(length=1.0, links={"crank": _link(1, 1.0)}))
-    g.connect("frame.A", "crank.A")
-    return g
+    return machines.crank(1.0, bar(1.0, 1.0), gravity=machines.G, **{name: marker})
 
 
 def sizes_and_ratios() -> Iterator[Scene]:
@@ -190,7 +179,7 @@ def sliding(kind: str, size: float = 1.0, mass: float = 1.0, inner: float = 1.0)
     slot = {"g": bm.Marker(at=size * (0.8 + 0.1j), angle=1.4)}
     arm = bm.Link(mass=1.0, inertia=size**2 / 12, cm=(size / 2, 0.0), markers=slot)
     g.add("crank", bm.Crank(length=size, links={"crank": arm}))
-    links = {"i": _link(inner, size), "j": _link(mass, size / 2)}
+    links = {"i": bar(inner, size), "j": bar(mass, size / 2)}
     made: dict[str, Any] = {
         "rrp": (bm.RRP, {"l": 2 * size, "h": 0.1 * size}, ("crank.B d.B", "frame.G d.S")),
         "rpr": (bm.RPR, {"h_i": 0.1 * size, "h_j": -0.2 * size}, ("crank.B d.B", "frame.D d.D")),
@@ -228,7 +217,7 @@ def massless_and_coincident() -> Iterator[Scene]:
     graph = fourbar(1.0, 3.0, 2.5, 3.5, (0.0, 0.0, 1.0))
     yield Scene("massless crank and coupler", graph, {"crank": 0.9}, {"crank": 2.0})
     g = fourbar(1.0, 3.0, 2.5, 3.5)
-    g.add("second", bm.RRR(l_i=2.0, l_j=1.5, links={"i": _link(1.0, 2.0), "j": _link(1.0, 1.5)}))
+    g.add("second", bm.RRR(l_i=2.0, l_j=1.5, links={"i": bar(1.0, 2.0), "j": bar(1.0, 1.5)}))
     g.connect("crank.B", "second.B")  # a pin of three links
     g.connect("dyad.j", "second.D")  # on the rocker's own pivot
     yield Scene("multiple pin, marker on a pivot", g, {"crank": 0.9}, {"crank": 2.0})

@@ -30,9 +30,9 @@ def test_the_bound_of_an_iteration_holds(name, radius):
     how, allowed = HOW[name]
     mech, joints = four_bar(radius), [f"dyad.{x}.friction" for x in "BCD"]
     exact, found = mech.run(samples=90), mech.run(samples=90, **how)
-    wanted = np.array([exact[j] for j in joints])
-    off = np.abs(np.array([found[j] for j in joints]) - wanted).max(axis=0)
-    true = off / np.abs(wanted).max(axis=0)
+    expected = np.array([exact[j] for j in joints])
+    off = np.abs(np.array([found[j] for j in joints]) - expected).max(axis=0)
+    true = off / np.abs(expected).max(axis=0)
     quality = found.quality
     bound = left_undone(quality.residual["dyad"], quality.contraction["dyad"])
     assert (true <= allowed * bound + 1e-15).all()

@@ -44,12 +44,12 @@ def brute_force(kind, arm, guide_length):
 def test_every_solution_is_one_and_none_is_missing(kind, guide_length, arm):
     groups = ten_groups(kind, arm, guide_length)
     found = enumerated(groups)
-    wanted = [np.array(t) for t in brute_force(kind, arm, guide_length)]
+    expected = [np.array(t) for t in brute_force(kind, arm, guide_length)]
     F = groups.base[found.system] + np.einsum("sjm,sm->sj", groups.rows[found.system], found.t)
     load = dyads.norms(groups, F)
     off = np.abs(found.t / groups.k[found.system] - load)
     assert (off.max(axis=1) <= 1e-9 * load.max(axis=1)).all()
-    for i, judged in enumerate(wanted):
+    for i, judged in enumerate(expected):
         mine = found.t[found.system == i]
         assert len(mine) == len(judged), i
         for t in judged:
@@ -69,8 +69,8 @@ def test_pins_have_the_solutions_of_a_polynomial_of_degree_eight(arm):
     groups = dyads.random_groups("RRR", 60, arm, np.random.default_rng(7))
     found = enumerated(groups)
     for i in range(60):
-        wanted = degree_eight.solutions(groups.k[i], groups.base[i], groups.rows[i])
-        assert np.sum(found.system == i) == len(wanted), i
+        expected = degree_eight.solutions(groups.k[i], groups.base[i], groups.rows[i])
+        assert np.sum(found.system == i) == len(expected), i
 
 
 @pytest.mark.parametrize(("kind", "guide_length"), KINDS)
@@ -91,10 +91,12 @@ def test_a_lever_has_the_roots_of_a_quadratic():
     k, f, R = 2.0, 10 + 3j, -1 + 0j
     a, b, c = 1 - k * k, k * k * -10.0, k * k * abs(f) ** 2
     root = np.sqrt(b * b + a * c + 0j)
-    wanted = sorted(x.real for x in ((b + root) / a, (b - root) / a) if x.imag == 0 and x.real > 0)
+    expected = sorted(
+        x.real for x in ((b + root) / a, (b - root) / a) if x.imag == 0 and x.real > 0
+    )
     groups = np.array([[k]]), np.array([[f]]), np.array([[[R]]]), (0,)
     found = enumeration.enumerated(*groups)
-    assert sorted(found.t[:, 0]) == pytest.approx(wanted, rel=1e-12)
+    assert sorted(found.t[:, 0]) == pytest.approx(expected, rel=1e-12)
     assert found.complete.all()
 
 

@@ -75,9 +75,9 @@ def test_an_arc_that_folds_twice_is_followed_to_its_end():
         twice = np.flatnonzero((c < 1) & (before.outcome == Outcome.FOLD))
         folded += len(twice)
         for i in twice:
-            wanted = dyads.brute_force(groups.of([i]), 2000, np.random.default_rng(3))[0]
+            expected = dyads.brute_force(groups.of([i]), 2000, np.random.default_rng(3))[0]
             t = np.array([x[i] for x in after.t])
-            assert (np.abs(wanted - t).max(axis=1) <= 1e-8 * np.abs(t).max()).any()
+            assert (np.abs(expected - t).max(axis=1) <= 1e-8 * np.abs(t).max()).any()
     assert folded >= 3
 
 
@@ -101,9 +101,9 @@ def test_reactions_of_the_papers_linkage_grow_without_bound_at_one():
     """At 5.78 rad the friction arm at which they do is known: 0.8277 m."""
     limit = 0.8277
     for factor in (0.3, 0.8):
-        found = ruiz(radius=factor / 0.4).compile().run(at=5.78)
-        assert found.quality.existence["dyad"][0] == pytest.approx(factor / limit, rel=1e-4)
-        assert found["dyad.existence"][0] == found.quality.existence["dyad"][0]
+        result = ruiz(radius=factor / 0.4).compile().run(at=5.78)
+        assert result.quality.existence["dyad"][0] == pytest.approx(factor / limit, rel=1e-4)
+        assert result["dyad.existence"][0] == result.quality.existence["dyad"][0]
 
 
 @pytest.mark.parametrize(

@@ -292,8 +292,8 @@ def test_derivatives_by_the_numbers_of_a_law(key):
     law = {"law": "stribeck", **STRIBECK, "exponent": 1.7, **PIN}
     mech = bm.Graph.from_data(four_bar(law)).compile()
     address = f"dyad.friction.C.{key}"
-    found = mech.sensitivity(at=[1.0, 2.0], rates=0.4, to=[address], want="crank.drive")
-    slope = found["crank.drive", address]
+    sensitivity = mech.sensitivity(at=[1.0, 2.0], rates=0.4, to=[address], want="crank.drive")
+    slope = sensitivity["crank.drive", address]
     h = 1e-4 * mech.parameters()[address].value
 
     def drive(shift):
@@ -305,8 +305,8 @@ def test_derivatives_by_the_numbers_of_a_law(key):
             .run(at=[1.0, 2.0], rates=0.4, want="crank.drive")["crank.drive"]
         )
 
-    wanted = (8 * (drive(h) - drive(-h)) - (drive(2 * h) - drive(-2 * h))) / (12 * h)
-    assert np.abs(slope - wanted).max() <= 1e-7 * np.abs(wanted).max()
+    expected = (8 * (drive(h) - drive(-h)) - (drive(2 * h) - drive(-2 * h))) / (12 * h)
+    assert np.abs(slope - expected).max() <= 1e-7 * np.abs(expected).max()
 
 
 # The four-bar of [R10] at 10 rad/s, fc 0.3, fs 0.5, ws 2 rad/s, exponent 2, f2 0.001 s/rad in pins

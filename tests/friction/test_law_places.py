@@ -52,9 +52,9 @@ def test_a_law_holds_in_every_place(name):
     rows = [linkage.replace({address: y}).run(times=TIMES, want=DRIVE)[DRIVE] for y in near]
     slope = np.dot([1, -8, 8, -1], rows) / (12e-4 * x)
     assert np.abs(exact[DRIVE, address] - slope).max() * x <= 1e-7 * np.abs(run).max()
-    kept = mech.study({address: near[:2]}, want=f"poses({DRIVE})", times=TIMES)
-    assert kept[f"poses({DRIVE})"] == pytest.approx(np.array(rows[:2]), abs=1e-10)
-    assert mech.verify(kept).ok
+    study = mech.study({address: near[:2]}, want=f"poses({DRIVE})", times=TIMES)
+    assert study[f"poses({DRIVE})"] == pytest.approx(np.array(rows[:2]), abs=1e-10)
+    assert mech.verify(study).ok
     # a short motion, and what stands beside it
     moved = mech.simulate("time=0.002", start={"motor": (0.7, 9.0)}, want=(), accuracy=1e-8)
     assert moved.motion.reached

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.ground.values import Marker
+from tests import machines
 from tests.blocks.twin import Twin
-from tests.machines import COEFFICIENT, ruiz, wire
+from tests.machines import COEFFICIENT, ruiz
 from tests.wiring import EPS, off
 
 FORCES = 1e-11  # [-] near the limit the condition of the friction equations is below 100
@@ -106,14 +106,14 @@ def test_just_below_a_limit_the_answer_lies_on_the_branch_from_zero_friction(q, 
     assert codes == [kind]
     for below in (1e-2, 4e-4, 1e-5, 1e-8):
         mech = rough(limit * (1 - below))
-        found = mech.run(at=q)
-        above = bool(found.quality.existence["dyad"][0] > 1)
+        result = mech.run(at=q)
+        above = bool(result.quality.existence["dyad"][0] > 1)
         assert above == (kind == "fold") or (kind == "fold" and below > 1e-4)
         other = ["other-solutions"] * above  # the one that it meets in the fold
-        assert [f.code for f in found.quality.flags] == ["by-continuation", *other]
-        wanted = Twin(mech).judge([q], [10.0], [0.0]).forces.drivers["crank"]
+        assert [f.code for f in result.quality.flags] == ["by-continuation", *other]
+        expected = Twin(mech).judge([q], [10.0], [0.0]).forces.drivers["crank"]
         # the factor's rounding, over its distance from the limit
-        assert abs(found["crank.drive"][0] - wanted) <= abs(wanted) * 10 * EPS / below
+        assert abs(result["crank.drive"][0] - expected) <= abs(expected) * 10 * EPS / below
 
 
 def test_certified_samples_carry_no_flag_and_a_contraction_below_one():
@@ -131,19 +131,19 @@ def test_successive_approximations_agree_with_continuation_or_say_that_they_fail
     for factor in (0.3, 0.7, 0.85, 1.0, 1.2, 1.44, 2.0):
         mech = rough(factor)
         exact = mech.run(at=at, on_gap="mark")
-        found = mech.run(at=at, on_gap="mark", friction=bm.friction.Successive(tolerance=STOP))
+        result = mech.run(at=at, on_gap="mark", friction=bm.friction.Successive(tolerance=STOP))
         for k in range(len(at)):
-            how = found.quality.status[k]
+            how = result.quality.status[k]
             seen[exact.quality.status[k], how] += 1
             if exact.quality.status[k] != "ok":
                 assert how == exact.quality.status[k]
             if how != "ok":
-                assert np.isnan(found["crank.drive"][k])
+                assert np.isnan(result["crank.drive"][k])
                 continue
-            rho = min(found.quality.contraction["dyad"][k], 1 - 1e-9)
+            rho = min(result.quality.contraction["dyad"][k], 1 - 1e-9)
             reach = STOP * max(1.0, rho / (1 - rho))
             for pin in PINS:
-                mine, best = (abs(x[f"dyad.{pin}.reaction"][k]) for x in (found, exact))
+                mine, best = (abs(x[f"dyad.{pin}.reaction"][k]) for x in (result, exact))
                 # the contraction is observed at the end: it may still have grown a little
                 assert abs(mine - best) <= 10 * reach + FORCES * best
     assert seen["ok", "ok"] > 50
@@ -166,17 +166,17 @@ def test_an_unfinished_iteration_is_an_answer_only_where_its_bound_says_so(setti
     for factor in (0.01, 0.3, 0.8, 1.5):
         mech = rough(factor)
         exact = mech.run(at=at, on_gap="mark")
-        found = mech.run(at=at, on_gap="mark", **settings)
-        for k, how in enumerate(found.quality.status):
+        result = mech.run(at=at, on_gap="mark", **settings)
+        for k, how in enumerate(result.quality.status):
             if how == "ok":
                 answers += 1
                 P = exact.quality.contraction["dyad"][k]
-                bound = found.quality.residual["dyad"][k] / (1 - P)
+                bound = result.quality.residual["dyad"][k] / (1 - P)
                 assert P < 1
                 assert bound < 1
                 mine, best = (
                     np.array([abs(x[f"dyad.{pin}.friction"][k]) for pin in PINS])
-                    for x in (found, exact)
+                    for x in (result, exact)
                 )
                 assert np.abs(mine - best).max() <= 2 * bound * mine.max()  # P is no norm
             elif exact.quality.status[k] == "ok":
@@ -189,16 +189,16 @@ def test_films_without_a_certificate_are_told_from_iterations_that_fail(friction
     film = {"viscosity": 0.05, "radius": 0.02, "length": 0.02, "clearance": 2e-5}
     table = {"sommerfeld": [0.0, 0.1, 1.0], "friction_variable": [9e4, 3.0, 20.0]}
     g = slider_crank(0.1)
-    g.blocks["rod"] = bm.RRP(
+    g.blocks["dyad"] = bm.RRP(
         l=2.0, h=0.0, friction={"C": bm.friction.Hydrodynamic(**film, **table)}
     )
     run = g.compile().run
     marked = run(at=1.0, rates=50.0, friction=friction, on_gap="mark")
-    certificate = marked.quality.contraction["rod"][0]
+    certificate = marked.quality.contraction["dyad"][0]
     assert certificate >= 1
     with pytest.raises(bm.FrictionError, match="no proof that there is one solution") as caught:
         run(at=1.0, rates=50.0, friction=friction)
-    why = "friction of rod.C is not linear in the load"
+    why = "friction of dyad.C is not linear in the load"
     assert f"{why}, certificate {certificate:.4g}" in str(caught.value)
     g.blocks["crank"] = bm.Crank(length=1.0, links={"crank": bm.Link(inertia=2.0)})
     motion = g.compile().simulate("time=0.1", start={"crank": (1.0, 50.0)}, friction=friction)
@@ -210,15 +210,9 @@ def test_films_without_a_certificate_are_told_from_iterations_that_fail(friction
 
 
 def slider_crank(mu, guide_length=None, height=0.0):
-    g = bm.Graph("slider_crank")
-    markers = {"O": Marker(at=(0.0, 0.0)), "G": Marker(at=(0.0, height), angle=0.0)}
-    g.add("frame", bm.Frame(markers=markers))
-    g.add("crank", bm.Crank(length=1.0))
     law = bm.friction.Coulomb(coefficient=mu, guide_length=guide_length)
-    g.add("rod", bm.RRP(l=2.0, h=0.0, friction={"S": law}))
-    g.add("push", bm.Force(force=(-100.0, 0.0)))
-    wire(g, "frame.O crank.A", "crank.B rod.B", "frame.G rod.S", "rod.j push.at")
-    return g
+    graph = machines.slider_crank(1.0, 2.0, height, friction={"S": law})
+    return machines.load(graph, "push", bm.Force(force=(-100.0, 0.0)), at="dyad.j")
 
 
 def test_slider_jams_where_the_rod_stands_within_the_friction_angle():
@@ -229,7 +223,7 @@ def test_slider_jams_where_the_rod_stands_within_the_friction_angle():
     for mu, status in ((limit * (1 - 1e-6), "ok"), (limit * (1 + 1e-6), "jammed")):
         for rate in (1.0, -1.0):
             r = slider_crank(mu).run(at=at, rates=rate, on_gap="mark")
-            pushed = r["rod.S.slip"][0] > 0  # against the load, which points to -x
+            pushed = r["dyad.S.slip"][0] > 0  # against the load, which points to -x
             assert r.quality.status == ((status,) if pushed else ("ok",))
     r = slider_crank(2 * limit).run(at=at, rates=-1.0, on_gap="mark")
     (flag,) = r.quality.flags
@@ -237,5 +231,5 @@ def test_slider_jams_where_the_rod_stands_within_the_friction_angle():
 
 
 def test_jammed_slider_raises_a_friction_error_with_the_reach():
-    with pytest.raises(bm.FrictionError, match=r"\[jammed\] rod at .*solvable up to 0\.\d+ times"):
+    with pytest.raises(bm.FrictionError, match=r"\[jammed\] dyad at .*solvable up to 0\.\d+ times"):
         slider_crank(5.0).run(at=2.0, rates=-1.0)

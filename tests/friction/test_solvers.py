@@ -33,8 +33,8 @@ places = st.complex_numbers(min_magnitude=0.1, max_magnitude=1.0)
 @given(k=factors, f=st.complex_numbers(min_magnitude=1.0, max_magnitude=1e4), influence=places)
 def test_newton_solves_the_lever_in_closed_form(k, f, influence):
     found = solvers.newton((k,), REVOLUTE, (f,), ((influence,),))
-    wanted = lever(k, f, influence)
-    assert abs(found.t[0] - wanted) <= ROUNDING * abs(wanted) / (1 - abs(k * influence)) ** 2
+    expected = lever(k, f, influence)
+    assert abs(found.t[0] - expected) <= ROUNDING * abs(expected) / (1 - abs(k * influence)) ** 2
     assert found.outcome == Outcome.CERTIFIED
     assert found.contraction == pytest.approx(abs(k * influence), rel=1e-12)
 
@@ -55,9 +55,9 @@ def test_successive_approximations_stop_within_the_bound_of_the_contraction(k, f
 @given(k=factors, f=st.complex_numbers(min_magnitude=1.0, max_magnitude=1e4), influence=places)
 def test_continuation_finds_the_root_that_newton_certifies(k, f, influence):
     path = continue_from_zero((k,), REVOLUTE, (f,), ((influence,),))
-    wanted = lever(k, f, influence)
+    expected = lever(k, f, influence)
     assert path.outcome == Outcome.BY_CONTINUATION
-    assert abs(path.t[0] - wanted) <= ROUNDING * abs(wanted) / (1 - abs(k * influence)) ** 2
+    assert abs(path.t[0] - expected) <= ROUNDING * abs(expected) / (1 - abs(k * influence)) ** 2
 
 
 def test_successive_approximations_are_the_papers_recurrence():
@@ -156,9 +156,9 @@ def test_impossible_sample_is_left_alone_whatever_its_factors():
     nan = complex("nan+nanj")
     for k in (0.1, 5.0):
         for solve, more in ((solvers.newton, ()), (solvers.successive, (1e-3, None))):
-            found = solve((k,), REVOLUTE, (nan,), ((1 + 0j,),), *more)
-            assert math.isnan(found.t[0])
-            assert not found.outcome > 0
+            solution = solve((k,), REVOLUTE, (nan,), ((1 + 0j,),), *more)
+            assert math.isnan(solution.t[0])
+            assert not solution.outcome > 0
 
 
 def test_guide_with_edges_is_pressed_by_the_larger_of_force_and_couple():

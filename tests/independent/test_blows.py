@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from tests import machines
 from tests.independent.blows import (
     CENTRE,
     GUIDE,
@@ -23,23 +24,17 @@ from tests.independent.blows import (
 )
 
 E = 0.4
-STOPS = {"rod.S.coordinate": {"high": 0.38}, "rod.C.coordinate": {"low": 0.1, "high": 0.3}}
+STOPS = {"dyad.S.coordinate": {"high": 0.38}, "dyad.C.coordinate": {"low": 0.1, "high": 0.3}}
 
 
 def machine(name, restitution=E, **bounds):
-    crank, rod, slider = (
-        bm.Link(mass=m, inertia=j, cm=c) for m, j, c in zip(MASS, INERTIA, CENTRE, strict=True)
-    )
-    g = bm.Graph("slider crank")
-    g.add("frame", bm.Frame(markers={"A": (0, 0), "G": {"at": (0, GUIDE), "angle": 0.0}}))
-    g.add("crank", bm.Crank(length=R, links={"crank": crank}))
-    g.add("rod", bm.RRP(l=L, links={"i": rod, "j": slider}))
-    g.add("moment", bm.Couple(moment=-3.0))
-    for ends in ("frame.A crank.A", "crank.B rod.B", "frame.G rod.S", "crank.crank moment.on"):
-        g.connect(*ends.split())
-    g.start("crank", q=1.2)
-    g.add_stop(name, restitution=restitution, **bounds)
-    return g
+    rows = zip(MASS, INERTIA, CENTRE, strict=True)
+    bodies = [bm.Link(mass=m, inertia=j, cm=c) for m, j, c in rows]
+    graph = machines.slider_crank(R, L, GUIDE, bodies)
+    machines.load(graph, "moment", bm.Couple(moment=-3.0), on="crank.crank")
+    graph.start("crank", q=1.2)
+    graph.add_stop(name, restitution=restitution, **bounds)
+    return graph
 
 
 @pytest.mark.parametrize("method", ["energy", "dop853"])
@@ -50,22 +45,22 @@ def test_impulses_of_a_stop_of_a_slider_or_a_pin_are_those_of_momentum(name, met
     blow = motion.impacts[0]
     place = mech.run(at=blow.q, want=[name])[name][0]
     assert min(abs(place - x) for x in STOPS[name].values()) < 1e-13
-    wanted = slider_crank_blow(blow.q[0], blow.before[0], E, pin=name.startswith("rod.C"))
+    wanted = slider_crank_blow(blow.q[0], blow.before[0], E, pin=name.startswith("dyad.C"))
     found = mech.impulses(blow)
     size = abs(wanted["P"])
     assert blow.driver == name
     assert blow.impulse == pytest.approx(wanted["P"], rel=1e-9)
     assert blow.after[0] - blow.before[0] == pytest.approx(wanted["jump"], rel=1e-9)
-    pairs = {"crank.A": "A", "rod.B": "B", "rod.C": "C"}
+    pairs = {"crank.A": "A", "dyad.B": "B", "dyad.C": "C"}
     for pair, key in pairs.items():
         assert abs(found[f"{pair}.reaction"] - wanted[key]) <= 1e-9 * size, pair
-    assert found["rod.S.N"] == pytest.approx(wanted["N"], abs=1e-9 * size)
-    assert found["rod.S.C"] == pytest.approx(wanted["C_guide"], abs=1e-9 * size)
+    assert found["dyad.S.N"] == pytest.approx(wanted["N"], abs=1e-9 * size)
+    assert found["dyad.S.C"] == pytest.approx(wanted["C_guide"], abs=1e-9 * size)
     assert abs(found["crank.drive"]) <= 1e-12 * size
 
 
 def test_path_and_time_agree_on_a_stop_of_a_slider():
-    mech = machine("rod.S.coordinate", high=0.38).compile()
+    mech = machine("dyad.S.coordinate", high=0.38).compile()
     times = np.linspace(0.0, 0.5, 26)
     runs = [mech.simulate("time=0.5", method=m, times=times) for m in ("energy", "dop853")]
     assert np.abs(runs[0]["crank.q"] - runs[1]["crank.q"]).max() < 1e-8
@@ -83,22 +78,22 @@ def rod(q):
 
 
 def test_without_a_restitution_a_motion_ends_at_the_stop():
-    motion = machine("rod.S.coordinate", None, high=0.38).compile().simulate("time=1").motion
+    motion = machine("dyad.S.coordinate", None, high=0.38).compile().simulate("time=1").motion
     assert motion.end == "end stop"
     assert motion.impacts == ()
 
 
 def test_what_cannot_be_is_one_message():
-    g = machine("rod.S.coordinate", low=0.36)
-    with pytest.raises(bm.RequestError, match=r"start-outside-stops.*rod\.S\.coordinate"):
+    g = machine("dyad.S.coordinate", low=0.36)
+    with pytest.raises(bm.RequestError, match=r"start-outside-stops.*dyad\.S\.coordinate"):
         g.compile().simulate("time=1")
     with pytest.raises(bm.GraphError, match="unknown-driver"):
-        machine("rod.X.coordinate", low=0.36).compile()
-    two = machine("rod.S.coordinate", low=0.36)
+        machine("dyad.X.coordinate", low=0.36).compile()
+    two = machine("dyad.S.coordinate", low=0.36)
     two.add("other", bm.Crank(length=0.1, links={"crank": bm.Link(inertia=1.0)}))
     two.connect("frame.A", "other.A")
     two.start("other")
-    with pytest.raises(bm.RequestError, match=r"start-outside-stops.*rod\.S\.coordinate"):
+    with pytest.raises(bm.RequestError, match=r"start-outside-stops.*dyad\.S\.coordinate"):
         two.compile().simulate("time=1")
 
 
@@ -115,23 +110,15 @@ ANGLES = {
 
 def five_bar(name, restitution, arm=0.0, **bounds):
     """The five-bar of `blows`, falling from rates, with a stop of some angle."""
-    g = bm.Graph("five", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (2.0, 0.0)}))
-    given = zip(WEIGHT, TURNING, PLACES, strict=True)
-    links = [bm.Link(mass=m, inertia=j, cm=c) for m, j, c in given]
-    rub = bm.friction.Coulomb(coefficient=arm, radius=1.0)
-    pins = {"left": "A", "right": "A", "dyad": "BCD"} if arm else {}
-    rubs = {block: {"friction": dict.fromkeys(js, rub)} for block, js in pins.items()}
-    for crank, link in zip(("left", "right"), links[:2], strict=True):
-        g.add(crank, bm.Crank(length=1.0, links={"crank": link}, **rubs.get(crank, {})))
-    rods = dict(zip("ij", links[2:], strict=True))
-    g.add("dyad", bm.RRR(l_i=2.0, l_j=2.0, branch=1, links=rods, **rubs.get("dyad", {})))
-    for ends in ("frame.A left.A", "frame.E right.A", "left.B dyad.B", "right.B dyad.D"):
-        g.connect(*ends.split())
-    g.start("left", q=1.2, rate=0.5)
-    g.start("right", q=2.2, rate=1.5)
-    g.add_stop(name, restitution=restitution, **bounds)
-    return g
+    rows = zip(WEIGHT, TURNING, PLACES, strict=True)
+    bodies = [bm.Link(mass=m, inertia=j, cm=c) for m, j, c in rows]
+    pin = bm.friction.Coulomb(coefficient=arm, radius=1.0)
+    pins = dict.fromkeys(("left", "right", "dyad"), pin) if arm else None
+    graph = machines.fivebar(1.0, 2.0, 2.0, bodies, pins, gravity=9.81)
+    graph.start("left", q=1.2, rate=0.5)
+    graph.start("right", q=2.2, rate=1.5)
+    graph.add_stop(name, restitution=restitution, **bounds)
+    return graph
 
 
 @pytest.mark.parametrize(("e", "arm"), [(0.5, 0.0), (0.0, ARM), (0.5, ARM)])

@@ -10,7 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.loads.functions import Function
-from tests.machines import wire
+from tests import machines
 
 TERMS = [2.0, -0.7]  # [N m, N m s or N m/rad] of a straight line, exact for both spellings
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
@@ -29,16 +29,12 @@ LINES = {
 
 def arm(law, **more):
     """A motor that turns a rod, and with it another one by a dyad."""
-    g = bm.Graph("arm", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (2.0, 0.0)}))
-    g.add("crank", bm.Crank(length=0.5, links={"crank": bm.Link(mass=1.0, inertia=0.1)}))
-    g.add("dyad", bm.RRR(l_i=2.0, l_j=1.5, links={"i": bm.Link(mass=2.0, inertia=0.3)}))
-    g.add("motor", bm.Motor(law=law, **more))
-    wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D")
-    wire(g, "frame.A motor.a", "crank.A motor.b")
-    g.drive("crank", bm.motion.ConstantRate(rate=3.0))
-    g.start("crank", 0.4)
-    return g
+    bodies = [bm.Link(mass=1.0, inertia=0.1), bm.Link(mass=2.0, inertia=0.3)]
+    graph = machines.fourbar(0.5, 2.0, 1.5, 2.0, bodies, gravity=9.81)
+    machines.load(graph, "motor", bm.Motor(law=law, **more), a="frame.A", b="crank.A")
+    graph.drive("crank", bm.motion.ConstantRate(rate=3.0))
+    graph.start("crank", 0.4)
+    return graph
 
 
 def linkage(law):

@@ -15,6 +15,7 @@ from blockmech.ground.values import Angle, Number
 from blockmech.loads import Element, Terminal
 from blockmech.loads.contract import Kinks
 from blockmech.loads.springs import pull, stored, turn_back, twist
+from tests import machines
 
 
 @pytest.fixture(scope="module")
@@ -57,18 +58,12 @@ def own():
 
 
 def fourbar(**elements):
-    g = bm.Graph("fourbar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0), "S": (2.0, 4.0)}))
-    g.add("crank", bm.Crank(length=2.0, links={"crank": bm.Link(mass=2.0, inertia=1.0)}))
-    g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, links={"i": bm.Link(mass=3.0, inertia=4.0)}))
-    for wire in ("frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D"):
-        g.connect(*wire.split())
+    bodies = [bm.Link(mass=2.0, inertia=1.0), bm.Link(mass=3.0, inertia=4.0)]
+    graph = machines.fourbar(2.0, 6.0, 3.0, 5.5, bodies, markers={"S": (2.0, 4.0)})
     for name, (element, a, b) in elements.items():
-        g.add(name, element)
-        g.connect(a, f"{name}.a")
-        g.connect(b, f"{name}.b")
-    g.start("crank", 0.4, 1.0)
-    return g.compile()
+        machines.load(graph, name, element, a=a, b=b)
+    graph.start("crank", 0.4, 1.0)
+    return graph.compile()
 
 
 def test_a_spring_with_a_stored_energy_is_lossless_whoever_wrote_it(own):

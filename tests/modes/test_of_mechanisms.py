@@ -16,10 +16,9 @@ from blockmech.ground.errors import RequestError
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.groups import outline
 from blockmech.typing import Guide
-from tests.analysis.linkages import fourbar
 from tests.doors import graph_of as loads
 from tests.gallery import GRAPHS, JOINTS
-from tests.machines import ruiz, watt
+from tests.machines import fourbar, ruiz, watt
 from tests.modes import machines
 from tests.modes.exact import count_exactly
 

@@ -10,18 +10,15 @@ import pytest
 from scipy.integrate import quad
 
 import blockmech as bm
+from tests import machines
 from tests.gallery import GRAPHS
 
 
 def arm(stiffness=100.0, free_length=0.0, mass=0.9):
-    g = bm.Graph("arm", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "W": (0.0, 0.12)}))
     link = bm.Link(mass=mass, inertia=0.02, cm=(0.32, 0.0), markers={"S": (0.1, 0.0)})
-    g.add("arm", bm.Crank(length=0.4, links={"crank": link}))
-    g.add("spring", bm.Spring(stiffness=stiffness, free_length=free_length))
-    for a, b in (("frame.O", "arm.A"), ("frame.W", "spring.a"), ("arm.S", "spring.b")):
-        g.connect(a, b)
-    return g.compile()
+    graph = machines.crank(0.4, link, gravity=9.81, name="arm", W=(0.0, 0.12))
+    spring = bm.Spring(stiffness=stiffness, free_length=free_length)
+    return machines.load(graph, "spring", spring, a="frame.W", b="arm.S").compile()
 
 
 POSES = np.linspace(-1.0, 1.2, 45)

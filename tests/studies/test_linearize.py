@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import blockmech as bm
 from blockmech import laws, signals
+from tests import machines
 from tests.analysis.test_equilibria import in_pairs
 from tests.gallery import GRAPHS, document
 from tests.independent import controlled
@@ -77,16 +78,10 @@ def test_matrices_and_modes_are_those_of_absolute_coordinates(name):
 
 
 def pendulum(damping=0.0, stiffness=0.0):
-    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    rod = bm.Link(mass=2.0, inertia=0.1, cm=(0.5, 0.0))
-    g.add("crank", bm.Crank(length=1.0, links={"crank": rod}))
-    g.add("twist", bm.TorsionSpring(stiffness=stiffness, damping=damping))
-    g.add("push", bm.Force(force=(0.0, 0.0)))
-    for a, b in (("frame.A", "crank.A"), ("frame.frame", "twist.a"), ("crank.crank", "twist.b")):
-        g.connect(a, b)
-    g.connect("crank.B", "push.at")
-    return g.compile()
+    graph = machines.crank(1.0, bm.Link(mass=2.0, inertia=0.1, cm=(0.5, 0.0)), gravity=9.81)
+    twist = bm.TorsionSpring(stiffness=stiffness, damping=damping)
+    machines.load(graph, "twist", twist, a="frame.frame", b="crank.crank")
+    return machines.load(graph, "push", bm.Force(force=(0.0, 0.0)), at="crank.B").compile()
 
 
 def test_a_pendulum_has_the_frequency_and_damping_of_the_textbook():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from tests import machines
 from tests.gallery import GRAPHS
 
 RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
@@ -143,14 +144,10 @@ def test_units_of_a_dataset_are_spelled_as_pint_reads_them():
 
 
 def lamp():
-    g = bm.Graph("lamp", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "W": (0.05, 0.3)}))
-    arm = bm.Link(mass=0.9, inertia=0.02, cm=(0.32, 0.0), markers={"S": (0.12, 0.0)})
-    g.add("arm", bm.Crank(length=0.4, links={"crank": arm}))
-    g.add("spring", bm.Spring(stiffness=300.0, free_length=0.05))
-    for a, b in (("frame.O", "arm.A"), ("frame.W", "spring.a"), ("arm.S", "spring.b")):
-        g.connect(a, b)
-    return g
+    link = bm.Link(mass=0.9, inertia=0.02, cm=(0.32, 0.0), markers={"S": (0.12, 0.0)})
+    graph = machines.crank(0.4, link, gravity=9.81, name="arm", W=(0.05, 0.3))
+    spring = bm.Spring(stiffness=300.0, free_length=0.05)
+    return machines.load(graph, "spring", spring, a="frame.W", b="arm.S")
 
 
 RESTING = ["arm.q", "arm.B.p.y", "spring.length", "mechanism.potential_energy", "arm.A.reaction.y"]

@@ -9,9 +9,9 @@ from tests.testing.conftest import MET, MISSED
 
 def test_what_is_met_is_one_line_an_entry(call, file):
     path = file("arm.json", MET, MET)
-    said = call("test", path)
-    assert (said.code, said.err) == (0, "")
-    assert said.out.splitlines() == [
+    outcome = call("test", path)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.splitlines() == [
         f"ok     {path} expect[0]: 1 number (by hand)",
         f"ok     {path} expect[1]: 1 number (by hand)",
         "2 ok, 0 failed",
@@ -20,9 +20,9 @@ def test_what_is_met_is_one_line_an_entry(call, file):
 
 def test_what_fails_is_a_table_and_exit_code_1(call, file):
     path = file("arm.json", MET, MISSED)
-    said = call("test", path)
-    assert (said.code, said.err) == (1, "")
-    lines = said.out.splitlines()
+    outcome = call("test", path)
+    assert (outcome.code, outcome.err) == (1, "")
+    lines = outcome.out.splitlines()
     assert lines[1] == f"FAILS  {path} expect[1]: 1 of 4 numbers (a slip)"
     heads = ("output", "expected", "got", "tolerance", "margin")
     assert all(word in lines[2] for word in heads)
@@ -43,9 +43,9 @@ def test_a_long_table_is_cut_with_the_worst_first(call, file):
 
 def test_a_free_motion_is_not_passed_silently(call, file):
     motion = {"source": "by hand", "simulate": {"times": [0.0]}, "want": {"crank.q": [0.0]}}
-    said = call("test", file("arm.json", {**motion, "atol": 1.0}))
-    assert said.code == 2
-    assert "no start for: crank" in said.err
+    outcome = call("test", file("arm.json", {**motion, "atol": 1.0}))
+    assert outcome.code == 2
+    assert "no start for: crank" in outcome.err
 
 
 def test_a_folder_is_taken_with_its_folders_but_not_those_that_are_wrong_on_purpose(
@@ -55,9 +55,9 @@ def test_a_folder_is_taken_with_its_folders_but_not_those_that_are_wrong_on_purp
     for name in ("broken/c.json", "more/legacy/d.json"):
         file(f"graphs/{name}", MISSED)
     (tmp_path / "graphs" / "notes.txt").write_text("no graph", encoding="utf-8")
-    said = call("test", tmp_path / "graphs")
-    assert said.code == 0
-    assert said.out.splitlines()[:-1] == [
+    outcome = call("test", tmp_path / "graphs")
+    assert outcome.code == 0
+    assert outcome.out.splitlines()[:-1] == [
         f"ok     {path} expect[0]: 1 number (by hand)" for path in taken
     ]
 
@@ -74,9 +74,9 @@ def test_wrong_files_are_exit_code_2_and_stop_no_other(call, file, tmp_path):
     spoiled.write_text("{", encoding="utf-8")
     empty = tmp_path / "empty"
     empty.mkdir()
-    said = call("test", spoiled, unknown, tmp_path / "missing.json", empty, good)
-    assert said.code == 2
-    assert said.out.splitlines() == [
+    outcome = call("test", spoiled, unknown, tmp_path / "missing.json", empty, good)
+    assert outcome.code == 2
+    assert outcome.out.splitlines() == [
         f"wrong  {spoiled}",
         f"ok     {unknown} expect[0]: 1 number (by hand)",
         f"wrong  {unknown}",
@@ -91,15 +91,15 @@ def test_wrong_files_are_exit_code_2_and_stop_no_other(call, file, tmp_path):
         f"[no-file] {tmp_path / 'missing.json'}: ",
         f"[no-file] {empty}: ",
     ]
-    lines = said.err.splitlines()
+    lines = outcome.err.splitlines()
     assert [line[: len(head)] for line, head in zip(lines, heads, strict=True)] == heads
 
 
 def test_everything_is_there_as_data(call, file):
     path = file("arm.json", MET, MISSED)
-    said = call("test", path, "--json")
-    assert (said.code, said.err) == (1, "")
-    data = json.loads(said.out)
+    outcome = call("test", path, "--json")
+    assert (outcome.code, outcome.err) == (1, "")
+    data = json.loads(outcome.out)
     assert data["ok"] is False
     (only,) = data["files"]
     assert (only["file"], only["graph"], only["ok"]) == (str(path), "arm", False)

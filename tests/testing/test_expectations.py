@@ -9,6 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.testing import check_expectations
+from tests import machines
 
 ROUNDING = 1e-14  # a few ulps of numbers of size 1 to 10
 OWN_SIZE = 1e-11  # of reactions with friction, what the project promises
@@ -134,11 +135,7 @@ def test_a_sample_without_an_answer_is_not_met_and_says_why(short):
 
 def swinging(times, want, **more):
     """A uniform rod of 1 m that is let go at rest, horizontally."""
-    graph = bm.Graph("rod", gravity=(0.0, -9.81))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    rod = bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))
-    graph.add("crank", bm.Crank(length=1.0, links={"crank": rod}))
-    graph.connect("frame.A", "crank.A")
+    graph = machines.crank(1.0, machines.bar(1.0, 1.0), gravity=9.81)
     graph.start("crank", q=0.0)
     motion = {"source": "closed form", "simulate": {"times": times, **more}, "atol": 1e-9}
     graph.extras["expect"] = [{**motion, "want": want}]

@@ -40,17 +40,17 @@ def run(pytester, *words):
 
 def ran(pytester, *words):
     """Node ids that a run collects, e.g. ``graphs/arm.json::expect[0]``."""
-    said = run(pytester, *words, "--collect-only", "-q")
-    return [line for line in said.outlines if "::" in line]
+    result = run(pytester, *words, "--collect-only", "-q")
+    return [line for line in result.outlines if "::" in line]
 
 
 # -- outcomes --------------------------------------------------------------------------------
 
 
 def test_each_expectation_is_a_test(pytester, graphs):
-    said = run(pytester, "-v")
-    said.assert_outcomes(passed=2, failed=1)
-    said.stdout.fnmatch_lines(
+    result = run(pytester, "-v")
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(
         [
             "*graphs/arm.json::expect?0? PASSED*",
             "*graphs/arm.json::expect?1? FAILED*",
@@ -60,17 +60,17 @@ def test_each_expectation_is_a_test(pytester, graphs):
 
 
 def test_a_failure_shows_the_numbers_and_no_traceback(pytester, graphs):
-    said = run(pytester, "graphs")
-    assert said.ret == pytest.ExitCode.TESTS_FAILED
-    said.stdout.fnmatch_lines(
+    result = run(pytester, "graphs")
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+    result.stdout.fnmatch_lines(
         [
             "*1 of 4 numbers are not met (a slip)",
             "output *sample: drivers* expected *got *error *tolerance *margin",
             "crank.q [[]rad[]] *1: crank = 1 *1.5 *1 *0.5 *0.001 *-",
         ]
     )
-    said.stdout.no_fnmatch_line("*Traceback*")
-    said.stdout.no_fnmatch_line("*.py:*")
+    result.stdout.no_fnmatch_line("*Traceback*")
+    result.stdout.no_fnmatch_line("*.py:*")
 
 
 def test_a_graph_without_expectations_is_a_test_that_it_closes(pytester, graphs, file):
@@ -82,17 +82,17 @@ def test_a_graph_without_expectations_is_a_test_that_it_closes(pytester, graphs,
 def test_a_graph_that_does_not_close_at_its_start_fails(pytester, graphs, short):
     short.drive("crank", bm.motion.ConstantRate(rate=1.0, start=3.0))
     short.save(pytester.path / "graphs" / "arm.json")
-    said = run(pytester, "graphs")
-    said.assert_outcomes(failed=1)
-    said.stdout.fnmatch_lines(["*no-assembly*dyad*crank.q = 3 rad*"])
-    said.stdout.no_fnmatch_line("*Traceback*")
+    result = run(pytester, "graphs")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*no-assembly*dyad*crank.q = 3 rad*"])
+    result.stdout.no_fnmatch_line("*Traceback*")
 
 
 def test_a_wrong_file_fails_alone(pytester, graphs):
     (pytester.path / "graphs" / "spoiled.json").write_text("{", encoding="utf-8")
-    said = run(pytester)
-    said.assert_outcomes(passed=2, failed=2)
-    said.stdout.fnmatch_lines(["*spoiled.json::reads*", "*truncated*line 1, column 2*"])
+    result = run(pytester)
+    result.assert_outcomes(passed=2, failed=2)
+    result.stdout.fnmatch_lines(["*spoiled.json::reads*", "*truncated*line 1, column 2*"])
 
 
 # -- which files -----------------------------------------------------------------------------
@@ -144,9 +144,9 @@ def test_a_folder_inside_the_test_paths_runs_once(pytester, graphs, file):
 
 def test_a_folder_that_is_not_there_is_a_usage_error(pytester, graphs):
     pytester.makeini("[pytest]\nblockmech_graphs = grafs\n")
-    said = run(pytester)
-    assert said.ret == pytest.ExitCode.USAGE_ERROR
-    said.stderr.fnmatch_lines(["*blockmech_graphs names *grafs, which is not a folder*"])
+    result = run(pytester)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*blockmech_graphs names *grafs, which is not a folder*"])
 
 
 def test_workers_of_xdist_run_the_same_tests(pytester, graphs):
@@ -186,6 +186,6 @@ def test_a_document_of_links_and_joints_is_a_test_of_itself(pytester):
     document["expect"] = [entry | {"want": good}, entry | {"want": bad}]
     (folder / "crank.json").write_text(json.dumps(document), encoding="utf-8")
     (folder / "silent.json").write_text(json.dumps(slider_crank()), encoding="utf-8")
-    said = run(pytester)
-    said.assert_outcomes(passed=2, failed=1)
-    said.stdout.fnmatch_lines(["*crank.json::expect[[]1]*", "*link.rod.p*"])
+    result = run(pytester)
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(["*crank.json::expect[[]1]*", "*link.rod.p*"])
