@@ -173,13 +173,14 @@ def pmks_plus(m, single=False, split=False, head="2P.Fe,1E8.K,0.1011"):
     names = {name: "".join(own) for name, own in m.links.items()}
     records, blocks = [], []
     for key, z in m.points.items():
-        flags = 4 * (key in m.fixed and key not in m.slots) | 2 * (key == m.crank[0])
+        flags = 4 * (key in m.fixed) | 2 * (key == m.crank[0])
         if key in m.slots:
             carrier, a, b = m.slots[key]
             more = f",{names[carrier]},{a},{b}" if carrier else ""
             slide = 1 | (0 if carrier else 4)
             angle = 0.0 if carrier else b
             if single:
+                slide |= flags
                 records.append(joint(slide | 8 * (key in m.rigid), key, z, angle, more))
                 continue
             records.append(joint(slide, f"{key.lower()}", z, angle, more))
@@ -555,8 +556,8 @@ def drawings():
             cases[f"{name}{tag}.{suffix}"] = (name, text, unit)
 
     planar = ("rocker", "watt", "stephenson", "welded", *SLOTTED, "swing")
-    add([x for x in MACHINES if x != "swing"], "pmksplus", pmks_plus, 0.01)
-    add((*SLOTTED, "yoke", "cylinder"), "pmksplus", lambda m: pmks_plus(m, True), 0.01, "_single")
+    add(MACHINES, "pmksplus", pmks_plus, 0.01)
+    add((*SLOTTED, "yoke", "cylinder", "swing"), "pmksplus", lambda m: pmks_plus(m, True), 0.01, "_single")
     add(("welded",), "pmksplus", lambda m: pmks_plus(m, split=True), 0.01, "_parts")
     old = ("rocker", "watt", "slider", "offset")
     add(old, "url", pmks_plus_old, 0.01)

@@ -232,7 +232,7 @@ class _Reading:
         assembly, ((body, base), (last, marker)) = self.assembly, self._ends(record)
         normal = int(abs(assembly.plane[0] @ base.axes).argmax())
         turning = record.numbers("RotationOrder", 3, "1 2 3").index(normal + 1)
-        out = {f"rIJI{normal + 1}", *(f"angIJJ{k + 1}" for k in range(3) if k != turning)}
+        out = [f"rIJI{normal + 1}", *(f"angIJJ{k + 1}" for k in range(3) if k != turning)]
         for key in out:
             if self._law(record, record.get(key), False).get("rate") != 0:
                 assembly.drawing.note(f"{name}: {key} leaves the plane: left out")

@@ -380,8 +380,9 @@ def drawn(address: Address, where: str) -> Drawing:
     for joint in joints.values():
         if joint.has(PRISMATIC):
             _slide(joint, address, drawing, {v: k for k, v in slid.items()}, root_of, where)
-        elif joint.has(GROUNDED) and joint.key not in pins:
-            drawing.fixed.add(joint.key)
+        slide = joints[pins.get(joint.key, joint.key)]
+        if joint.has(GROUNDED) and bool(slide.line) == slide.has(PRISMATIC):
+            drawing.fixed.add(slide.key if slide.line else joint.key)
         if joint.has(INPUT):
             driven = joints[pins.get(joint.key, joint.key)]
             drawing.drives[driven.key] = _drive(joint, driven, address, drawing)
@@ -424,8 +425,8 @@ def _slide(
         ):
             found = f"its slot is {listed([x or '?' for x in joint.line])}"
             raise wrong(at, found, "a link and two of its joints", "copy the whole address")
-        if joint.has(GROUNDED) or joint.key in bar.joints:
-            raise wrong(at, "it slides on its own link, or on the ground as well", "one slot")
+        if joint.key in bar.joints:
+            raise wrong(at, "it slides on its own link", "a slot of another link")
         a, b = (address.joints[p].at for p in ends)
         slot = Slot(direction(a, b, at), root_of.get(carrier, carrier), "", a)
     rider = block_of.get(joint.key, "")
