@@ -557,7 +557,13 @@ def drawings():
 
     planar = ("rocker", "watt", "stephenson", "welded", *SLOTTED, "swing")
     add(MACHINES, "pmksplus", pmks_plus, 0.01)
-    add((*SLOTTED, "yoke", "cylinder", "swing"), "pmksplus", lambda m: pmks_plus(m, True), 0.01, "_single")
+    add(
+        (*SLOTTED, "yoke", "cylinder", "swing"),
+        "pmksplus",
+        lambda m: pmks_plus(m, True),
+        0.01,
+        "_single",
+    )
     add(("welded",), "pmksplus", lambda m: pmks_plus(m, split=True), 0.01, "_parts")
     old = ("rocker", "watt", "slider", "offset")
     add(old, "url", pmks_plus_old, 0.01)

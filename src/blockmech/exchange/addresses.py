@@ -14,7 +14,7 @@ import cmath
 from typing import IO
 
 from blockmech.exchange.drawing import Inertia
-from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.pmks_plus import (
     COUNTED,
     CURVE,
@@ -73,8 +73,8 @@ class _Sheet:
             for link in ends:
                 if link != str(s.frame_link):
                     self.bodies.setdefault(link, []).append(key)
-        places = [pose.pin(ref) for ref in pose.joints]
-        self.size = max(abs(z - places[0]) for z in places) or 1.0
+        positions = [pose.pin(ref) for ref in pose.joints]
+        self.size = max(abs(z - positions[0]) for z in positions) or 1.0
         for ref in pose.direction:
             self._guide(ref)
 
@@ -85,9 +85,9 @@ class _Sheet:
         count = len(self.records)
         key = chr(ord("A") + count % 26) + (str(count // 26) if count >= 26 else "")
         flags |= INPUT * bool(speed)
-        place = thousandths(z.real * CM, z.imag * CM, angle)
+        coordinates = thousandths(z.real * CM, z.imag * CM, angle)
         line = line or ",,," * bool(speed)
-        self.records.append(f"{DIGITS[flags]}{key},{key},{place}{line}{speed}")
+        self.records.append(f"{DIGITS[flags]}{key},{key},{coordinates}{line}{speed}")
         return key
 
     def _speed(self, ref: JointRef, factor: float) -> str:
@@ -101,22 +101,22 @@ class _Sheet:
     def _guide(self, ref: JointRef) -> None:
         s, pose = self.structure, self.pose
         carrier, rider = str(s.earlier_link(ref)), str(s.later_link(ref))
-        along, z = pose.direction[ref], pose.point[ref]
+        axis, z = pose.direction[ref], pose.point[ref]
         if rider == str(s.frame_link):
-            carrier, rider, along = rider, carrier, -along
+            carrier, rider, axis = rider, carrier, -axis
         line, flags = "", PRISMATIC | GROUNDED
         if carrier != str(s.frame_link):
             flags = PRISMATIC
-            ends = [self._joint(0, z + k * self.size * along / 2) for k in (-1, 1)]
+            ends = [self._joint(0, z + k * self.size * axis / 2) for k in (-1, 1)]
             self.bodies.setdefault(carrier, []).extend(ends)
             line = f",\0{carrier}\0,{ends[0]},{ends[1]}"
-        angle = 0.0 if line else cmath.phase(along)
+        angle = 0.0 if line else cmath.phase(axis)
         key = self._joint(flags, z, angle, line, self._speed(ref, CM))
         pin = self._joint(WELDED, z)
         points = self.bodies.setdefault(rider, [])
         points.append(pin)
         if len(points) == 1:  # a link has two joints at least
-            points.append(self._joint(CURVE, z + 1j * self.size * along / 8))
+            points.append(self._joint(CURVE, z + 1j * self.size * axis / 8))
         self.blocks.append((pin, key))
 
     def code(self) -> str:
@@ -126,8 +126,10 @@ class _Sheet:
         for ref in self.structure.links:
             link = str(ref)
             if link in names:
-                own = self.structure.properties(ref)
-                body = Inertia(float(own.mass), float(own.inertia), self.pose.centre(ref) * CM)
+                properties = self.structure.properties(ref)
+                body = Inertia(
+                    float(properties.mass), float(properties.inertia), self.pose.centre(ref) * CM
+                )
                 numbers = (body.mass / units.mass, body.inertia / units.inertia)
                 numbers_ = thousandths(*numbers, body.cm.real, body.cm.imag)
                 joints = ",".join(self.bodies[link])
@@ -158,5 +160,7 @@ def write(order: Order, stream: IO[bytes]) -> None:
 
 
 WRITER = Writer(
-    "PMKS+: an address that opens the mechanism there", (".pmksplus", ".address"), one_file(write)
+    "PMKS+: an address that opens the mechanism there",
+    (".pmksplus", ".address"),
+    file_writer(write),
 )

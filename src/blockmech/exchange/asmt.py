@@ -80,7 +80,7 @@ def read(text: str, where: str) -> Drawing:
     root = next(iter(_records(text, where).all("Assembly")), None)
     if root is None:
         raise wrong(where, "it has no Assembly", "an assembly of FreeCAD or OndselSolver")
-    return _Reading(root, where).drawn()
+    return _Reading(root, where).read()
 
 
 class _Reading:
@@ -90,19 +90,19 @@ class _Reading:
         self.assembly = Assembly(where, drawing)
         self.markers: dict[str, tuple[str, Pose]] = {}  # path -> body, where it is
         self.joints: dict[str, int] = {}  # its place among those of the assembly
-        times = root.one("SimulationParameters")
+        times = root.first("SimulationParameters")
         self.end = (times.number("tend", 0.0) - times.number("tstart", 0.0)) or 1.0
         root.get("Position3D")
         root.get("RotationMatrix")
 
-    def drawn(self) -> Drawing:
+    def read(self) -> Drawing:
         """The drawing, with what was not read among its notes."""
         root, assembly = self.root, self.assembly
         self._markers(root, f"/{self.name}", FRAME, Pose())
         for part in root.below("Parts"):
             if part.tag == "Part":
                 self._part(part)
-        sets = root.one("ConstraintSets")
+        sets = root.first("ConstraintSets")
         joints = sorted(sets.below("Joints"), key=lambda record: record.tag in COUPLINGS)
         for record in joints:
             self._joint(record)
@@ -114,8 +114,8 @@ class _Reading:
             self._force(record)
         if root.all("ConstantGravity"):
             assembly.gravity = np.array(root.numbers("ConstantGravity", 3))
-        drawing = assembly.drawn()
-        for sentence in root.left_over(LOOKS):
+        drawing = assembly.project()
+        for sentence in root.unread(LOOKS):
             drawing.note(sentence)
         return drawing
 
@@ -138,15 +138,15 @@ class _Reading:
             self.markers[f"/{self.name}/{name}/{body.get('Name') or 'MassMarker'}"] = name, at
             moments = np.diag(body.numbers("MomentOfInertias", 3, "0 0 0"))
             mass = body.number("Mass", 0.0)
-            masses.append(Mass(mass, at.place, at.axes @ moments @ at.axes.T))
+            masses.append(Mass(mass, at.origin, at.axes @ moments @ at.axes.T))
 
     def _ends(self, record: Record) -> list[tuple[str, Pose]]:
         if joint := record.get("MotionJoint"):
             index = self.joints.get(joint.rpartition("/")[2])
             if index is None:
                 return []
-            found = self.assembly.joints[index]
-            return [(found.first, found.pose), (found.second, found.second_pose)]
+            match = self.assembly.joints[index]
+            return [(match.first, match.pose), (match.second, match.second_pose)]
         names = [record.get("MarkerI"), record.get("MarkerJ")]
         for name in names:
             if name not in self.markers:
@@ -166,32 +166,34 @@ class _Reading:
         if record.tag in COUPLINGS:
             self._couple(record, name)
             return
-        (one, here), (two, there) = self._ends(record)
-        if one != two:
+        (first, pose), (second, second_pose) = self._ends(record)
+        if first != second:
             if kind in ("flat", "slot"):  # the face is marker J's, and may be shifted along z
-                one, here, two, there = two, there, one, here
-                offset = here.axes[:, 2] * record.number("offset", 0.0)
-                here = Pose(here.place + offset, here.axes)
+                first, pose, second, second_pose = second, second_pose, first, pose
+                offset = pose.axes[:, 2] * record.number("offset", 0.0)
+                pose = Pose(pose.origin + offset, pose.axes)
             elif kind in ("bar", "rod"):
                 record.number("distanceIJ", 0.0)
             self.joints[name] = len(assembly.joints)
-            zero = _angle(here, there)
-            assembly.joints.append(Joint(name, kind, one, two, here, there, zero))
+            zero = _angle(pose, second_pose)
+            assembly.joints.append(Joint(name, kind, first, second, pose, second_pose, zero))
             record.get("constantIJ")
 
     def _couple(self, record: Record, name: str) -> None:
         """A pair of gears, or a rack that moves along its marker's x axis."""
-        assembly, (one, two) = self.assembly, self._ends(record)
+        assembly, (first, second) = self.assembly, self._ends(record)
         if record.tag == "GearJoint":
             sizes = (record.number("radiusI"), record.number("radiusJ"))
             if not all(sizes):
                 raise wrong(record.where, f"{name} has a radius of 0", "radii of both wheels")
-            for _, pose in (one, two):
+            for _, pose in (first, second):
                 assembly.sense(pose, record.where)
-            assembly.drawing.wheels.append(Wheels(name, one[0], two[0], sizes))
+            assembly.drawing.wheels.append(Wheels(name, first[0], second[0], sizes))
             return
         turning = {x for j in assembly.joints if j.kind == "pin" for x in (j.first, j.second)}
-        rack, pinion = (two, one) if one[0] in turning and two[0] not in turning else (one, two)
+        rack, pinion = (
+            (second, first) if first[0] in turning and second[0] not in turning else (first, second)
+        )
         radius = record.number("pitchRadius") * assembly.sense(pinion[1], record.where)
         angle = cmath.phase(assembly.flat(rack[1].axes[:, 0]) * math.copysign(1.0, radius))
         wheels = Wheels(name, pinion[0], rack[0], (abs(radius), 1.0), rack=angle)
@@ -236,17 +238,17 @@ class _Reading:
         for key in out:
             if self._law(record, record.get(key), False).get("rate") != 0:
                 assembly.drawing.note(f"{name}: {key} leaves the plane: left out")
-        place, offset = base.place, base.axes.T @ (marker.place - base.place)
+        origin, offset = base.origin, base.axes.T @ (marker.origin - base.origin)
         *across, order = ([(k + 1) % 3, (k + 2) % 3, k % 3] for k in range(normal + 1, normal + 4))
         for axes in across:  # their last is the one along which it slides
-            slider, along = f"{name}_{axes[2] + 1}", base.axes[:, axes]
+            slider, basis = f"{name}_{axes[2] + 1}", base.axes[:, axes]
             law = self._law(record, record.get(f"rIJI{axes[2] + 1}"), False)
-            start, end = Pose(place, along), Pose(place + offset[axes[2]] * along[:, 2], along)
+            start, end = Pose(origin, basis), Pose(origin + offset[axes[2]] * basis[:, 2], basis)
             assembly.masses[slider] = []
             slide = Joint(slider, "slide", body, slider, start, end, law=law)
             assembly.joints.append(slide)
-            body, place = slider, end.place
-        start, end = (Pose(marker.place, x.axes[:, order]) for x in (base, marker))
+            body, origin = slider, end.origin
+        start, end = (Pose(marker.origin, x.axes[:, order]) for x in (base, marker))
         law = self._law(record, record.get(f"angIJJ{turning + 1}"), True)
         pin = Joint(f"{name}_turn", "pin", body, last, start, end, _angle(start, end), law)
         assembly.joints.append(pin)
@@ -274,13 +276,13 @@ class _Reading:
 
     def _force(self, record: Record) -> None:
         """A force along the line of two markers that is a spring and damper."""
-        name = record.get("Name") or record.one("ItemIJ").get("Name")
+        name = record.get("Name") or record.first("ItemIJ").get("Name")
         if record.tag not in ("InLineForceTorque", "ForceTorqueInLine"):
             self.assembly.drawing.note(f"{record.tag} {name}: left out".replace("  ", " "))
             record.skip()
             return
         name = name or "spring"
-        (one, here), (two, there) = self._ends(record)
+        (first, pose), (second, second_pose) = self._ends(record)
         where = f"{record.where}, {name}"
         pull = Formula(record.get("tension"), where)
         start, k, c = (pull(time=0.0, rIJ=r, vrIJ=v) for r, v in ((0, 0), (1, 0), (0, 1)))
@@ -293,8 +295,8 @@ class _Reading:
             return
         if Formula(record.get("twist", "0"), where)(time=0.0, rIJ=1.0, vrIJ=1.0):
             self.assembly.drawing.note(f"{name}: its twist: left out")
-        ends = (self.assembly.flat(here.place), self.assembly.flat(there.place))
-        self.assembly.drawing.springs.append(Spring(name, (one, two), ends, k, -start / k, c))
+        ends = (self.assembly.flat(pose.origin), self.assembly.flat(second_pose.origin))
+        self.assembly.drawing.springs.append(Spring(name, (first, second), ends, k, -start / k, c))
 
 
 def _angle(first: Pose, second: Pose) -> float:

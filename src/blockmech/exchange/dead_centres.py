@@ -29,9 +29,9 @@ def beyond(linkage: Any, rounded: Callable[[], Any]) -> Any:
     data = linkage.to_data()
     for driver, joint, step in _trials(data):
         drivers = {**data["drivers"], driver: {"joint": joint}}
-        left_out = {"drivers": drivers, "couplings": {}, "stops": {}, "loads": {}}
+        changes = {"drivers": drivers, "couplings": {}, "stops": {}, "loads": {}}
         try:
-            trial = type(linkage).from_data({**data, **left_out})
+            trial = type(linkage).from_data({**data, **changes})
             starts = dict.fromkeys(drivers, 0.0) | {driver: step}
             pose = trial.run(at=starts, want=["link.*.p", "link.*.angle"], static=True)
         except BlockmechError:
@@ -60,8 +60,8 @@ def _problems(linkage: Any) -> set[str]:
 def _trials(data: Data) -> Iterator[tuple[str, str, float]]:
     """A driver, the joint that moves in its place, and by how much [rad or m]."""
     driven = {driver["joint"] for driver in data["drivers"].values()}
-    places = [complex(*z) for joint in data["joints"].values() for z in joint["at"]]
-    size = max(abs(z - places[0]) for z in places)
+    points = [complex(*z) for joint in data["joints"].values() for z in joint["at"]]
+    size = max(abs(z - points[0]) for z in points)
     movable = ((name, x) for name, x in data["joints"].items() if x["type"] != "weld")
     joints = [(name, joint) for name, joint in movable if name not in driven]
     joints.sort(key=lambda x: (x[1]["type"] == "P", x[1]["type"], "frame" not in x[1]["links"]))

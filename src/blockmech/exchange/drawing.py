@@ -171,10 +171,10 @@ class Drawing:
 
     def link_of(self, points: Iterable[str]) -> str | None:
         """The first link with all these points; the frame if all are fixed."""
-        wanted = set(points)
-        if wanted <= self.fixed:
+        group = set(points)
+        if group <= self.fixed:
             return FRAME
-        return next((n for n, held in self.links.items() if wanted <= set(held)), None)
+        return next((n for n, members in self.links.items() if group <= set(members)), None)
 
     def weld(self, first: str, second: str) -> None:
         """Make two links one, which has the name of the first, or is the frame."""
@@ -219,8 +219,8 @@ def together(bodies: Iterable[Inertia]) -> Inertia:
 def direction(a: complex, b: complex, where: str) -> float:
     """The angle [rad] of the line from a to b. Raises `FormatError` if they are at one place."""
     if a == b:
-        found = "the two points of a line are at one place"
-        raise FormatError(Problem("bad-drawing", where, found, "", "draw them apart"))
+        message = "the two points of a line are at one place"
+        raise FormatError(Problem("bad-drawing", where, message, "", "draw them apart"))
     return cmath.phase(b - a)
 
 

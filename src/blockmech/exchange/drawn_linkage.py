@@ -95,8 +95,8 @@ class _Making:
         self._couple()
         self._markers()
         if not self.joints:
-            what = "it has no links that a joint joins"
-            raise FormatError(Problem("bad-drawing", drawing.name, what, "", "draw the linkage"))
+            message = "it has no links that a joint joins"
+            raise FormatError(Problem("bad-drawing", drawing.name, message, "", "draw the linkage"))
         self._loads()
         stops = self._stops()
         document: Data = {
@@ -136,8 +136,8 @@ class _Making:
             if point not in drawing.slots:
                 for ends in combinations(members, 2):
                     pins.setdefault(ends, set()).add(drawing.points[point])
-        for (first, second), places in pins.items():
-            if len(places) > 1:
+        for (first, second), positions in pins.items():
+            if len(positions) > 1:
                 fixed = f"link {second} joins fixed points: it is part of the frame"
                 two = f"links {first} and {second} have two pins in common: they are one link"
                 drawing.note(fixed if first == FRAME else two)
@@ -149,20 +149,20 @@ class _Making:
         link: Data = {"pose": [0.0, 0.0, 0.0]}
         body = self.drawing.inertias.get(name)
         if body is not None and min(body.mass, body.inertia) < 0:
-            found = (
+            message = (
                 f"link {name} has the mass {body.mass:g} kg and the inertia {body.inertia:g} kg m2"
             )
-            raise FormatError(Problem("bad-drawing", self.drawing.name, found, "0 or more"))
+            raise FormatError(Problem("bad-drawing", self.drawing.name, message, "0 or more"))
         if body is not None and (body.mass or body.inertia):
-            link |= {"mass": body.mass, "inertia": body.inertia, "cm": self._place(body.cm)}
+            link |= {"mass": body.mass, "inertia": body.inertia, "cm": self._metres(body.cm)}
         return link
 
-    def _place(self, z: complex) -> list[float]:
+    def _metres(self, z: complex) -> list[float]:
         return [z.real * self.scale, z.imag * self.scale]
 
-    def _free(self, what: str, text: str) -> str:
-        name = numbered_name(_clean(text) or what[:-1], self.taken[what])
-        self.taken[what].add(name)
+    def _free(self, kind: str, text: str) -> str:
+        name = numbered_name(_clean(text) or kind[:-1], self.taken[kind])
+        self.taken[kind].add(name)
         return name
 
     # -- joints -----------------------------------------------------------------
@@ -183,9 +183,9 @@ class _Making:
                 ends = [ends[0], drive.link, *(x for x in ends[1:] if x != drive.link)]
             elif len(ends) > 2:
                 drawing.note(f"{point} is driven and joins {listed(ends)}: {ends[1]} is turned")
-        for other in ends[1:]:
-            turned = drive if other == ends[1] else None
-            self._pair(Pair(ends[0], other, drawing.points[point], None, turned, name=point))
+        for link in ends[1:]:
+            turned = drive if link == ends[1] else None
+            self._pair(Pair(ends[0], link, drawing.points[point], None, turned, name=point))
 
     def _slotted(self, point: str, members: list[str], drive: Drive | None) -> None:
         """A pin in one slot or two: a slider for each, unless a link of the point slides itself."""
@@ -210,17 +210,17 @@ class _Making:
             elif slot.through is not None:
                 unit = cmath.rect(1.0, slot.angle)
                 foot = slot.through + unit * ((z - slot.through) * unit.conjugate()).real
-            along = drive if k == 0 else None
+            slot_drive = drive if k == 0 else None
             name = f"{point}_slide"
-            self._pair(Pair(slot.on, slider, foot, slot.angle, along, z, name))
+            self._pair(Pair(slot.on, slider, foot, slot.angle, slot_drive, z, name))
         if not sliders:
             return
         first, *rest = sliders
-        others = [x for x in members if x not in sliders]
-        if not others and not rest and first not in members:
+        pinned = [x for x in members if x not in sliders]
+        if not pinned and not rest and first not in members:
             drawing.note(f"point {point} slides and no link hangs on it")
-        for other in [*rest, *others]:
-            self._pair(Pair(first, other, z, name=point))
+        for link in [*rest, *pinned]:
+            self._pair(Pair(first, link, z, name=point))
 
     def _pair(self, pair: Pair) -> None:
         if not {pair.first, pair.second} <= self.names.keys() or pair.first == pair.second:
@@ -232,7 +232,7 @@ class _Making:
         joint = self.joints[name] = {
             "type": "R" if pair.angle is None else "P",
             "links": [self.names[pair.first], self.names[pair.second]],
-            "at": [self._place(pair.at), self._place(second)],
+            "at": [self._metres(pair.at), self._metres(second)],
         }
         scale = 1.0
         if pair.angle is not None:
@@ -385,8 +385,8 @@ class _Making:
     def _rack(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
         guide = self.joints[ends[1]]
         forth = guide["links"][1] == self.names[pair.second]
-        along = math.cos(guide["angle"][0] - (pair.rack or 0.0)) * (1 if forth else -1)
-        side = 1 if along * pair.sizes[0] > 0 else -1
+        cosine = math.cos(guide["angle"][0] - (pair.rack or 0.0)) * (1 if forth else -1)
+        side = 1 if cosine * pair.sizes[0] > 0 else -1
         rack = {"type": "rack", "radius": abs(pair.sizes[0]) * self.scale, "side": side}
         self._coupling(pair.name, rack, ends, leading)
 
@@ -410,8 +410,8 @@ class _Making:
         name = self._driver_name(driven)
         coupling |= {"driver": self._driver_of(ends[leading]), "driven": name}
         self.drivers[name] = {"joint": driven}
-        taken = {*self.couplings, *self.links, *self.drivers, *self.joints}
-        self.couplings[free_name(_clean(text), taken)] = coupling
+        names = {*self.couplings, *self.links, *self.drivers, *self.joints}
+        self.couplings[free_name(_clean(text), names)] = coupling
 
     # -- markers and loads ----------------------------------------------------------
 
@@ -432,22 +432,22 @@ class _Making:
                 continue
             if len(members) == 1:
                 markers = self.links[self.names[members[0]]].setdefault("markers", {})
-                taken = {*self.names.values(), *self.links, *markers}
-                name = free_name(_clean(point) or "point", taken)
-                markers[name] = {"at": self._place(drawing.points[point])}
+                names = {*self.names.values(), *self.links, *markers}
+                name = free_name(_clean(point) or "point", names)
+                markers[name] = {"at": self._metres(drawing.points[point])}
             elif not members:
                 drawing.note(f"point {point} is on no link: left out")
 
     def _load(self, text: str, load: Data) -> None:
-        taken = {*self.loads, *self.links, *self.drivers, *self.joints}
-        self.loads[free_name(_clean(text) or load["type"], taken)] = load
+        names = {*self.loads, *self.links, *self.drivers, *self.joints}
+        self.loads[free_name(_clean(text) or load["type"], names)] = load
 
     def _loads(self) -> None:
         for load in self.drawing.loads:
             if self.names.get(load.link, FRAME) == FRAME:
                 self.drawing.note(f"force {load.name} acts on no moving link: left out")
                 continue
-            force = {"force": [load.force.real, load.force.imag], "at": self._place(load.at)}
+            force = {"force": [load.force.real, load.force.imag], "at": self._metres(load.at)}
             turns = {"axes": "link"} if load.turns else {}
             self._load(
                 load.name, {"type": "force", "link": self.names[load.link], **force, **turns}
@@ -456,7 +456,7 @@ class _Making:
             if not {*spring.links} <= self.names.keys() or spring.links[0] == spring.links[1]:
                 self.drawing.note(f"spring {spring.name} joins no two links: left out")
                 continue
-            at = [self._place(z) for z in spring.at]
+            at = [self._metres(z) for z in spring.at]
             ends = {"links": [self.names[x] for x in spring.links], "at": at}
             numbers = {"stiffness": spring.stiffness, "damping": spring.damping}
             free = {"free_length": spring.free_length * self.scale}

@@ -68,7 +68,7 @@ class Writer(NamedTuple):
 
     about : what it is, in a few words
     suffixes : ends of file names, the usual one first
-    write : (order, path) -> the files that were written, e.g. by `one_file`
+    write : (order, path) -> the files that were written, e.g. by `file_writer`
     options : what it takes beside outputs and poses: name -> what that is
     """
 
@@ -78,7 +78,7 @@ class Writer(NamedTuple):
     options: Mapping[str, str] = {}
 
 
-def one_file(fill: Callable[[Order, IO[bytes]], Any]) -> Callable[[Order, Path], list[Path]]:
+def file_writer(fill: Callable[[Order, IO[bytes]], Any]) -> Callable[[Order, Path], list[Path]]:
     """The ``write`` of a format of one file, from what fills its stream; whole or not at all."""
 
     @wraps(fill)
@@ -111,9 +111,9 @@ T = TypeVar("T")
 class Formats(Generic[T], Mapping[str, T]):
     """Formats of one direction, each loaded when it is first asked for."""
 
-    def __init__(self, group: str, own: Mapping[str, str]) -> None:
-        """``own`` has the format's name and the place of its object, ``"module:name"``."""
-        self.group, self._own = group, own
+    def __init__(self, group: str, builtin: Mapping[str, str]) -> None:
+        """``builtin`` has the format's name and the place of its object, ``"module:name"``."""
+        self.group, self._own = group, builtin
         self._made: dict[str, T] = {}
 
     @cached_property
@@ -130,14 +130,14 @@ class Formats(Generic[T], Mapping[str, T]):
     def _load(self, name: str) -> T:
         if name in self._own:
             module, _, attribute = self._own[name].partition(":")
-            own: T = getattr(import_module(module), attribute)
-            return own
+            loaded: T = getattr(import_module(module), attribute)
+            return loaded
         point = self._outside[name]
         try:
             format_: T = point.load()
         except Exception as error:
-            what = f"the package {point.value} failed to load: {error}"
-            wrong = Problem("broken-plugin", name, what, "", "repair or uninstall it")
+            message = f"the package {point.value} failed to load: {error}"
+            wrong = Problem("broken-plugin", name, message, "", "repair or uninstall it")
             raise RequestError(wrong) from error
         return format_
 
@@ -207,6 +207,6 @@ def writer_for(path: Path, to: str | None) -> Writer:
     for name in WRITERS:
         if suffix in WRITERS[name].suffixes:
             return WRITERS[name]
-    known = ", ".join(f"{WRITERS[n].suffixes[0]} ({n})" for n in WRITERS)
-    found = f'no format has the suffix "{suffix}"' if suffix else "the name has no suffix"
-    raise refused(str(path), found, "name the format with --to", f"suffixes: {known}")
+    suffixes = ", ".join(f"{WRITERS[n].suffixes[0]} ({n})" for n in WRITERS)
+    message = f'no format has the suffix "{suffix}"' if suffix else "the name has no suffix"
+    raise refused(str(path), message, "name the format with --to", f"suffixes: {suffixes}")

@@ -78,7 +78,7 @@ def read(text: str, where: str) -> Drawing:
         else:
             del drawing.links[name]
             drawing.note(f"{name} has one connector, {points[0]}: left out")
-    for sentence in root.left_over(LOOKS):
+    for sentence in root.unread(LOOKS):
         drawing.note(sentence)
     return drawing
 
@@ -93,10 +93,10 @@ def _ratios(root: Record, where: str, drawing: Drawing) -> None:
         if len(links) != 2 or any(link not in drawing.links for link in links):
             drawing.note(f"{name} joins {listed(links) or 'no links'}: left out")
             continue
-        one, two = (number(end.get("size"), at, 1.0) for end in ends)
-        if not min(one, two) > 0:
-            raise wrong(at, f"sizes {one:g} and {two:g}", "sizes above 0")
-        drawing.wheels.append(Wheels(name, links[0], links[1], (one, two), kind == "chain"))
+        first, second = (number(end.get("size"), at, 1.0) for end in ends)
+        if not min(first, second) > 0:
+            raise wrong(at, f"sizes {first:g} and {second:g}", "sizes above 0")
+        drawing.wheels.append(Wheels(name, links[0], links[1], (first, second), kind == "chain"))
 
 
 def _is(raw: Record, word: str) -> bool:
@@ -164,21 +164,21 @@ def _slot(slide: Slide, drawing: Drawing, where: str) -> None:
     if on is None:
         drawing.note(f"connector {key} slides between points of two links: left out as a slide")
         return
-    members = [name for name, own in drawing.links.items() if key in own]
+    members = [name for name, points in drawing.links.items() if key in points]
     if on != FRAME and members == [on]:
         drawing.note(f"connector {key} slides in its own link: left out as a slide")
         return
-    here = drawing.points[key]
+    position = drawing.points[key]
     if slide.radius:
         half = abs(b - a) / 2
         radius = max(abs(slide.radius), half + ROOM)
         side = 1j * unit * math.copysign(math.sqrt(radius**2 - half**2), slide.radius)
         ends = [(a + b) / 2 + side, (a + b) / 2 - side]
-        centre = min(ends, key=lambda c: round(abs(abs(here - c) - radius) / radius, 6))
-        drawing.points[key] = centre + (here - centre) / abs(here - centre) * radius
+        centre = min(ends, key=lambda c: round(abs(abs(position - c) - radius) / radius, 6))
+        drawing.points[key] = centre + (position - centre) / abs(position - centre) * radius
         _arm(key, centre, on, members, drawing)
         return
-    off = ((here - a) * unit.conjugate()).imag
+    off = ((position - a) * unit.conjugate()).imag
     drawing.points[key] -= 1j * unit * off  # drawn on the line to a pixel
     drawing.slots[key] = [Slot(cmath.phase(unit), on)]
 
@@ -190,13 +190,13 @@ def _arm(key: str, centre: complex, on: str, members: list[str], drawing: Drawin
     """
     same = abs(centre - drawing.points[key]) * 1e-6
     for name in members:
-        for other in [p for p in drawing.links[name] if f"arm_{p}" in drawing.links]:
-            point = f"centre_{other}"
+        for arm_end in [p for p in drawing.links[name] if f"arm_{p}" in drawing.links]:
+            point = f"centre_{arm_end}"
             if abs(drawing.points[point] - centre) < same:
-                del drawing.links[f"arm_{other}"]
+                del drawing.links[f"arm_{arm_end}"]
                 drawing.links[name].append(point)
                 drawing.note(
-                    f"{name} slides along one arc at {other} and {key}: it turns about {point}"
+                    f"{name} slides along one arc at {arm_end} and {key}: it turns about {point}"
                 )
                 return
         if any(p.startswith("centre_") for p in drawing.links[name]):

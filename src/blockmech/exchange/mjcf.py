@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.standing import Standing
 from blockmech.ground.errors import listed, printable, refused
 from blockmech.model.structure import JointRef, LinkRef
@@ -50,10 +50,10 @@ class Model:
         hung = {ref for _, ref in self.parent.values()}
         self.loops = [ref for ref in refs if ref not in hung]
         if light := [str(link) for ref in self.loops for link in self._light(ref)]:
-            found = (
+            message = (
                 f"a loop closes at {listed(light)} without mass, which MuJoCo holds only roughly"
             )
-            raise refused("--to mjcf", found, "give it mass and inertia")
+            raise refused("--to mjcf", message, "give it mass and inertia")
 
     def _light(self, ref: JointRef) -> list[LinkRef]:
         """Moving links of a pair that have neither mass nor inertia.
@@ -62,20 +62,20 @@ class Model:
         """
         s = self.structure
         moving = {s.earlier_link(ref), s.later_link(ref)} - {s.frame_link}
-        own = ((link, s.properties(link)) for link in sorted(moving))
-        return [link for link, of in own if not (float(of.mass) or float(of.inertia))]
+        bodies = ((link, s.properties(link)) for link in sorted(moving))
+        return [link for link, of in bodies if not (float(of.mass) or float(of.inertia))]
 
     def text(self) -> str:
         """The whole file."""
         mechanism, s = self.mechanism, self.structure
         g = complex(mechanism.scene.gravity.z)
-        left = [f"loads: {listed(s.elements, 30)}"] if s.elements else []
-        left += [f"friction: {listed(mechanism.frictional_joints)}"] * bool(
+        omitted = [f"loads: {listed(s.elements, 30)}"] if s.elements else []
+        omitted += [f"friction: {listed(mechanism.frictional_joints)}"] * bool(
             mechanism.frictional_joints
         )
         lines = [
             f"<mujoco model={quoteattr(printable(mechanism.name))}>",
-            *(f"  <!-- left out: {printable(x).replace('--', '- -')} -->" for x in left),
+            *(f"  <!-- left out: {printable(x).replace('--', '- -')} -->" for x in omitted),
             f'  <option timestep="{self.step!r}" gravity="{g.real!r} {g.imag!r} 0"'
             ' integrator="RK4" iterations="200" tolerance="1e-15">',
             '    <flag contact="disable"/>',
@@ -103,29 +103,32 @@ class Model:
         for link, (parent, ref) in self.parent.items():
             if parent != base:
                 continue
-            here = self.pose.pin(ref)
-            own = self.structure.properties(link)
-            mass, inertia = max(float(own.mass), LEAST), max(float(own.inertia), LEAST)
-            c, margin = self.pose.centre(link) - here, "  " * depth
+            pin = self.pose.pin(ref)
+            properties = self.structure.properties(link)
+            mass, inertia = (
+                max(float(properties.mass), LEAST),
+                max(float(properties.inertia), LEAST),
+            )
+            c, margin = self.pose.centre(link) - pin, "  " * depth
             # The pair moves the body against its parent; a driver counts as in blockmech.
             sense = 1 if self.structure.later_link(ref) == link else -1
             kind, axis = "hinge", f"0 0 {sense}"
             if ref in self.pose.direction:
                 kind, axis = "slide", _xyz(sense * self.pose.direction[ref])
             lines += [
-                f'{margin}<body name={quoteattr(str(link))} pos="{_xyz(here - at)}">',
+                f'{margin}<body name={quoteattr(str(link))} pos="{_xyz(pin - at)}">',
                 f'{margin}  <joint name={quoteattr(str(ref))} type="{kind}" axis="{axis}"/>',
                 f'{margin}  <inertial pos="{_xyz(c)}" mass="{mass!r}"'
                 f' diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>',
-                *self._bodies(link, here, depth + 1),
+                *self._bodies(link, pin, depth + 1),
                 f"{margin}</body>",
             ]
         return lines
 
     def _connect(self, ref: JointRef) -> str:
         s = self.structure
-        one, two = s.earlier_link(ref), s.later_link(ref)
-        bodies = [x for x in (one, two) if x != s.frame_link]
+        first, second = s.earlier_link(ref), s.later_link(ref)
+        bodies = [x for x in (first, second) if x != s.frame_link]
         names = " ".join(f"body{k}={quoteattr(str(x))}" for k, x in enumerate(bodies, 1))
         base = self.pose.pin(self.parent[bodies[0]][1])
         names = f"name={quoteattr(str(ref))} {names}"
@@ -140,6 +143,6 @@ def _xyz(z: complex) -> str:
 WRITER = Writer(
     "MuJoCo: bodies, hinges, slides and loops",
     (".xml", ".mjcf"),
-    one_file(lambda order, stream: stream.write(Model(order).text().encode())),
+    file_writer(lambda order, stream: stream.write(Model(order).text().encode())),
     {"step": "[s] of its integration; default 1e-4"},
 )

@@ -26,7 +26,7 @@ from blockmech.exchange.spatial import (
     Joint,
     Mass,
     Pose,
-    along,
+    axes_along,
     quaternion,
     turned,
     unit,
@@ -50,14 +50,14 @@ def read(text: str, where: str) -> Drawing:
     root = record_of(xml_of(text, where), where)
     if root.tag != "mujoco" or not root.all("worldbody"):
         raise wrong(where, "it has no worldbody", "<mujoco> with a <worldbody>")
-    return _Reading(root, where).drawn()
+    return _Reading(root, where).read()
 
 
 class _Reading:
     def __init__(self, root: Record, where: str) -> None:
         self.root, self.where = root, where
         self.assembly = Assembly(where, Drawing(root.get("model") or "mujoco", "m", "MJCF file"))
-        compiler = root.one("compiler")
+        compiler = root.first("compiler")
         self.unit = 1.0 if compiler.get("angle") == "radian" else math.pi / 180
         self.order = compiler.get("eulerseq", "xyz")
         self.of_geoms = compiler.get("inertiafromgeom", "auto")
@@ -71,23 +71,23 @@ class _Reading:
         self.references: dict[str, float] = {}
 
     def _default(self, record: Record, outer: dict[str, dict[str, str]], name: str) -> None:
-        own = {tag: dict(fields) for tag, fields in outer.items()}
+        attributes = {tag: dict(fields) for tag, fields in outer.items()}
         for part in record.inner:
             if part.tag != "default":
-                own.setdefault(part.tag, {}).update(part.fields)
+                attributes.setdefault(part.tag, {}).update(part.fields)
                 part.skip()
-        self.defaults[record.get("class") or name] = own
-        record.taken.update(part.tag for part in record.inner)
+        self.defaults[record.get("class") or name] = attributes
+        record.consumed.update(part.tag for part in record.inner)
         for part in record.all("default"):
-            self._default(part, own, "")
+            self._default(part, attributes, "")
 
     def _of_class(self, record: Record, inherited: str) -> Record:
         """A record with what its class among the defaults says."""
-        known = self.defaults.get(record.get("class") or inherited or "main", {})
-        record.fields = {**known.get(record.tag, {}), **record.fields}
+        defaults = self.defaults.get(record.get("class") or inherited or "main", {})
+        record.fields = {**defaults.get(record.tag, {}), **record.fields}
         return record
 
-    def drawn(self) -> Drawing:
+    def read(self) -> Drawing:
         """The drawing, with what was not read among its notes."""
         root, assembly = self.root, self.assembly
         for world in root.all("worldbody"):
@@ -96,16 +96,16 @@ class _Reading:
             self._equality(self._of_class(record, ""), f"{record.tag}_{k}")
         for record in root.below("actuator"):
             self._actuator(self._of_class(record, ""))
-        if total := root.one("compiler").number("settotalmass", -1.0):
+        if total := root.first("compiler").number("settotalmass", -1.0):
             self._scale(total)
-        option = root.one("option")
+        option = root.first("option")
         assembly.gravity = np.array(option.numbers("gravity", 3, "0 0 -9.81"))
         for name, (body, pose) in self.sites.items():
             if self.links[body] != FRAME and name not in assembly.drawing.points:
-                assembly.drawing.points[name] = assembly.flat(pose.place)
+                assembly.drawing.points[name] = assembly.flat(pose.origin)
                 assembly.drawing.links.setdefault(self.links[body], []).append(name)
-        drawing = assembly.drawn()
-        for sentence in root.left_over(LOOKS):
+        drawing = assembly.project()
+        for sentence in root.unread(LOOKS):
             drawing.note(sentence)
         return drawing
 
@@ -126,7 +126,7 @@ class _Reading:
             y = unit(numbers[3:] - x * (x @ numbers[3:]), where)
             return np.column_stack([x, y, np.cross(x, y)])
         if record.get("zaxis"):
-            return along(unit(record.numbers("zaxis", 3), where))
+            return axes_along(unit(record.numbers("zaxis", 3), where))
         return np.eye(3)
 
     def _euler(self, angles: Sequence[float]) -> Array:
@@ -150,7 +150,7 @@ class _Reading:
             site = self._of_class(site, inherited)
             name, at = site.get("name") or f"site_{len(self.sites)}", self._pose(site, pose)
             self.sites[name] = body, at
-            site.taken |= {"size", "type"}
+            site.consumed |= {"size", "type"}
         for inner in record.all("body"):
             self._body(inner, body, inherited, pose)
         for part in record.all("geom", "joint", "inertial", "freejoint"):
@@ -182,7 +182,7 @@ class _Reading:
         if kind not in ("hinge", "slide", "ball"):
             raise wrong(record.where, f"joint {key} is a {kind}", "hinge or slide")
         axis = unit(record.numbers("axis", 3, "0 0 1"), record.where)
-        at = pose.at(record.numbers("pos", 3, "0 0 0"), along(axis))
+        at = pose.at(record.numbers("pos", 3, "0 0 0"), axes_along(axis))
         scale = self.unit if kind != "slide" else 1.0
         start = self.references[key] = record.number("ref", 0.0) * scale
         limits = FREE
@@ -224,7 +224,7 @@ class _Reading:
             inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         else:
             inertia = np.diag(record.numbers("diaginertia", 3))
-        return Mass(record.number("mass"), at.place, at.axes @ inertia @ at.axes.T)
+        return Mass(record.number("mass"), at.origin, at.axes @ inertia @ at.axes.T)
 
     def _geom(self, record: Record, pose: Pose) -> list[Mass]:
         kind, sizes = (
@@ -234,9 +234,9 @@ class _Reading:
         at = self._pose(record, pose)
         if record.get("fromto"):
             ends = np.array(record.numbers("fromto", 6)).reshape(2, 3)
-            way = ends[1] - ends[0]
-            half = float(np.linalg.norm(way)) / 2
-            at = pose.at(ends.mean(axis=0), along(unit(way, record.where)))
+            axis = ends[1] - ends[0]
+            half = float(np.linalg.norm(axis)) / 2
+            at = pose.at(ends.mean(axis=0), axes_along(unit(axis, record.where)))
             flat = (
                 sizes[:1] if kind in ("capsule", "cylinder") else (sizes[:1] * 2 + sizes[1:2])[-2:]
             )
@@ -249,7 +249,7 @@ class _Reading:
             return []
         volume, inertia = body
         total = record.number("mass") if mass else density * volume
-        return [Mass(total, at.place, total * at.axes @ inertia @ at.axes.T)] if total else []
+        return [Mass(total, at.origin, total * at.axes @ inertia @ at.axes.T)] if total else []
 
     # -- what joins them besides ------------------------------------------------------
 
@@ -273,27 +273,27 @@ class _Reading:
         if record.tag == "joint":
             self._ratio(record, name)
             return
-        (one, at), (two, there) = self._end(record, 1), self._end(record, 2)
-        at = at or self.poses[one].at(record.numbers("anchor", 3, "0 0 0"))
-        ends = (self.links[one], self.links[two])
+        (first, at), (second, second_at) = self._end(record, 1), self._end(record, 2)
+        at = at or self.poses[first].at(record.numbers("anchor", 3, "0 0 0"))
+        ends = (self.links[first], self.links[second])
         if record.tag == "weld":
-            record.taken |= {"relpose", "torquescale", "anchor"}
+            record.consumed |= {"relpose", "torquescale", "anchor"}
         kind = "ball" if record.tag == "connect" else "weld"
-        assembly.joints.append(Joint(name, kind, *ends, at, there or at))
+        assembly.joints.append(Joint(name, kind, *ends, at, second_at or at))
 
     def _ratio(self, record: Record, name: str) -> None:
         driven, leading = record.get("joint1"), record.get("joint2")
-        words = (record.get("polycoef") or "0 1 0 0 0").split()
-        coefficients = tuple(number(x, f"{record.where}, polycoef") for x in words)
+        numbers = (record.get("polycoef") or "0 1 0 0 0").split()
+        coefficients = tuple(number(x, f"{record.where}, polycoef") for x in numbers)
         for joint in filter(None, (driven, leading)):
             if joint not in self.references:
-                known = f"joints: {listed(self.references)}"
-                raise wrong(record.where, f"no joint {joint}", known)
+                valid = f"joints: {listed(self.references)}"
+                raise wrong(record.where, f"no joint {joint}", valid)
         if leading:
             self.assembly.ratios.append(Ratio(name, leading, driven, coefficients))
         else:
-            held = {"law": "constant_rate", "rate": 0.0, "from": coefficients[0]}
-            self._moved(driven, law=held | {"to": coefficients[0]})
+            law = {"law": "constant_rate", "rate": 0.0, "from": coefficients[0]}
+            self._moved(driven, law=law | {"to": coefficients[0]})
 
     def _actuator(self, record: Record) -> None:
         joint = record.get("joint") or record.get("jointinparent")

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
-from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.standing import Standing
 from blockmech.ground.errors import printable, refused
 from blockmech.ground.values import numbered_name
@@ -55,28 +55,28 @@ Shape = Line | Arc | Circle
 
 def outlines(order: Order) -> dict[str, list[Shape]]:
     """Link -> its outline and holes [mm], in the pose of the first sample."""
-    pose, places = Standing(order), dict[str, list[complex]]()
+    pose, positions = Standing(order), dict[str, list[complex]]()
     s = pose.structure
     for ref in pose.joints:
         if ref in pose.direction:
             continue
         for link in (s.earlier_link(ref), s.later_link(ref)):
-            pins = places.setdefault(str(link), [])
+            pins = positions.setdefault(str(link), [])
             z = pose.pin(ref) * MM
-            if all(abs(z - other) > 1e-9 for other in pins):
+            if all(abs(z - pin) > 1e-9 for pin in pins):
                 pins.append(z)
-    spans = [abs(a - b) for pins in places.values() for a in pins for b in pins]
+    spans = [abs(a - b) for pins in positions.values() for a in pins for b in pins]
     span = (max(spans, default=0.0) or 8.0) / MM  # of links of one pin each
     width = order.positive("width", span / 8, "m", "20mm") * MM
     hole = order.positive("hole", width / MM / 3, "m", "20mm") * MM
     if not 0 < hole < width:
         raise refused("hole", f"{hole:g} mm in a link of {width:g} mm", "make it smaller")
     frame = str(s.frame_link)
-    made: dict[str, list[Shape]] = {}
-    for name, pins in places.items():
+    shapes: dict[str, list[Shape]] = {}
+    for name, pins in positions.items():
         outline: list[Shape] = [] if name == frame else list(_outline(_hull(pins), width / 2))
-        made[name] = [*outline, *(Circle(z, hole / 2) for z in pins)]
-    return made
+        shapes[name] = [*outline, *(Circle(z, hole / 2) for z in pins)]
+    return shapes
 
 
 def _hull(points: list[complex]) -> list[complex]:
@@ -111,8 +111,8 @@ def _outline(hull: list[complex], radius: float) -> Iterator[Shape]:
     for k, corner in enumerate(hull):
         before, after = edges[k - 1] - math.pi / 2, edges[k] - math.pi / 2
         yield Arc(corner, radius, before, before + (after - before) % math.tau)
-        beside = cmath.rect(radius, after)
-        yield Line(corner + beside, hull[(k + 1) % len(hull)] + beside)
+        offset = cmath.rect(radius, after)
+        yield Line(corner + offset, hull[(k + 1) % len(hull)] + offset)
 
 
 # -- DXF ----------------------------------------------------------------------------------
@@ -129,8 +129,8 @@ def dxf(shapes: dict[str, list[Shape]]) -> str:
     for k, layer in enumerate(layers.values()):
         pairs += [(0, "LAYER"), (2, layer), (70, 0), (62, 1 + k % 7), (6, "CONTINUOUS")]
     pairs += [(0, "ENDTAB"), (0, "ENDSEC"), (0, "SECTION"), (2, "ENTITIES")]
-    for link, own in shapes.items():
-        for shape in own:
+    for link, outline in shapes.items():
+        for shape in outline:
             pairs += _entity(shape, layers[link])
     pairs += [(0, "ENDSEC"), (0, "EOF")]
     return "".join(f"{code}\n{value}\n" for code, value in pairs)
@@ -161,7 +161,7 @@ def _layers(shapes: dict[str, list[Shape]]) -> dict[str, str]:
 
 def svg(shapes: dict[str, list[Shape]]) -> str:
     """A picture whose units are millimetres; a group for each link."""
-    everything = [shape for own in shapes.values() for shape in own]
+    everything = [shape for outline in shapes.values() for shape in outline]
     boxes = [_box(shape) for shape in everything]
     low = complex(min(a.real for a, _ in boxes), min(a.imag for a, _ in boxes)) - (1 + 1j)
     high = complex(max(b.real for _, b in boxes), max(b.imag for _, b in boxes)) + (1 + 1j)
@@ -171,9 +171,9 @@ def svg(shapes: dict[str, list[Shape]]) -> str:
         f' viewBox="{low.real!r} {-high.imag!r} {w!r} {h!r}">',
         '<g fill="none" stroke="black" stroke-width="0.1">',
     ]
-    for link, own in shapes.items():
+    for link, outline in shapes.items():
         lines.append(f"<g id={quoteattr(printable(link))}>")
-        lines += map(_element, own)
+        lines += map(_element, outline)
         lines.append("</g>")
     return "\n".join([*lines, "</g>", "</svg>"]) + "\n"
 
@@ -204,7 +204,7 @@ def _element(shape: Shape) -> str:
 
 
 def _writer(about: str, suffix: str, text: Callable[[dict[str, list[Shape]]], str]) -> Writer:
-    write = one_file(lambda order, stream: stream.write(text(outlines(order)).encode("ascii")))
+    write = file_writer(lambda order, stream: stream.write(text(outlines(order)).encode("ascii")))
     return Writer(about, (suffix,), write, OPTIONS)
 
 

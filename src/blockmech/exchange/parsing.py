@@ -19,9 +19,9 @@ MOST = 100_000  # elements of a file
 LONGEST = 300  # digits of a whole number, beyond which it is none of a drawing
 
 
-def wrong(where: str, found: str, valid: str = "", remedy: str = "") -> FormatError:
+def wrong(where: str, message: str, valid: str = "", remedy: str = "") -> FormatError:
     """The error for what a file of another tool has wrong."""
-    return FormatError(Problem("bad-drawing", where, found, valid, remedy))
+    return FormatError(Problem("bad-drawing", where, message, valid, remedy))
 
 
 def number(raw: Any, where: str, default: float | None = None) -> float:
@@ -49,13 +49,13 @@ class Fields(Data):
 
     def get(self, key: str, default: Any = None) -> Any:
         """The value of a field, which is taken."""
-        self.__dict__.setdefault("taken", set()).add(key)
+        self.__dict__.setdefault("consumed", set()).add(key)
         return super().get(key, default)
 
-    def left_over(self, what: str, drawn: Iterable[str] = ()) -> list[str]:
+    def unread(self, subject: str, looks: Iterable[str] = ()) -> list[str]:
         """A sentence for the fields that nobody took, but for how parts are drawn."""
-        left = [x for x in self if x not in {*self.__dict__.get("taken", ()), *drawn}]
-        return [f"{what}: {', '.join(left)[:80]}: left out"] if left else []
+        unread = [x for x in self if x not in {*self.__dict__.get("consumed", ()), *looks}]
+        return [f"{subject}: {', '.join(unread)[:80]}: left out"] if unread else []
 
 
 def fields(raw: Any, where: str) -> Fields:
@@ -71,11 +71,11 @@ def json_of(text: str, where: str) -> Any:
     def refused(word: str) -> NoReturn:
         raise wrong(where, f"{word} is not a number", "finite numbers")
 
-    def whole(digits: str) -> int | float:
+    def integer(digits: str) -> int | float:
         return int(digits) if len(digits) < LONGEST else float(digits)
 
     try:
-        return json.loads(text, parse_constant=refused, parse_int=whole)
+        return json.loads(text, parse_constant=refused, parse_int=integer)
     except json.JSONDecodeError as error:
         at = f"line {error.lineno}, column {error.colno}"
         raise wrong(where, f"{at}: {error.msg.lower()}", "JSON") from None
@@ -108,9 +108,9 @@ class _Reader:
         self.depth -= 1
         self.tree.end(tag.rpartition("}")[2].rpartition(":")[2])
 
-    def declared(self, name: str, *what: Any) -> None:
+    def declared(self, name: str, *details: Any) -> None:
         """A document type: harmless by itself, but the place where entities are defined."""
-        if len(what) > 3 or (what and what[-1]):
+        if len(details) > 3 or (details and details[-1]):
             raise wrong(self.where, "the XML defines entities of its own", "elements alone")
 
 
@@ -125,8 +125,8 @@ def xml_of(text: str, where: str) -> Element:
         root: Element = reader.tree.close()
     except expat.ExpatError as error:
         at = f"line {error.lineno}, column {error.offset + 1}"
-        what = expat.errors.messages.get(error.code, "not well-formed")
-        raise wrong(where, f"{at}: {what}", "XML") from None
+        message = expat.errors.messages.get(error.code, "not well-formed")
+        raise wrong(where, f"{at}: {message}", "XML") from None
     return root
 
 
@@ -142,17 +142,17 @@ class Record:
     inner: list[Record]
     where: str
     text: str = ""
-    taken: set[str] = field(default_factory=set)
+    consumed: set[str] = field(default_factory=set)
 
     def get(self, key: str, default: str = "") -> str:
         """The text of a field."""
-        self.taken.add(key)
+        self.consumed.add(key)
         if key in self.fields:
             return self.fields[key]
         part = next((part for part in self.inner if part.tag == key), None)
         if part is None:
             return default
-        part.taken.update(line.tag for line in part.inner)
+        part.consumed.update(line.tag for line in part.inner)
         return part.text
 
     def number(self, key: str, default: float | None = None) -> float:
@@ -169,44 +169,44 @@ class Record:
 
     def all(self, *tags: str) -> list[Record]:
         """The parts inside of these names."""
-        self.taken.update(tags)
+        self.consumed.update(tags)
         return [part for part in self.inner if part.tag in tags]
 
     def below(self, tag: str) -> list[Record]:
         """What is inside of the parts of a name."""
         outers = self.all(tag)
         for outer in outers:
-            outer.taken.update(part.tag for part in outer.inner)
+            outer.consumed.update(part.tag for part in outer.inner)
         return [part for outer in outers for part in outer.inner]
 
-    def one(self, tag: str) -> Record:
+    def first(self, tag: str) -> Record:
         """The first part of a name, an empty one where there is none."""
         return next(iter(self.all(tag)), Record(tag, {}, [], f"{self.where}, {tag}"))
 
     def skip(self) -> None:
         """Take all of it: what it is has been told."""
-        self.taken.update(self.fields, (part.tag for part in self.inner))
+        self.consumed.update(self.fields, (part.tag for part in self.inner))
         for part in self.inner:
             part.skip()
 
-    def _left(self, drawn: set[str]) -> Iterator[str]:
-        yield from (f"{self.tag} {key}" for key in self.fields if key not in self.taken | drawn)
+    def _unread(self, looks: set[str]) -> Iterator[str]:
+        yield from (f"{self.tag} {key}" for key in self.fields if key not in self.consumed | looks)
         for part in self.inner:
-            if part.tag in self.taken:
-                yield from part._left(drawn)
-            elif part.tag not in drawn:
+            if part.tag in self.consumed:
+                yield from part._unread(looks)
+            elif part.tag not in looks:
                 yield f"{part.tag} {part.get('name') or part.get('Name')}".strip()
 
-    def left_over(self, drawn: Iterable[str]) -> list[str]:
+    def unread(self, looks: Iterable[str]) -> list[str]:
         """A sentence for each kind of thing that nobody took, but for how parts are drawn."""
-        counts = Counter(self._left(set(drawn)))
+        counts = Counter(self._unread(set(looks)))
         return [f"{x}: left out" + f" ({n} times)" * (n > 1) for x, n in counts.items()]
 
 
 def record_of(element: Element, where: str) -> Record:
     """An element of XML as a record."""
     name = element.get("name")
-    here = f"{where}, {element.tag} {name}" if name else f"{where}, {element.tag}"
+    label = f"{where}, {element.tag} {name}" if name else f"{where}, {element.tag}"
     inner = [record_of(part, where) for part in element]
     fields_ = {key: text for key, text in element.attrib.items() if not key.startswith("xmlns")}
-    return Record(element.tag, fields_, inner, here, (element.text or "").strip())
+    return Record(element.tag, fields_, inner, label, (element.text or "").strip())

@@ -13,13 +13,13 @@ from blockmech.typing import Arguments, Data
 TRACE = {"trace": "markers whose paths are drawn"}
 
 
-def _places(order: Order) -> Data | None:
+def _coordinates(order: Order) -> Data | None:
     """Coordinates of the drivers at the poses that are asked for."""
     if not order.at:
         return None
     at, samples, times = (order.at.get(name) for name in ("at", "samples", "times"))
-    taken = order.mechanism.samples(at, samples, times, None, None)
-    return {d: taken.coordinate(i) for i, d in enumerate(order.mechanism.drivers)}
+    poses = order.mechanism.samples(at, samples, times, None, None)
+    return {d: poses.coordinate(i) for i, d in enumerate(order.mechanism.drivers)}
 
 
 def _trace(order: Order) -> Any:
@@ -34,15 +34,15 @@ def write_picture(order: Order, path: Path) -> list[Path]:
         order.result().plot(path)
     else:
         takes = KINDS[kind].takes if kind in KINDS else ()
-        more: Arguments = {"want": order.want} if "want" in takes else {}
-        at = _places(order) if "at" in takes else None
-        draw(order.mechanism, path, kind, at, trace=_trace(order), **more)
+        settings: Arguments = {"want": order.want} if "want" in takes else {}
+        at = _coordinates(order) if "at" in takes else None
+        draw(order.mechanism, path, kind, at, trace=_trace(order), **settings)
     return [path]
 
 
 def write_film(order: Order, path: Path) -> list[Path]:
     """An animation over the poses, or the range of the laws of motion."""
-    animate(order.mechanism, path, _places(order), trace=_trace(order))
+    animate(order.mechanism, path, _coordinates(order), trace=_trace(order))
     return [path]
 
 

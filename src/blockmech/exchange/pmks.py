@@ -66,7 +66,7 @@ def drawing_of(rows: list[Row], where: str, rate: float = 1.0) -> Drawing:
 
 def _take(row: Row, drawing: Drawing) -> None:
     moving = [link for link in row.links if link != GROUND]
-    first, *others = [FRAME if link == GROUND else link for link in row.links]
+    first, *rest = [FRAME if link == GROUND else link for link in row.links]
     if row.kind == "G":
         name = f"gear joint {row.name} between {' and '.join(row.links)}"
         if len(moving) == 2:
@@ -74,21 +74,21 @@ def _take(row: Row, drawing: Drawing) -> None:
         else:
             drawing.note(f"{name}: left out")
         return
-    if row.kind == "P" and others:
-        for other in others:
-            pair = (first, other) if other != FRAME else (other, first)
+    if row.kind == "P" and rest:
+        for partner in rest:
+            pair = (first, partner) if partner != FRAME else (partner, first)
             drive = Drive(1.0, 0.0, None) if row.driven else None
             drawing.pairs.append(Pair(*pair, row.at, row.angle, drive))
         if row.driven:
             drawing.note(f"the drive of {row.name} has no stroke in the file")
         return
     drawing.points[row.name] = row.at
-    if row.kind == "RP" and others:
+    if row.kind == "RP" and rest:
         drawing.slots[row.name] = [Slot(row.angle, first)]
         moving = [link for link in moving if link != first]
         if first == FRAME:
-            others = []
-    if GROUND in row.links and (row.kind != "RP" or FRAME in others):
+            rest = []
+    if GROUND in row.links and (row.kind != "RP" or FRAME in rest):
         drawing.fixed.add(row.name)
     for link in moving:
         drawing.links[link].append(row.name)
@@ -107,27 +107,29 @@ def _kind(raw: Any, where: str) -> str:
 
 def read_text(text: str, where: str) -> Drawing:
     """A line for each joint."""
-    rows, left = list[Row](), list[str]()
+    rows, notes = list[Row](), list[str]()
     body = text.partition("mech=")[2] if "mech=" in text else text
     for line in body.splitlines():
-        words = [w for w in re.split(r"[,\s]+", line.strip()) if w]
-        if not words or line.lstrip().startswith("#"):
+        tokens = [w for w in re.split(r"[,\s]+", line.strip()) if w]
+        if not tokens or line.lstrip().startswith("#"):
             continue
         at = f"{where}, joint {len(rows) + 1}"
-        places = [i for i, w in enumerate(words) if i and w.upper() in TYPES and len(words) > i + 2]
-        if not places:
+        indices = [
+            i for i, w in enumerate(tokens) if i and w.upper() in TYPES and len(tokens) > i + 2
+        ]
+        if not indices:
             raise wrong(at, f'"{line.strip()[:60]}" has no type', "links, type, x, y")
-        i = places[-1]
-        values = [w for w in words[i + 1 :] if not re.fullmatch(r"[tf+\-]{1,4}", w)]
-        flags = [w for w in words[i + 1 :] if re.fullmatch(r"[tf+\-]{4}", w)]
+        i = indices[-1]
+        values = [w for w in tokens[i + 1 :] if not re.fullmatch(r"[tf+\-]{1,4}", w)]
+        flags = [w for w in tokens[i + 1 :] if re.fullmatch(r"[tf+\-]{4}", w)]
         x, y, *rest = [number(w, at) for w in values[:3]]
-        left += [f"joint {_name(len(rows))}: {w[:20]}: left out" for w in values[3:]]
+        notes += [f"joint {_name(len(rows))}: {w[:20]}: left out" for w in values[3:]]
         angle = math.radians(rest[0]) if rest else 0.0
         driven = bool(flags) and flags[0][3] in "t+"
-        kind = _kind(words[i], at)
-        rows.append(Row(words[:i], kind, complex(x, y), angle, driven, _name(len(rows))))
+        kind = _kind(tokens[i], at)
+        rows.append(Row(tokens[:i], kind, complex(x, y), angle, driven, _name(len(rows))))
     drawing = drawing_of(rows, where)
-    drawing.notes += left
+    drawing.notes += notes
     return drawing
 
 
@@ -135,19 +137,19 @@ def read_json(text: str, where: str) -> Drawing:
     """``Joints`` with their links, ``DrivingIndex`` and ``InputSpeed``."""
     data = fields(json_of(text, where), where)
     driving = data.get("DrivingIndex")
-    rows, left = list[Row](), list[str]()
+    rows, notes = list[Row](), list[str]()
     for i, raw in enumerate(items(data.get("Joints"), f"{where}, Joints")):
         at = f"{where}, Joints[{i}]"
-        own = fields(raw, at)
-        links = [str(link) for link in items(own.get("Links"), f"{at}.Links")]
-        place = complex(number(own.get("X"), at), number(own.get("Y"), at))
-        angle = math.radians(number(own.get("Angle"), at, 0.0))
-        kind = _kind(own.get("TypeOfJoint", "R"), at)
-        rows.append(Row(links, kind, place, angle, i == driving, _name(i)))
-        left += own.left_over(f"joint {_name(i)}", LOOKS)
+        record = fields(raw, at)
+        links = [str(link) for link in items(record.get("Links"), f"{at}.Links")]
+        position = complex(number(record.get("X"), at), number(record.get("Y"), at))
+        angle = math.radians(number(record.get("Angle"), at, 0.0))
+        kind = _kind(record.get("TypeOfJoint", "R"), at)
+        rows.append(Row(links, kind, position, angle, i == driving, _name(i)))
+        notes += record.unread(f"joint {_name(i)}", LOOKS)
     rate, name = number(data.get("InputSpeed"), where, 1.0), str(data.get("Name") or where)
     drawing = drawing_of(rows, name, rate)
-    drawing.notes += [*left, *data.left_over("the file", LOOKS)]
+    drawing.notes += [*notes, *data.unread("the file", LOOKS)]
     return drawing
 
 
@@ -159,10 +161,10 @@ def read_expression(text: str, where: str) -> Drawing:
         end = match.end()
         at = f"{where}, joint {len(rows)}"
         links = [w.strip() for w in match["links"].split(",") if w.strip()]
-        place = complex(number(match["x"].strip(), at), number(match["y"].strip(), at))
+        position = complex(number(match["x"].strip(), at), number(match["y"].strip(), at))
         angle = math.radians(number((match["angle"] or "").strip(), at, 0.0))
         kind = _kind(match["type"], at)
-        rows.append(Row(links, kind, place, angle, False, _name(len(rows))))
+        rows.append(Row(links, kind, position, angle, False, _name(len(rows))))
     if text.count("J[") != len(rows) or text[end:].strip() != "]":
         raise wrong(where, f"joint {len(rows)} cannot be read", "J[type, P[x, y], L[links]]")
     return drawing_of(rows, where)

@@ -112,15 +112,15 @@ class Address:
     ) -> None:
         """Add a force between two places: 1 turns with its link, 2 points away from its own."""
         start, end = ends
-        along = end - start if flags & 2 else start - end
-        if not along:
+        arrow = end - start if flags & 2 else start - end
+        if not arrow:
             self.notes.append(f"force {key} has no direction: left out")
             return
-        force = cmath.rect(size * self.units.force, cmath.phase(along))
+        force = cmath.rect(size * self.units.force, cmath.phase(arrow))
         self.loads.append(Load(key, link, start, force, bool(flags & 1)))
 
 
-class Words:
+class Tokens:
     """The words of a record, which its reader takes one by one; what is left it tells."""
 
     def __init__(self, text: str, name: str, address: Address, where: str) -> None:
@@ -134,15 +134,15 @@ class Words:
             raise wrong(self.where, "it ends too early", valid)
         return word
 
-    def whole(self, default: str = "0") -> int:
+    def integer(self, default: str = "0") -> int:
         """A whole number of base 64, signed."""
-        return _whole(self.word() or default, self.where)
+        return _integer(self.word() or default, self.where)
 
     def decimal(self) -> float:
         """A number in thousandths."""
-        return self.whole() / 1000
+        return self.integer() / 1000
 
-    def place(self) -> complex:
+    def point(self) -> complex:
         """Two numbers in thousandths."""
         return complex(self.decimal(), self.decimal())
 
@@ -158,11 +158,11 @@ class Words:
     def finish(self) -> None:
         """Tell what nobody took."""
         if any(self.words):
-            left = listed([w[:20] for w in self.words if w])
-            self.address.notes.append(f"{self.name}: {left}: left out")
+            unread = listed([w[:20] for w in self.words if w])
+            self.address.notes.append(f"{self.name}: {unread}: left out")
 
 
-def _whole(text: str, where: str, signed: bool = True) -> int:
+def _integer(text: str, where: str, signed: bool = True) -> int:
     negative = signed and len(text) > 1 and text[0] == "0"
     digits = text[1:] if negative else text
     if not digits or any(c not in DIGITS for c in digits) or len(digits) > 10:
@@ -186,7 +186,7 @@ def read(text: str, where: str) -> Drawing:
     """The drawing of an address."""
     code = code_of(text)
     old = re.match(r"j=.*&l=", code, re.DOTALL)
-    return drawn(_old(code, where) if old else _new(code, where), where)
+    return drawing_of(_old(code, where) if old else _new(code, where), where)
 
 
 def _groups(code: str, where: str) -> tuple[list[str], list[list[str]], list[str]]:
@@ -211,24 +211,24 @@ def _new(code: str, where: str) -> Address:
     address = Address(units=UNITS.get(settings[3][:1], UNITS["1"]))
     if settings[3][2:3] == "3" and settings[3][:1] != "0":
         address.units = address.units._replace(force=KILOPOND)
-    flags = _whole(settings[0], where, signed=False)
+    flags = _integer(settings[0], where, signed=False)
     sense = -1 if flags & CLOCKWISE else 1
     address.gravity = not flags & NO_GRAVITY
-    lengths = Words(settings[1], "settings", address, where)
+    lengths = Tokens(settings[1], "settings", address, where)
     lengths.decimal()  # the scale of the picture
     address.sliding = sense * (abs(lengths.decimal()) or SLIDING)
-    speeds = Words(settings[2], "settings", address, where)
-    address.turning = sense * abs(speeds.whole("A")) * RPM
+    speeds = Tokens(settings[2], "settings", address, where)
+    address.turning = sense * abs(speeds.integer("A")) * RPM
     for raw in groups[0]:
         _new_joint(raw, address, where)
     for raw in groups[1]:
         _new_bar(raw, address, where)
     for k, raw in enumerate(groups[2], 1):
-        words = Words(raw, f"force {k}", address, where)
-        token, link, _ = words.word("flags and id"), words.word("a link"), words.word()
-        ends, kind = (words.place(), words.place()), _whole(token[0], where, signed=False)
-        address.push(token[1:], link, ends, kind, words.decimal())
-        words.finish()
+        tokens = Tokens(raw, f"force {k}", address, where)
+        token, link, _ = tokens.word("flags and id"), tokens.word("a link"), tokens.word()
+        ends, kind = (tokens.point(), tokens.point()), _integer(token[0], where, signed=False)
+        address.push(token[1:], link, ends, kind, tokens.decimal())
+        tokens.finish()
     for mark in ",".join(rest[1:]).split(","):
         if mark[:1] == "P":
             address.notes.append("digits beyond thousandths: left out")
@@ -238,44 +238,44 @@ def _new(code: str, where: str) -> Address:
 
 
 def _new_joint(raw: str, address: Address, where: str) -> None:
-    words = Words(raw, f"joint {len(address.joints) + 1}", address, where)
-    token, label = words.word("flags and id"), words.word("id, name, x, y, angle")
-    flags, key = _whole(token[0], words.where, signed=False), token[1:]
-    at, angle, line = words.place(), words.decimal(), [words.word() for _ in range(3)]
-    speed, mass = words.decimal(), words.decimal()
+    tokens = Tokens(raw, f"joint {len(address.joints) + 1}", address, where)
+    token, label = tokens.word("flags and id"), tokens.word("id, name, x, y, angle")
+    flags, key = _integer(token[0], tokens.where, signed=False), token[1:]
+    at, angle, line = tokens.point(), tokens.decimal(), [tokens.word() for _ in range(3)]
+    speed, mass = tokens.decimal(), tokens.decimal()
     if not key or key in address.joints:
-        raise wrong(words.where, f'"{key}" is no id, or one of two', "ids of their own")
-    if words.word() not in ("", "0") or (flags & PRISMATIC and flags & SEALED):
+        raise wrong(tokens.where, f'"{key}" is no id, or one of two', "ids of their own")
+    if tokens.word() not in ("", "0") or (flags & PRISMATIC and flags & SEALED):
         flags |= WELDED  # the rod of a cylinder does not turn in it
     address.joints[key] = Joint(key, flags, at, angle, line if any(line) else [], speed, mass)
-    _called("joint", key, label, address)
-    words.finish()
+    _note_label("joint", key, label, address)
+    tokens.finish()
 
 
 def _new_bar(raw: str, address: Address, where: str) -> None:
-    words = Words(raw, f"link {len(address.bars) + 1}", address, where)
-    token, label = words.word("flags and id"), words.word("id, name, mass, inertia, ...")
+    tokens = Tokens(raw, f"link {len(address.bars) + 1}", address, where)
+    token, label = tokens.word("flags and id"), tokens.word("id, name, mass, inertia, ...")
     if len(token) < 3 or token[0] not in ROOTS + PARTS or token[1] not in "RP":
-        raise wrong(words.where, f'"{token[:20]}" is no link', f"one of {ROOTS}{PARTS}, R or P")
-    mass, inertia, cm = words.decimal(), words.decimal(), words.place()
-    words.word()  # colour
+        raise wrong(tokens.where, f'"{token[:20]}" is no link', f"one of {ROOTS}{PARTS}, R or P")
+    mass, inertia, cm = tokens.decimal(), tokens.decimal(), tokens.point()
+    tokens.word()  # colour
     joints, parts = [], []
-    while word := words.word():
+    while word := tokens.word():
         joints.append(word)
-    while word := words.word():
+    while word := tokens.word():
         parts.append(word)
     units, key = address.units, token[2:]
     body = Inertia(mass * units.mass, inertia * units.inertia, cm)
     if key in address.bars:
-        raise wrong(words.where, f'there are two links "{key}"')
+        raise wrong(tokens.where, f'there are two links "{key}"')
     address.bars[key] = Bar(key, token[1] == "P", body, joints, parts, token[0] in ROOTS)
-    _called("link", key, label, address)
-    words.finish()
+    _note_label("link", key, label, address)
+    tokens.finish()
 
 
-def _called(what: str, key: str, label: str, address: Address) -> None:
+def _note_label(kind: str, key: str, label: str, address: Address) -> None:
     if label and label != key:
-        address.notes.append(f"{what} {key} is called {label[:40]} there")
+        address.notes.append(f"{kind} {key} is called {label[:40]} there")
 
 
 # -- addresses before 2023 ---------------------------------------------------------------------
@@ -285,25 +285,25 @@ def _old(code: str, where: str) -> Address:
     """Lines of words: joints, links, forces, settings; of two orders, which the words tell."""
     sections = dict(re.findall(r"(?:^|&)(\w+)=([^&]*)", code))
     address = Address()
-    words = Words(sections.pop("s", ""), "settings", address, where)
-    speed, clockwise = words.number(10.0), words.yes()
+    tokens = Tokens(sections.pop("s", ""), "settings", address, where)
+    speed, clockwise = tokens.number(10.0), tokens.yes()
     address.turning = (-1 if clockwise else 1) * speed * RPM
     address.sliding = (-1 if clockwise else 1) * SLIDING
-    address.gravity = words.yes()
-    unit = words.word().lower()
+    address.gravity = tokens.yes()
+    unit = tokens.word().lower()
     address.units = {"cm": UNITS["1"], "m": UNITS["2"], "in": UNITS["0"]}.get(unit[:2], UNITS["1"])
-    words.finish()
+    tokens.finish()
     blocks: dict[str, list[str]] = {}
-    readers: dict[str, Callable[[Words, Address], None]] = {"l": _old_bar, "f": _old_push}
+    readers: dict[str, Callable[[Tokens, Address], None]] = {"l": _old_bar, "f": _old_push}
     for raw in _lines(sections.pop("j")):
-        words = Words(raw, f"joint {len(address.joints) + 1}", address, where)
-        _old_joint(words, address, blocks)
-        words.finish()
+        tokens = Tokens(raw, f"joint {len(address.joints) + 1}", address, where)
+        _old_joint(tokens, address, blocks)
+        tokens.finish()
     for section, names in (("l", "link"), ("f", "force")):
         for k, raw in enumerate(_lines(sections.pop(section, "")), 1):
-            words = Words(raw, f"{names} {k}", address, where)
-            readers[section](words, address)
-            words.finish()
+            tokens = Tokens(raw, f"{names} {k}", address, where)
+            readers[section](tokens, address)
+            tokens.finish()
     for key, joints in blocks.items():  # blocks of sliders were not written as links then
         if key not in address.bars:
             at = address.joints[joints[0]].at
@@ -316,58 +316,58 @@ def _lines(text: str) -> list[str]:
     return [line for line in text.replace("%0A", "\n").splitlines() if line.strip(" ,")]
 
 
-def _old_joint(words: Words, address: Address, blocks: dict[str, list[str]]) -> None:
-    key, at = words.word("id, x, y, links, type"), complex(words.number(), words.number())
-    links, kind = words.word().split("|"), words.word("R or P")
+def _old_joint(tokens: Tokens, address: Address, blocks: dict[str, list[str]]) -> None:
+    key, at = tokens.word("id, x, y, links, type"), complex(tokens.number(), tokens.number())
+    links, kind = tokens.word().split("|"), tokens.word("R or P")
     if kind[0] not in "RP":
-        raise wrong(words.where, f'no joint type "{kind[:20]}"', "R or P")
+        raise wrong(tokens.where, f'no joint type "{kind[:20]}"', "R or P")
     flags = [PRISMATIC * (kind[0] == "P")]
-    angle = number(kind[1:], words.where, 0.0)
+    angle = number(kind[1:], tokens.where, 0.0)
     for flag in (GROUNDED, INPUT):  # the angle stands between them, or behind
-        if words.words and re.fullmatch(r"-?[\d.e-]+|Null", words.words[0].strip()):
-            angle = words.number(0.0)
-        flags.append(flag * words.yes())
-    angle = words.number(angle)
+        if tokens.words and re.fullmatch(r"-?[\d.e-]+|Null", tokens.words[0].strip()):
+            angle = tokens.number(0.0)
+        flags.append(flag * tokens.yes())
+    angle = tokens.number(angle)
     if key in address.joints:
-        raise wrong(words.where, f'there are two joints "{key}"')
+        raise wrong(tokens.where, f'there are two joints "{key}"')
     address.joints[key] = Joint(key, sum(flags), at, angle, [])
     for link in filter(None, links):
         blocks.setdefault(link, []).append(key)
 
 
-def _old_bar(words: Words, address: Address) -> None:
-    key, block = words.word("id, mass, inertia, ..."), False
-    if words.words and words.words[0].strip() in "RP":
-        block = words.word() == "P"
-    mass, inertia = words.number(0.0), words.number(0.0)
-    cm = complex(words.number(0.0), words.number(0.0))
-    joints = [x for x in words.word("joints").split("|") if x]
-    words.words = []  # forces, which say it themselves, and how it is drawn
+def _old_bar(tokens: Tokens, address: Address) -> None:
+    key, block = tokens.word("id, mass, inertia, ..."), False
+    if tokens.words and tokens.words[0].strip() in "RP":
+        block = tokens.word() == "P"
+    mass, inertia = tokens.number(0.0), tokens.number(0.0)
+    cm = complex(tokens.number(0.0), tokens.number(0.0))
+    joints = [x for x in tokens.word("joints").split("|") if x]
+    tokens.words = []  # forces, which say it themselves, and how it is drawn
     units = address.units
     body = Inertia(mass * units.mass, inertia * units.inertia, cm)
     address.bars[key] = Bar(key, block, body, joints, [], True)
 
 
-def _old_push(words: Words, address: Address) -> None:
-    key, link = words.word("id"), words.word("a link")
-    start, end = (complex(words.number(), words.number()) for _ in range(2))
-    flags = (not words.yes()) | 2 * words.yes()
-    address.push(key, link, (start, end), flags, words.number())
+def _old_push(tokens: Tokens, address: Address) -> None:
+    key, link = tokens.word("id"), tokens.word("a link")
+    start, end = (complex(tokens.number(), tokens.number()) for _ in range(2))
+    flags = (not tokens.yes()) | 2 * tokens.yes()
+    address.push(key, link, (start, end), flags, tokens.number())
 
 
 # -- what they mean ----------------------------------------------------------------------------
 
 
-def drawn(address: Address, where: str) -> Drawing:
+def drawing_of(address: Address, where: str) -> Drawing:
     """The drawing of what an address says. Raises `FormatError` for what does not fit."""
     drawing = Drawing("pmks_plus", address.units.length, "PMKS+ address")
     drawing.gravity = -9.81j if address.gravity else 0j
     joints, bars = address.joints, address.bars
     for bar in bars.values():
-        for kind, keys, known in ("joint", bar.joints, joints), ("link", bar.parts, bars):
-            if unknown := [key for key in keys if key not in known]:
-                found = f"no {kind} {listed(unknown)}"
-                raise wrong(f"{where}, link {bar.key}", found, f"{kind}s: {listed(known)}")
+        for kind, keys, valid in ("joint", bar.joints, joints), ("link", bar.parts, bars):
+            if unknown := [key for key in keys if key not in valid]:
+                message = f"no {kind} {listed(unknown)}"
+                raise wrong(f"{where}, link {bar.key}", message, f"{kind}s: {listed(valid)}")
     roots = {bar.key: bar for bar in bars.values() if bar.root}
     root_of = {part: bar.key for bar in roots.values() for part in bar.parts}
     slid, pins = _blocks(address, roots)
@@ -423,8 +423,8 @@ def _slide(
             or bar is None
             or not set(ends) <= {*bar.joints}
         ):
-            found = f"its slot is {listed([x or '?' for x in joint.line])}"
-            raise wrong(at, found, "a link and two of its joints", "copy the whole address")
+            message = f"its slot is {listed([x or '?' for x in joint.line])}"
+            raise wrong(at, message, "a link and two of its joints", "copy the whole address")
         if joint.key in bar.joints:
             raise wrong(at, "it slides on its own link", "a slot of another link")
         a, b = (address.joints[p].at for p in ends)
@@ -444,8 +444,8 @@ def _drive(joint: Joint, driven: Joint, address: Address, drawing: Drawing) -> D
     if not driven.has(PRISMATIC):
         return Drive(speed * RPM or address.turning)
     rate = speed or address.sliding
-    places = [j.at for j in address.joints.values()]
-    stroke = math.copysign(STROKE * max(abs(z - places[0]) for z in places), rate)
+    points = [j.at for j in address.joints.values()]
+    stroke = math.copysign(STROKE * max(abs(z - points[0]) for z in points), rate)
     drawing.note(f"the drive of {driven.key} has no stroke in the address: {stroke:.3g} was taken")
     return Drive(rate, 0.0, stroke)
 
@@ -463,8 +463,8 @@ def _weld(key: str, roots: dict[str, Bar], bars: dict[str, Bar], drawing: Drawin
     first, *rest = sorted(
         (x for x in members if x != FRAME), key=lambda x: x in roots and roots[x].block
     ) or [""]
-    for other in rest:
-        drawing.weld(first, other)
+    for link in rest:
+        drawing.weld(first, link)
     if rest:
         drawing.note(f"{listed([first, *rest])} are welded at {key}: they are one link, {first}")
 

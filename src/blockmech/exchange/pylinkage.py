@@ -43,66 +43,68 @@ def read(text: str, where: str) -> Drawing:
 def of_data(data: Record, where: str) -> Drawing:
     """The drawing of joints and links, as ``mechanism_to_dict`` gives them."""
     if "nodes" in data or "instances" in data:
-        what = "a hypergraph says who joins whom, but no lengths"
-        raise wrong(where, what, "a file of mechanism_to_json", "save the mechanism itself")
+        message = "a hypergraph says who joins whom, but no lengths"
+        raise wrong(where, message, "a file of mechanism_to_json", "save the mechanism itself")
     drawing = Drawing(str(data.get("name") or "linkage"), source="pylinkage file")
     trackers: list[Fields] = []
     records: list[Fields] = []
     for i, raw in enumerate(items(data.get("joints"), f"{where}, joints")):
         at = f"{where}, joints[{i}]"
-        records.append(own := fields(raw, at))
-        key, kind = str(own.get("id")), own.get("type", "revolute")
+        records.append(entry := fields(raw, at))
+        key, kind = str(entry.get("id")), entry.get("type", "revolute")
         if kind in LEGACY:
             raise wrong(at, f'"{kind}" is of the old format', "a file of mechanism_to_json")
         if key in drawing.points:
             raise wrong(at, f'there are two joints "{key}"')
-        drawing.points[key] = _place(own.get("position"), at)
+        drawing.points[key] = _point(entry.get("position"), at)
         if kind == "ground":
             drawing.fixed.add(key)
         elif kind == "prismatic":
-            axis = _place(own.get("axis", [1.0, 0.0]), at)
+            axis = _point(entry.get("axis", [1.0, 0.0]), at)
             drawing.slots[key] = [Slot(direction(0j, axis, at))]
         elif kind == "tracker":
-            trackers.append(own)
+            trackers.append(entry)
     for i, raw in enumerate(items(data.get("links"), f"{where}, links")):
-        records.append(own := fields(raw, f"{where}, links[{i}]"))
-        _link(own, f"{where}, links[{i}]", drawing)
-    for own in trackers:
-        _rigid(drawing, str(own["id"]), [str(own.get(f"ref_joint{k}_id")) for k in (1, 2)], where)
+        records.append(entry := fields(raw, f"{where}, links[{i}]"))
+        _link(entry, f"{where}, links[{i}]", drawing)
+    for entry in trackers:
+        _rigid(
+            drawing, str(entry["id"]), [str(entry.get(f"ref_joint{k}_id")) for k in (1, 2)], where
+        )
     for record in records:
-        drawing.notes += record.left_over(str(record.get("id"))[:40], LOOKS)
+        drawing.notes += record.unread(str(record.get("id"))[:40], LOOKS)
     if isinstance(data, Fields):
-        drawing.notes += data.left_over("the file", LOOKS)
+        drawing.notes += data.unread("the file", LOOKS)
     return drawing
 
 
-def _place(raw: Any, where: str) -> complex:
+def _point(raw: Any, where: str) -> complex:
     pair = items(raw, where)
     if len(pair) != 2:
         raise wrong(where, f"a place has {len(pair)} numbers", "[x, y]")
     return complex(number(pair[0], where), number(pair[1], where))
 
 
-def _link(own: Record, where: str, drawing: Drawing) -> None:
-    points = [str(p) for p in items(own.get("joints", []), f"{where}.joints")]
+def _link(record: Record, where: str, drawing: Drawing) -> None:
+    points = [str(p) for p in items(record.get("joints", []), f"{where}.joints")]
     if unknown := [p for p in points if p not in drawing.points]:
         raise wrong(where, f"no joint {listed(unknown)}", f"joints: {listed(drawing.points)}")
-    kind, name = own.get("type", "link"), str(own.get("id"))
+    kind, name = record.get("type", "link"), str(record.get("id"))
     if name in drawing.links:
         raise wrong(where, f'there are two links "{name}"')
     if kind == "ground":
         drawing.fixed.update(points)
         return
     if kind in ("driver", "arc_driver"):
-        motor = own.get("motor_joint") or next((p for p in points if p in drawing.fixed), None)
+        motor = record.get("motor_joint") or next((p for p in points if p in drawing.fixed), None)
         if motor not in drawing.points:
             raise wrong(where, "the driver has no motor joint on the ground")
         drawing.fixed.add(str(motor))
-        rate = number(own.get("angular_velocity"), where, math.tau / 360)
+        rate = number(record.get("angular_velocity"), where, math.tau / 360)
         start, stop = 0.0, math.tau
         if kind == "arc_driver":
-            at = number(own.get("initial_angle"), where, 0.0)
-            start, stop = (number(own.get(k), where, 0.0) - at for k in ("arc_start", "arc_end"))
+            at = number(record.get("initial_angle"), where, 0.0)
+            start, stop = (number(record.get(k), where, 0.0) - at for k in ("arc_start", "arc_end"))
             start, stop = (-start, -stop) if rate < 0 else (start, stop)
         drawing.drives[str(motor)] = Drive(rate, start, stop, name)
         drawing.note(STEP)
@@ -113,8 +115,8 @@ def _rigid(drawing: Drawing, point: str, anchors: list[str], where: str) -> None
     """A point at a fixed distance and angle of two others: on their link, if they have one."""
     on = drawing.link_of(anchors)
     if on is None:
-        what = f"{point} is fixed to {listed(anchors)}, which move against each other"
-        raise wrong(where, what, "two points of one link", "leave it out")
+        message = f"{point} is fixed to {listed(anchors)}, which move against each other"
+        raise wrong(where, message, "two points of one link", "leave it out")
     if on == FRAME:
         drawing.fixed.add(point)
     else:
@@ -133,7 +135,7 @@ def of_object(subject: Any) -> Drawing:
     """The drawing of a live linkage or mechanism, in the position in which it stands."""
     where = f"pylinkage {type(subject).__name__}"
     if hasattr(subject, "components"):
-        return _Components(subject, where).found
+        return _Components(subject, where).drawing
     if hasattr(subject, "joints") and hasattr(subject, "links"):
         from pylinkage.mechanism.serialization import mechanism_to_dict
 
@@ -146,7 +148,7 @@ class _Components:
 
     def __init__(self, linkage: Any, where: str) -> None:
         self.where = where
-        self.found = Drawing(str(linkage.name), source="pylinkage object")
+        self.drawing = Drawing(str(linkage.name), source="pylinkage object")
         self.names: dict[int, str] = {}
         kinds: dict[str, Callable[[Any, str], None]] = {
             "Ground": self._ground,
@@ -162,15 +164,15 @@ class _Components:
         for i, part in enumerate(linkage.components):
             kind = type(part).__name__
             name = str(part.name) if not str(part.name).isdigit() else f"{kind}_{i}"
-            name = free_name(name, self.found.points)
+            name = free_name(name, self.drawing.points)
             self.names[id(part)] = name
             if kind not in kinds:
-                self.found.note(f"{name} is a {kind}: left out")
+                self.drawing.note(f"{name} is a {kind}: left out")
                 continue
             if part.x is None or part.y is None:
                 raise wrong(where, f"{name} has no position yet", "", "run one step of it first")
-            here = (number(v, f"{where}, {name}") for v in (part.x, part.y))
-            self.found.points[name] = complex(*here)
+            coordinates = (number(v, f"{where}, {name}") for v in (part.x, part.y))
+            self.drawing.points[name] = complex(*coordinates)
             kinds[kind](part, name)
 
     def _of(self, anchor: Any) -> str:
@@ -180,11 +182,11 @@ class _Components:
         return self.names[id(part)]
 
     def _bar(self, *points: str) -> None:
-        if self.found.link_of(points) in (None, FRAME):
-            self.found.links["_".join(points)] = list(points)
+        if self.drawing.link_of(points) in (None, FRAME):
+            self.drawing.links["_".join(points)] = list(points)
 
     def _ground(self, part: Any, name: str) -> None:
-        self.found.fixed.add(name)
+        self.drawing.fixed.add(name)
 
     def _crank(self, part: Any, name: str) -> None:
         anchor = self._of(part.anchor)
@@ -192,23 +194,23 @@ class _Components:
         rate = number(part.angular_velocity, name)
         start, stop = 0.0, math.tau
         if hasattr(part, "arc_start"):
-            at = cmath.phase(self.found.points[name] - self.found.points[anchor])
+            at = cmath.phase(self.drawing.points[name] - self.drawing.points[anchor])
             start, stop = part.arc_start - at, part.arc_end - at
             start, stop = (-start, -stop) if rate < 0 else (start, stop)
-        self.found.drives[anchor] = Drive(rate, start, stop, f"{anchor}_{name}")
-        self.found.note(STEP)
+        self.drawing.drives[anchor] = Drive(rate, start, stop, f"{anchor}_{name}")
+        self.drawing.note(STEP)
 
     def _actuator(self, part: Any, name: str) -> None:
         anchor = self._of(part.anchor)
-        if anchor not in self.found.fixed:
+        if anchor not in self.drawing.fixed:
             raise wrong(self.where, f"{name} is an actuator on a moving point", "one on the ground")
-        at = self.found.points[anchor]
+        at = self.drawing.points[anchor]
         slider = f"{name}_slider"
-        self.found.links[slider] = [name]
+        self.drawing.links[slider] = [name]
         drive = Drive(number(part.speed, name), 0.0, number(part.stroke, name))
         angle = number(part.angle, name)
-        here = self.found.points[name]
-        self.found.pairs.append(Pair(FRAME, slider, at, angle, drive, here))
+        position = self.drawing.points[name]
+        self.drawing.pairs.append(Pair(FRAME, slider, at, angle, drive, position))
 
     def _rrr(self, part: Any, name: str) -> None:
         for anchor in (part.anchor1, part.anchor2):
@@ -216,12 +218,12 @@ class _Components:
 
     def _line(self, anchors: tuple[Any, Any], name: str) -> None:
         ends = [self._of(anchor) for anchor in anchors]
-        on = self.found.link_of(ends)
+        on = self.drawing.link_of(ends)
         if on is None:
             on = "_".join(ends)
             raise wrong(self.where, f"{name} slides between {on}, points of two links")
-        angle = direction(self.found.points[ends[0]], self.found.points[ends[1]], self.where)
-        self.found.slots.setdefault(name, []).append(Slot(angle, on))
+        angle = direction(self.drawing.points[ends[0]], self.drawing.points[ends[1]], self.where)
+        self.drawing.slots.setdefault(name, []).append(Slot(angle, on))
 
     def _rrp(self, part: Any, name: str) -> None:
         self._bar(self._of(part.revolute_anchor), name)
@@ -232,7 +234,7 @@ class _Components:
         self._line((part.line2_anchor1, part.line2_anchor2), name)
 
     def _fixed(self, part: Any, name: str) -> None:
-        _rigid(self.found, name, [self._of(part.anchor1), self._of(part.anchor2)], self.where)
+        _rigid(self.drawing, name, [self._of(part.anchor1), self._of(part.anchor2)], self.where)
 
 
 def recognises(text: str) -> bool:

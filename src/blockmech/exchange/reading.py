@@ -50,9 +50,9 @@ def imported(
     except FormatError as error:
         raise FormatError(in_file(error.problems, name)) from None
     except BAD_CONTENT as error:
-        found = f"it is not written as its tool writes files: {error}"
+        message = f"it is not written as its tool writes files: {error}"
         remedy = "save it again there, or tell us if the tool reads it"
-        raise wrong(name, found, "", remedy) from error
+        raise wrong(name, message, "", remedy) from error
     except RecursionError:
         raise wrong(name, "parts of it hang on each other in a circle") from None
 
@@ -64,8 +64,8 @@ def _short(name: str) -> str:
 def _text(source: Any) -> tuple[str, str]:
     """The text, and what it is called in messages."""
     if not isinstance(source, str | os.PathLike):
-        found = f"got {type(source).__name__}"
-        raise refused("read", found, valid="a file's name, an address, or an object of pylinkage")
+        message = f"got {type(source).__name__}"
+        raise refused("read", message, valid="a file's name, an address, or an object of pylinkage")
     name = os.fspath(source)
     if name.lower().startswith(ADDRESS):
         return name, "address"
@@ -83,19 +83,19 @@ def _of_file(name: str) -> str:
         with open(name, "rb") as stream:
             raw = stream.read(LARGEST + 1)
     except OSError as error:
-        what = f"it cannot be read: {(error.strerror or '').lower()}"
-        raise FormatError(Problem("unreadable", "", what, file=name)) from error
+        message = f"it cannot be read: {(error.strerror or '').lower()}"
+        raise FormatError(Problem("unreadable", "", message, file=name)) from error
     if len(raw) > LARGEST:
         raise wrong(name, f"too large: more than {LARGEST / 1e6:.0f} MB", "a drawing is shorter")
     encoding = _encoding(raw)
     try:
         text = raw.decode(encoding)
     except LookupError:
-        what = f'no encoding of texts is called "{encoding}"'
-        raise wrong(name, what, "UTF-8", "save it as UTF-8") from None
+        message = f'no encoding of texts is called "{encoding}"'
+        raise wrong(name, message, "UTF-8", "save it as UTF-8") from None
     except UnicodeDecodeError as error:
-        what = f"byte 0x{raw[error.start]:02x} is not {encoding.upper()} text"
-        raise wrong(name, what, "UTF-8", "save it as UTF-8") from None
+        message = f"byte 0x{raw[error.start]:02x} is not {encoding.upper()} text"
+        raise wrong(name, message, "UTF-8", "save it as UTF-8") from None
     if not text.strip() or "\0" in text:
         raise wrong(name, "it is empty" if not text.strip() else "it is no text", "a drawing")
     return text
@@ -120,5 +120,5 @@ def _reader(text: str, name: str, format: str | None) -> Reader:
     for key in READERS:
         if READERS[key].recognises(text):
             return READERS[key]
-    known = ", ".join(READERS)
-    raise wrong("", "no format that is read looks like this", f"formats: {known}")
+    formats = ", ".join(READERS)
+    raise wrong("", "no format that is read looks like this", f"formats: {formats}")

@@ -17,8 +17,8 @@ import numpy as np
 import blockmech
 from blockmech.analysis.verify import verify
 from blockmech.draw.mechanism import draw_result
-from blockmech.exchange.formats import Order, Writer, one_file
-from blockmech.exchange.page.files import samples_of, wanted_of
+from blockmech.exchange.formats import Order, Writer, file_writer
+from blockmech.exchange.page.files import requested_outputs, samples_of
 from blockmech.figures.curves import abscissa, chosen_panels
 from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import image
@@ -39,14 +39,14 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return f"<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>"
 
 
-@one_file
+@file_writer
 def write_report(order: Order, stream: IO[bytes]) -> None:
     """One page; without wanted outputs it shows the drives."""
     mechanism, result = order.mechanism, order.computed
     if result is None:
-        how = {"friction": None, "static": False} | dict(order.settings)
-        samples, wanted = samples_of(order), wanted_of(order)
-        result = mechanism._answer(samples, wanted, how)
+        settings = {"friction": None, "static": False} | dict(order.settings)
+        samples, outputs = samples_of(order), requested_outputs(order)
+        result = mechanism._answer(samples, outputs, settings)
     document = mechanism.document
     sections = {} if document is None else document.sections()
     title = getattr(document, "title", "") or mechanism.name
@@ -61,8 +61,8 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
         "Verification": f"<pre>{html.escape(str(verify(mechanism, result)))}</pre>",
     }
     extras: Record = getattr(document, "extras", {})
-    words = [str(extras[key]) for key in ("source", "notes") if extras.get(key)]
-    head = "".join(f"<p>{html.escape(text)}</p>" for text in words)
+    texts = [str(extras[key]) for key in ("source", "notes") if extras.get(key)]
+    head = "".join(f"<p>{html.escape(text)}</p>" for text in texts)
     body = "".join(
         f"<section>{f'<h2>{name}</h2>' if name else ''}{part}</section>"
         for name, part in parts.items()
@@ -75,10 +75,10 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
 
 def _values(result: Result) -> str:
     """The wanted outputs at some of the samples."""
-    along = abscissa(result)
-    shown = np.unique(np.linspace(0, result.n - 1, ROWS, dtype=int))
-    head = [along.words, *(f"{name} [{result.output(name).unit or '–'}]" for name in result)]
-    rows = ([_text(x[k]) for x in (along.values, *result.values())] for k in shown)
+    axis = abscissa(result)
+    indices = np.unique(np.linspace(0, result.n - 1, ROWS, dtype=int))
+    head = [axis.words, *(f"{name} [{result.output(name).unit or '–'}]" for name in result)]
+    rows = ([_text(x[k]) for x in (axis.values, *result.values())] for k in indices)
     return table(head, rows)
 
 

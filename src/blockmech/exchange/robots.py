@@ -22,7 +22,7 @@ from blockmech.exchange.spatial import (
     Joint,
     Mass,
     Pose,
-    along,
+    axes_along,
     quaternion,
     roll_pitch_yaw,
     unit,
@@ -77,15 +77,15 @@ class _Tree:
 
     def mass(self, record: Record, pose: Pose, link: str, default: float) -> None:
         """The inertial element of a link, its origin at ``pose``, with a mass and moments."""
-        tensor = record.one("inertia")
+        tensor = record.first("inertia")
         moments = [tensor.number(f"i{key}", default) for key in ("xx", "yy", "zz")]
         xy, xz, yz = (tensor.number(f"i{key}", 0.0) for key in ("xy", "xz", "yz"))
         inertia = np.diag(moments) + np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
-        element = record.one("mass")
+        element = record.first("mass")
         mass = (
             element.number("value", default) if element.fields else record.number("mass", default)
         )
-        body = Mass(mass, pose.place, pose.axes @ inertia @ pose.axes.T)
+        body = Mass(mass, pose.origin, pose.axes @ inertia @ pose.axes.T)
         if link != FRAME and (mass or inertia.any()):
             self.assembly.masses[link].append(body)
 
@@ -102,7 +102,7 @@ class _Tree:
         if kind not in KINDS:
             raise wrong(record.where, f"it is a {kind or 'joint of no type'}", f"{listed(KINDS)}")
         of_axis = axis if axis.tag == "axis" and axis.all("limit", "dynamics") else record
-        limit, dynamics = of_axis.one("limit"), of_axis.one("dynamics")
+        limit, dynamics = of_axis.first("limit"), of_axis.first("dynamics")
         limits = (_bound(limit, "lower", FREE[0]), _bound(limit, "upper", FREE[1]))
         limits = limits if kind != "continuous" and limits[0] < limits[1] else FREE
         friction = dynamics.number("friction", 0.0)
@@ -125,11 +125,11 @@ class _Tree:
         law = (offset - factor * reference, factor)
         self.assembly.ratios.append(Ratio(f"mimic_{name}", leading, name, law))
 
-    def drawn(self, root: Record, gravity: list[float]) -> Drawing:
+    def project(self, root: Record, gravity: list[float]) -> Drawing:
         """The drawing, with what was not read among its notes."""
         self.assembly.gravity = np.array(gravity)
-        drawing = self.assembly.drawn()
-        for sentence in root.left_over(LOOKS):
+        drawing = self.assembly.project()
+        for sentence in root.unread(LOOKS):
             drawing.note(sentence)
         return drawing
 
@@ -149,7 +149,7 @@ def read_urdf(text: str, where: str) -> Drawing:
     tree = _Tree(where, root.get("name"), "URDF file")
     links = {record.get("name"): record for record in root.all("link")}
     joints = root.all("joint")
-    ends = {id(j): (j.one("parent").get("link"), j.one("child").get("link")) for j in joints}
+    ends = {id(j): (j.first("parent").get("link"), j.first("child").get("link")) for j in joints}
     for pair in ends.values():
         if unknown := [link for link in pair if link not in links]:
             raise wrong(where, f"no link {listed(unknown)}", f"links: {listed(links)}")
@@ -174,8 +174,8 @@ def read_urdf(text: str, where: str) -> Drawing:
             tree.mass(inertial, _origin(inertial, pose), name, 0.0)
     for joint in joints:
         parent, child = ends[id(joint)]
-        axis = joint.one("axis")
-        turn = along(unit(axis.numbers("xyz", 3, "1 0 0"), joint.where))
+        axis = joint.first("axis")
+        turn = axes_along(unit(axis.numbers("xyz", 3, "1 0 0"), joint.where))
         pose = placed(child).at((0, 0, 0), turn)
         name = joint.get("name")
         tree.joint(joint, name, (tree.body(parent), tree.body(child)), (pose, pose), axis)
@@ -191,21 +191,21 @@ def read_urdf(text: str, where: str) -> Drawing:
         _sdf_joint(name, scopes)
     for record in root.all("transmission", "ros2_control"):
         _drive(record, tree)
-    return tree.drawn(root, [0.0, 0.0, -9.81])
+    return tree.project(root, [0.0, 0.0, -9.81])
 
 
 def _origin(record: Record, outer: Pose) -> Pose:
-    origin = record.one("origin")
+    origin = record.first("origin")
     turn = roll_pitch_yaw(origin.numbers("rpy", 3, "0 0 0"))
     return outer.at(origin.numbers("xyz", 3, "0 0 0"), turn)
 
 
 def _loop(record: Record, tree: _Tree) -> None:
     """A joint between two places of two links."""
-    ends = [record.one("link1"), record.one("link2")]
+    ends = [record.first("link1"), record.first("link2")]
     bodies = [tree.body(end.get("link")) for end in ends]
-    axis = record.one("axis")
-    turn = along(unit(axis.numbers("xyz", 3, "1 0 0"), record.where))
+    axis = record.first("axis")
+    turn = axes_along(unit(axis.numbers("xyz", 3, "1 0 0"), record.where))
     first, second = (
         tree.poses[end.get("link")]
         .at(end.numbers("xyz", 3, "0 0 0"), roll_pitch_yaw(end.numbers("rpy", 3, "0 0 0")))
@@ -248,12 +248,12 @@ def read_sdf(text: str, where: str) -> Drawing:
         body = scopes.body(name)
         if body != FRAME:
             tree.assembly.masses[body] = []
-        inertial = record.one("inertial")
+        inertial = record.first("inertial")
         tree.mass(inertial, _pose(inertial, poses[name]), body, 1.0)  # as SDF has it
     for name in scopes.joints:
         _sdf_joint(name, scopes)
     gravity = next((w.numbers("gravity", 3) for w in worlds if w.get("gravity")), None)
-    return tree.drawn(root, gravity or [0.0, 0.0, -9.8])
+    return tree.project(root, gravity or [0.0, 0.0, -9.8])
 
 
 class _Scopes:
@@ -294,7 +294,7 @@ class _Scopes:
     def ends(self, name: str) -> tuple[str, str]:
         """Parent and child of a joint."""
         joint, scope = self.joints[name]
-        parent, child = (joint.get(x) or joint.one(x).get("link") for x in ("parent", "child"))
+        parent, child = (joint.get(x) or joint.first(x).get("link") for x in ("parent", "child"))
         return self.named(parent, scope), self.named(child, scope)
 
     def body(self, name: str) -> str:
@@ -309,10 +309,10 @@ class _Scopes:
         """Where something is. Raises `FormatError` for what there is not, and for circles."""
         if name not in self.poses:
             if name not in self.bases or depth > len(self.bases):
-                known = f"names: {listed([x for x in self.bases if '__model__' not in x])}"
-                raise wrong(self.tree.where, f"no link, joint or frame {name[:40]}", known)
+                valid = f"names: {listed([x for x in self.bases if '__model__' not in x])}"
+                raise wrong(self.tree.where, f"no link, joint or frame {name[:40]}", valid)
             record, base, scope = self.bases[name]
-            if relative := record.one("pose").get("relative_to"):
+            if relative := record.first("pose").get("relative_to"):
                 base = self.named(relative, scope)
             self.poses[name] = _pose(record, self.pose(base, depth + 1))
         return self.poses[name]
@@ -320,23 +320,23 @@ class _Scopes:
     def hold(self) -> None:
         """Hold the first link of each mechanism that is not joined to the world."""
         ends = [set(map(self.body, self.ends(joint))) for joint in self.joints]
-        held = {FRAME}
+        grounded = {FRAME}
         for link in self.links:
-            while reached := [pair for pair in ends if pair & held and not pair <= held]:
-                held.update(*reached)
-            if self.tree.body(link) not in held and any(link in pair for pair in ends):
+            while touching := [pair for pair in ends if pair & grounded and not pair <= grounded]:
+                grounded.update(*touching)
+            if self.tree.body(link) not in grounded and any(link in pair for pair in ends):
                 sentence = f"no link is joined to the world: {link} is taken as the frame"
                 self.tree.assembly.drawing.note(sentence)
                 self.tree.frame.add(link)
-                held.add(link)
+                grounded.add(link)
 
 
 def _pose(record: Record, outer: Pose) -> Pose:
     """A pose by a place and angles, which may be degrees or a quaternion."""
-    element = record.one("pose")
+    element = record.first("pose")
     if element.get("rotation_format") == "quat_xyzw":
-        *place, x, y, z, w = record.numbers("pose", 7)
-        return outer.at(place, quaternion((w, x, y, z), element.where))
+        *position, x, y, z, w = record.numbers("pose", 7)
+        return outer.at(position, quaternion((w, x, y, z), element.where))
     numbers = record.numbers("pose", 6, "0 0 0 0 0 0")
     unit_ = math.pi / 180 if element.get("degrees") in ("true", "1") else 1.0
     return outer.at(numbers[:3], roll_pitch_yaw([unit_ * x for x in numbers[3:]]))
@@ -347,14 +347,14 @@ def _sdf_joint(name: str, scopes: _Scopes) -> None:
     record, scope = scopes.joints[name]
     parent, child = scopes.ends(name)
     pose = scopes.pose(name) if name in scopes.bases else _pose(record, scopes.pose(child))
-    axis = record.one("axis")
+    axis = record.first("axis")
     direction = unit(axis.numbers("xyz", 3, "0 0 1"), record.where)
-    outer = axis.one("xyz").get("expressed_in")
+    outer = axis.first("xyz").get("expressed_in")
     if axis.get("use_parent_model_frame") in ("true", "1"):
         outer = "__model__"
     if outer:
         direction = pose.axes.T @ scopes.pose(scopes.named(outer, scope)).axes @ direction
-    pose = pose.at((0, 0, 0), along(direction))
+    pose = pose.at((0, 0, 0), axes_along(direction))
     ends = scopes.body(parent), scopes.body(child)
     scopes.tree.joint(record, name, ends, (pose, pose), axis)
     for mimic in axis.all("mimic"):

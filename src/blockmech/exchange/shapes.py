@@ -13,9 +13,9 @@ import numpy as np
 from blockmech.exchange.spatial import Array
 
 
-def _round(volume: float, along: float, across: float) -> tuple[float, Array]:
+def _round(volume: float, axial: float, transverse: float) -> tuple[float, Array]:
     """Volume, and the inertia of a unit mass about z and about what is square to it."""
-    return volume, np.diag([across, across, along])
+    return volume, np.diag([transverse, transverse, axial])
 
 
 def ellipsoid(a: float, b: float, c: float) -> tuple[float, Array]:
@@ -45,11 +45,11 @@ def capsule(radius: float, half: float) -> tuple[float, Array]:
     """Radius [m], and half of the length [m] along z between the centres of both ends."""
     square, ends = radius**2, 4 / 3 * math.pi * radius**3
     tube = 2 * math.pi * square * half
-    along = tube * square / 2 + ends * square * 2 / 5
-    across = tube * (square / 4 + half**2 / 3)
-    across += ends * (square * 2 / 5 + half**2 + 3 / 4 * half * radius)
+    axial = tube * square / 2 + ends * square * 2 / 5
+    transverse = tube * (square / 4 + half**2 / 3)
+    transverse += ends * (square * 2 / 5 + half**2 + 3 / 4 * half * radius)
     volume = tube + ends
-    return _round(volume, along / volume, across / volume)
+    return _round(volume, axial / volume, transverse / volume)
 
 
 SHAPES: dict[str, tuple[int, Callable[..., tuple[float, Array]]]] = {

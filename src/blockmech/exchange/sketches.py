@@ -52,8 +52,8 @@ def sketched(layers: dict[str, Layer], drawing: Drawing, where: str) -> Drawing:
     size = max(abs(z - everything[0]) for z in everything) or 1.0
 
     def pin(z: complex) -> str:
-        for name, other in drawing.points.items():
-            if abs(z - other) <= NEAR * size:
+        for name, position in drawing.points.items():
+            if abs(z - position) <= NEAR * size:
                 return name
         # A, B, ... Z, A1, B1, ...
         k = len(drawing.points)
@@ -77,19 +77,19 @@ def sketched(layers: dict[str, Layer], drawing: Drawing, where: str) -> Drawing:
             _slots(name, layer, drawing, NEAR * size, where)
             continue
         for z in layer.circles:
-            near = [p for p, other in drawing.points.items() if abs(z - other) <= NEAR * size]
-            if near:
-                drawing.drives[near[0]] = Drive()
+            matches = [p for p, centre in drawing.points.items() if abs(z - centre) <= NEAR * size]
+            if matches:
+                drawing.drives[matches[0]] = Drive()
             else:
                 drawing.note(f"a circle on layer {name} is at no pin: left out")
-    for name in [n for n, own in drawing.links.items() if len(own) < 2]:
+    for name in [n for n, points in drawing.links.items() if len(points) < 2]:
         if not drawing.slots.keys() & set(drawing.links[name]):
             drawing.note(f"layer {name} has one pin: left out")
             del drawing.links[name]
     return drawing
 
 
-def _slots(name: str, layer: Layer, drawing: Drawing, near: float, where: str) -> None:
+def _slots(name: str, layer: Layer, drawing: Drawing, tolerance: float, where: str) -> None:
     of = re.split(r"[ ._-]", name, maxsplit=1)[1:]
     names = {link.lower(): link for link in drawing.links}
     if of and of[0].lower() not in {*names, FRAME, "ground"}:
@@ -99,12 +99,15 @@ def _slots(name: str, layer: Layer, drawing: Drawing, near: float, where: str) -
     for a, b in layer.lines:
         angle = direction(a, b, f"{where}, layer {name}")
         unit = cmath.rect(1.0, -angle)
-        inside, own = [], drawing.fixed if on == FRAME else drawing.links[on]
+        inside, members = [], drawing.fixed if on == FRAME else drawing.links[on]
         for point, z in drawing.points.items():
-            if point in own:
+            if point in members:
                 continue
-            along = (z - a) * unit
-            if abs(along.imag) <= near and -near <= along.real <= abs(b - a) + near:
+            offset = (z - a) * unit
+            if (
+                abs(offset.imag) <= tolerance
+                and -tolerance <= offset.real <= abs(b - a) + tolerance
+            ):
                 drawing.slots.setdefault(point, []).append(Slot(angle, on))
                 inside.append(point)
         if not inside:
@@ -145,15 +148,15 @@ def _entity(
 ) -> None:
     at = f"{where}, {kind}"
 
-    def place(x: str, y: str) -> complex:
+    def point(x: str, y: str) -> complex:
         return complex(number(values.get(x), at), number(values.get(y), at))
 
     if kind in ("CIRCLE", "LINE"):
         layer = layers.setdefault(values.get("8", "0"), Layer())
         if kind == "CIRCLE":
-            layer.circles.append(place("10", "20"))
+            layer.circles.append(point("10", "20"))
         else:
-            layer.lines.append((place("10", "20"), place("11", "21")))
+            layer.lines.append((point("10", "20"), point("11", "21")))
     elif kind == "INSERT":
         drawing.note("blocks that are inserted: left out; explode them")
 
@@ -201,15 +204,15 @@ def _group(element: Element, m: Affine, name: str, layers: dict[str, Layer], whe
     at = f"{where}, {element.tag}"
     m = m.after(_transform(element.get("transform") or "", at))
 
-    def place(x: str, y: str) -> complex:
+    def point(x: str, y: str) -> complex:
         return m(complex(number(element.get(x), at, 0.0), number(element.get(y), at, 0.0)))
 
     if element.tag == "g":
         name = element.get("inkscape:label") or element.get("id") or name
     elif element.tag in ("circle", "ellipse") and name:
-        layers.setdefault(name, Layer()).circles.append(place("cx", "cy"))
+        layers.setdefault(name, Layer()).circles.append(point("cx", "cy"))
     elif element.tag == "line" and name:
-        ends = place("x1", "y1"), place("x2", "y2")
+        ends = point("x1", "y1"), point("x2", "y2")
         layers.setdefault(name, Layer()).lines.append(ends)
     if element.tag != "defs":
         for inner in element:
@@ -220,16 +223,16 @@ def _transform(text: str, where: str) -> Affine:
     affine, rest = Affine(), 0
     for call in CALL.finditer(text):
         numbers = [number(x, where) for x in re.split(r"[\s,]+", call[2].strip()) if x]
-        one = _called(call[1], numbers)
-        if one is None or call.start() != rest:
+        step = _affine_of(call[1], numbers)
+        if step is None or call.start() != rest:
             raise wrong(where, f'transform "{text[:40]}"', "matrix, translate, scale, rotate")
-        affine, rest = affine.after(one), call.end()
+        affine, rest = affine.after(step), call.end()
     if text[rest:].strip():
         raise wrong(where, f'transform "{text[:40]}"', "matrix, translate, scale, rotate")
     return affine
 
 
-def _called(name: str, x: list[float]) -> Affine | None:
+def _affine_of(name: str, x: list[float]) -> Affine | None:
     match name, len(x):
         case "translate", 1 | 2:
             return Affine(c=complex(*x))

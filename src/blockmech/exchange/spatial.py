@@ -41,13 +41,13 @@ ORTHONORMAL = 1e-4  # [-] what axes may miss that were written in single precisi
 class Pose:
     """A place [m] and the axes, as columns, of a body, a marker or a joint."""
 
-    place: Array = field(default_factory=lambda: np.zeros(3))
+    origin: Array = field(default_factory=lambda: np.zeros(3))
     axes: Array = field(default_factory=lambda: np.eye(3))
 
-    def at(self, place: Sequence[float] | Array, axes: Array | None = None) -> Pose:
+    def at(self, origin: Sequence[float] | Array, axes: Array | None = None) -> Pose:
         """That of something inside."""
         turned = self.axes if axes is None else self.axes @ axes
-        return Pose(self.place + self.axes @ np.asarray(place), turned)
+        return Pose(self.origin + self.axes @ np.asarray(origin), turned)
 
 
 def orthonormal(axes: Array, where: str) -> Array:
@@ -75,7 +75,7 @@ def unit(axis: Sequence[float] | Array, where: str) -> Array:
     return np.asarray(axis) / size
 
 
-def along(axis: Array) -> Array:
+def axes_along(axis: Array) -> Array:
     """Axes whose z is along a direction."""
     z = np.array([0.0, 0.0, 1.0])
     across = np.cross(z, axis)
@@ -142,7 +142,7 @@ class Assembly:
     ratios: list[Ratio] = field(default_factory=list)
     gravity: Array = field(default_factory=lambda: np.zeros(3))
 
-    def drawn(self) -> Drawing:
+    def project(self) -> Drawing:
         """The drawing of it all in its plane. Raises `FormatError` for what leaves the plane."""
         drawing = self.drawing
         drawing.free = True
@@ -153,8 +153,8 @@ class Assembly:
                 drawing.inertias[body] = together(map(self._flat_mass, masses))
         senses = {joint.name: self._joint(joint) for joint in list(self.joints)}
         for ratio in self.ratios:
-            one, two = senses.get(ratio.leading, 1), senses.get(ratio.driven, 1)
-            signed = tuple(two * c * one**k for k, c in enumerate(ratio.coefficients))
+            leading, driven = senses.get(ratio.leading, 1), senses.get(ratio.driven, 1)
+            signed = tuple(driven * c * leading**k for k, c in enumerate(ratio.coefficients))
             drawing.ratios.append(ratio._replace(coefficients=signed))
         gone: dict[str, str] = {}  # welded body -> what it belongs to
         for joint in self.joints:
@@ -188,10 +188,10 @@ class Assembly:
         x = unit(seed - normal * (seed @ normal), self.where)
         return normal, x, np.cross(normal, x)
 
-    def flat(self, place: Array) -> complex:
+    def flat(self, point: Array) -> complex:
         """A place or direction in the plane."""
         _, x, y = self.plane
-        return complex(place @ x, place @ y)
+        return complex(point @ x, point @ y)
 
     def sense(self, pose: Pose, where: str) -> float:
         """1 where what turns about an axis does so counter-clockwise, else -1.
@@ -213,7 +213,7 @@ class Assembly:
         """Draw a joint; the sense in which its coordinate counts there."""
         drawing, axis = self.drawing, joint.pose.axes[:, 2]
         across, inside = self._across(axis), abs(axis @ self.plane[0]) < ORTHONORMAL
-        a, b = self.flat(joint.pose.place), self.flat(joint.second_pose.place)
+        a, b = self.flat(joint.pose.origin), self.flat(joint.second_pose.origin)
         pair = Pair(joint.first, joint.second, a, None, None, b, joint.name)
         pair = pair._replace(stiffness=joint.stiffness, damping=joint.damping)
         kind, at = joint.kind, f"{self.where}, {joint.name}"
@@ -227,9 +227,9 @@ class Assembly:
             drawing.pairs.append(self._turning(pair, joint, sense))
             return sense
         if kind in ("slide", "cylinder") or (kind == "flat" and inside):
-            along = self.flat(axis) * (1j if kind == "flat" else 1)
+            direction = self.flat(axis) * (1j if kind == "flat" else 1)
             drive = None if joint.law is None else Drive(law=joint.law)
-            guide = pair._replace(angle=cmath.phase(along), drive=drive)
+            guide = pair._replace(angle=cmath.phase(direction), drive=drive)
             drawing.pairs.append(guide._replace(limits=joint.limits, rest=joint.rest))
         elif kind in ("bar", "rod") or (kind in ("slot", "line") and inside):
             link, angle = f"{kind}_{joint.name}", None  # without mass
@@ -254,9 +254,9 @@ class Assembly:
         ends = [x for j in self.joints for x in (j.first, j.second)]
         alone = next((x for x in (joint.second, joint.first) if ends.count(x) == 1), None)
         if alone in (None, FRAME):
-            what = "its axis is not parallel to the others"
+            message = "its axis is not parallel to the others"
             slid = "it slides out of the plane"
-            raise wrong(at, what if joint.kind == "pin" else slid, "a planar mechanism")
+            raise wrong(at, message if joint.kind == "pin" else slid, "a planar mechanism")
         self.drawing.note(f"{alone} moves out of the plane at {joint.name}: it is held as drawn")
         self.joints.append(joint._replace(name=f"{joint.name}, held", kind="weld"))
 
@@ -274,23 +274,23 @@ class Assembly:
         """Leave out joints that two links have twice, and links that no joint holds."""
         drawing = self.drawing
         size = max((abs(p.at - drawing.pairs[0].at) for p in drawing.pairs), default=0.0)
-        kept: list[Pair] = []
+        distinct: list[Pair] = []
         for pair in drawing.pairs:
             ends = {pair.first, pair.second}
             twin = next(
-                (x for x in kept if {x.first, x.second} == ends and _same(x, pair, size)), None
+                (x for x in distinct if {x.first, x.second} == ends and _same(x, pair, size)), None
             )
             if twin is None:
-                kept.append(pair)
+                distinct.append(pair)
                 continue
             kind = "pin" if pair.angle is None else "guide"
             between = f"{pair.first} and {pair.second}"
             drawing.note(f"{pair.name} is a second {kind} of {between} on one axis: left out")
             if pair.drive is not None and twin.drive is None:
-                kept[kept.index(twin)] = twin._replace(drive=pair.drive)
-        drawing.pairs = kept
-        held = {x for pair in kept for x in (pair.first, pair.second)}
-        for name in [x for x in drawing.links if x not in held]:
+                distinct[distinct.index(twin)] = twin._replace(drive=pair.drive)
+        drawing.pairs = distinct
+        joined = {x for pair in distinct for x in (pair.first, pair.second)}
+        for name in [x for x in drawing.links if x not in joined]:
             drawing.note(f"no joint holds {name}: left out")
             for point in drawing.links.pop(name):
                 del drawing.points[point]
@@ -302,10 +302,10 @@ def _last(body: str, gone: Mapping[str, str]) -> str:
     return body
 
 
-def _same(one: Pair, two: Pair, size: float) -> bool:
-    if one.angle is None or two.angle is None:
-        return one.angle is two.angle and abs(one.at - two.at) <= FLAT * size
-    return abs(math.sin(one.angle - two.angle)) < FLAT
+def _same(first: Pair, second: Pair, size: float) -> bool:
+    if first.angle is None or second.angle is None:
+        return first.angle is second.angle and abs(first.at - second.at) <= FLAT * size
+    return abs(math.sin(first.angle - second.angle)) < FLAT
 
 
 def _counted(law: Record, zero: float, sense: float) -> Data:

@@ -49,14 +49,14 @@ class Standing:
         """Where a pair is [m]: its own place, or that of the marker that it is wired to."""
         if ref in self.point:
             return self.point[ref]
-        own = self.place.get(f"{ref}.p")
-        return self.place[f"{self.structure.feeds[ref]}.p"] if own is None else own
+        position = self.place.get(f"{ref}.p")
+        return self.place[f"{self.structure.feeds[ref]}.p"] if position is None else position
 
     def centre(self, link: LinkRef) -> complex:
         """The centre of mass [m] of a link."""
-        own = self.structure.properties(link)
+        properties = self.structure.properties(link)
         turned = cmath.exp(1j * self.angle[f"{link}.angle"])
-        return self.place[f"{link}.p"] + complex(own.cm.z) * turned
+        return self.place[f"{link}.p"] + complex(properties.cm.z) * turned
 
 
 def _at_pose(

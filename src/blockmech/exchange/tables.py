@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import IO
 
-from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.ground.errors import needed
 from blockmech.result.exported import csv_chunks, json_chunks, write_csv
 
@@ -16,7 +16,7 @@ def write_table(order: Order, path: Path) -> list[Path]:
     return [path]
 
 
-@one_file
+@file_writer
 def write_json(order: Order, stream: IO[bytes]) -> None:
     """The result as JSON."""
     stream.writelines(chunk.encode() for chunk in json_chunks(order.result()))
@@ -28,7 +28,7 @@ def write_npz(order: Order, path: Path) -> list[Path]:
     return [path]
 
 
-@one_file
+@file_writer
 def write_parquet(order: Order, stream: IO[bytes]) -> None:
     """A column for each component. Raises `MissingEngineError` without pandas or pyarrow."""
     needed("pyarrow", "parquet", "study")

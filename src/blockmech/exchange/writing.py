@@ -21,7 +21,7 @@ def write(
     to: str | None = None,
     *,
     want: Iterable[str] | str = EVERYTHING,
-    **more: Any,
+    **options: Any,
 ) -> list[Path]:
     """Write a mechanism as a file of another program, e.g. C text.
 
@@ -31,7 +31,7 @@ def write(
     path : the file, or for some formats the folder; whole or not at all
     to : the format's name; by default the suffix says it
     want : outputs, for formats that have numbers in them
-    more : ``at``, ``samples``, ``times``, ``friction``, ``static``
+    options : ``at``, ``samples``, ``times``, ``friction``, ``static``
         as `Mechanism.run` takes them, and the format's own options, e.g. ``real="float"``
 
     Returns
@@ -50,20 +50,20 @@ def write(
     path = Path(path)
     writer = writer_for(path, to)
     if not isinstance(subject, Runnable):
-        found = f"got {type(subject).__name__}"
-        raise refused("write", found, "load its file first", "a graph, a linkage or a mechanism")
+        message = f"got {type(subject).__name__}"
+        raise refused("write", message, "load its file first", "a graph, a linkage or a mechanism")
     mechanism = subject.compile()
-    own = {k: v for k, v in more.items() if k not in (*POSES, *SETTINGS)}
-    if unknown := [name for name in own if name not in writer.options]:
+    settings = {k: v for k, v in options.items() if k not in (*POSES, *SETTINGS)}
+    if unknown := [name for name in settings if name not in writer.options]:
         valid = f"options of this format: {listed(writer.options) or 'none'}"
         remedy = close_match(unknown[0], writer.options)
         raise refused(listed(unknown), "the format has no such option", remedy, valid)
     order = Order(
         mechanism,
         as_names("want", want),
-        {k: more[k] for k in POSES if more.get(k) is not None},
-        {k: more[k] for k in SETTINGS if more.get(k) is not None},
-        {k: v for k, v in own.items() if v is not None},
+        {k: options[k] for k in POSES if options.get(k) is not None},
+        {k: options[k] for k in SETTINGS if options.get(k) is not None},
+        {k: v for k, v in settings.items() if v is not None},
     )
     refuse_spared(path)
     return writer.write(order, path)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import IO, Any
 
-from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.ground.errors import needed, printable
 from blockmech.result.exported import columns
 from blockmech.result.result import Result
@@ -43,9 +43,9 @@ def workbook(result: Result) -> Any:
     for i, word in enumerate(result.quality.status[:LONGEST], 3):
         _text(sheet.cell(i, last), word)
     sheet.freeze_panes = "A3"
-    wanted = [j for j, c in enumerate(table, 1) if c.output in result][:CHARTED]
-    if result.n > 1 and wanted:
-        sheet.add_chart(_chart(openpyxl, sheet, result, wanted), f"{_letter(openpyxl, last + 2)}2")
+    charted = [j for j, c in enumerate(table, 1) if c.output in result][:CHARTED]
+    if result.n > 1 and charted:
+        sheet.add_chart(_chart(openpyxl, sheet, result, charted), f"{_letter(openpyxl, last + 2)}2")
     about = book.create_sheet("about")
     lines = [("mechanism", result.mechanism.name), ("samples", str(result.n)), ("units", "SI")]
     lines += [("note", text) for text in result.notes()]
@@ -66,16 +66,16 @@ def _letter(openpyxl: Any, j: int) -> str:
     return str(openpyxl.utils.get_column_letter(j))
 
 
-def _chart(openpyxl: Any, sheet: Any, result: Result, wanted: list[int]) -> Any:
+def _chart(openpyxl: Any, sheet: Any, result: Result, charted: list[int]) -> Any:
     chart = openpyxl.chart.ScatterChart()
     chart.style, chart.height, chart.width = 2, 9.0, 18.0
     chart.x_axis.title = f"{sheet.cell(1, 1).value} [{sheet.cell(2, 1).value}]"
-    chart.y_axis.title = f"[{sheet.cell(2, wanted[0]).value}]"
+    chart.y_axis.title = f"[{sheet.cell(2, charted[0]).value}]"
     chart.x_axis.delete = chart.y_axis.delete = False
     rows = {"min_row": 3, "max_row": min(result.n, LONGEST) + 2}
     x = openpyxl.chart.Reference(sheet, min_col=1, **rows)
-    unit = sheet.cell(2, wanted[0]).value
-    for j in wanted:
+    unit = sheet.cell(2, charted[0]).value
+    for j in charted:
         if sheet.cell(2, j).value != unit:  # another unit has no place on this axis
             continue
         y = openpyxl.chart.Reference(sheet, min_col=j, **rows)
@@ -85,7 +85,7 @@ def _chart(openpyxl: Any, sheet: Any, result: Result, wanted: list[int]) -> Any:
     return chart
 
 
-@one_file
+@file_writer
 def write_xlsx(order: Order, stream: IO[bytes]) -> None:
     """A workbook of the wanted outputs."""
     needed("openpyxl.chart", "xlsx", "office")

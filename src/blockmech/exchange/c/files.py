@@ -13,21 +13,21 @@ from blockmech.ground.files import refuse_spared, writing
 
 def write_c(order: Order, path: Path) -> list[Path]:
     """``NAME.c``, ``NAME.h`` and ``NAME_test.c``, named after the file that is asked for."""
-    made = CProgram(
+    program = CProgram(
         order.mechanism, order.want, order.options.get("real", DOUBLE), **order.settings
     )
     if path.suffix and path.suffix.lower() != ".c":
         raise refused(str(path), "C text is written to a file .c", "name it so")
-    made.name = identifier(path.stem)
+    program.name = identifier(path.stem)
     if order.at:
         samples = order.mechanism.samples(
             *(order.at.get(k) for k in ("at", "samples", "times")), None, None
         )
     else:
         samples = poses(order.mechanism)
-    texts = {"h": made.header, "c": made.source}
-    files = {path.with_name(f"{made.name}.{end}"): text for end, text in texts.items()}
-    files[path.with_name(f"{made.name}_test.c")] = made.test(samples)
+    texts = {"h": program.header, "c": program.source}
+    files = {path.with_name(f"{program.name}.{end}"): text for end, text in texts.items()}
+    files[path.with_name(f"{program.name}_test.c")] = program.test(samples)
     refuse_spared(*files)
     for file, text in files.items():
         with writing(file) as stream:

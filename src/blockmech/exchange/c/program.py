@@ -99,12 +99,12 @@ class CProgram:
         self.left_out = tuple(of_runs)
         names = tuple(n for n in names if n not in of_runs)
         if not names:
-            what = f"{listed(of_runs)}: a figure of a whole run, not of a pose"
-            raise refused("want", what, "want an output that every pose has")
+            message = f"{listed(of_runs)}: a figure of a whole run, not of a pose"
+            raise refused("want", message, "want an output that every pose has")
         self.mechanism, self.real = mechanism, real
         self.name = identifier(mechanism.name.lower())
-        how, static = friction_asked(settings.get("friction")), bool(settings.get("static"))
-        self.plan: Plan = catalogue.plan(mechanism.scene, names, how, static)
+        friction, static = friction_asked(settings.get("friction")), bool(settings.get("static"))
+        self.plan: Plan = catalogue.plan(mechanism.scene, names, friction, static)
         self._settings = settings
         if rates is None:
             mechanism._refuse_states(self.plan, ())
@@ -113,19 +113,21 @@ class CProgram:
         try:
             self._trace = ClosedTrace(self.plan.program, eps)
             self._values = self._trace.values
-            named = list(self._named(names))
+            named = list(self._columns(names))
             self._results = {f"{n}.{part}" if part else n: x for n, part, x in named}
             self._parts = dict(zip(self._results, ((n, p) for n, p, _ in named), strict=True))
-            self._status = status(self.plan, self._values, self._judged(names), self._blocks)
+            self._status = status(
+                self.plan, self._values, self._finite_numbers(names), self._blocks
+            )
         except Untraceable as why:
-            found = f"{mechanism.name} is no C text: {why}"
-            raise refused("--to c", found, "leave the outputs that need it out") from None
+            message = f"{mechanism.name} is no C text: {why}"
+            raise refused("--to c", message, "leave the outputs that need it out") from None
         self.parameters = tuple(_members(self.plan.program.parameters))
-        taken = Names()
-        self.inputs = tuple(self._input(x, taken) for x in self.plan.program.inputs)
+        names_in_c = Names()
+        self.inputs = tuple(self._input(x, names_in_c) for x in self.plan.program.inputs)
         texts = {n: _comment(f"{n} [{self.unit_of(n) or '-'}]") for n in self._results}
-        taken = Names()
-        self.outputs = {n: Member(taken.fresh(n), texts[n]) for n in self._results}
+        names_in_c = Names()
+        self.outputs = {n: Member(names_in_c.fresh(n), texts[n]) for n in self._results}
 
     @property
     def states(self) -> dict[str, JointRef]:
@@ -148,7 +150,7 @@ class CProgram:
         """The unit of an output."""
         return self.catalogue[self._parts[column][0]].unit
 
-    def _named(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
+    def _columns(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
         """Each real number that is wanted: its output, part of it, and what it is in the trace."""
         drivers = self.mechanism.drivers
         for name in names:
@@ -160,31 +162,33 @@ class CProgram:
                 yield from ((name, row, x) for row, x in zip(rows, columns, strict=True))
                 continue
             with np.errstate(all="ignore"):
-                made = output.read(*columns)
-            if isinstance(made, complex | Planar):
-                yield from ((name, "x", made.real), (name, "y", made.imag))
+                value = output.read(*columns)
+            if isinstance(value, complex | Planar):
+                yield from ((name, "x", value.real), (name, "y", value.imag))
             else:
-                yield name, "", made
+                yield name, "", value
 
-    def _judged(self, names: tuple[str, ...]) -> list[Any]:
+    def _finite_numbers(self, names: tuple[str, ...]) -> list[Any]:
         """The numbers that must be finite, as `Result` has it."""
-        known = [n for n in names if not n.endswith("mechanical_advantage")]
-        places = dict.fromkeys(i for n in known for i in self.plan.layout[n])
-        return [x for i in places for x in leaves(self._values[i])]
+        finite = [n for n in names if not n.endswith("mechanical_advantage")]
+        indices = dict.fromkeys(i for n in finite for i in self.plan.layout[n])
+        return [x for i in indices for x in leaves(self._values[i])]
 
-    def _input(self, name: str, taken: Names) -> Member:
+    def _input(self, name: str, names: Names) -> Member:
         if name == "t":
-            return Member(taken.fresh("time"), "[s]")
+            return Member(names.fresh("time"), "[s]")
         if name in self.states:
             block, of = self.states[name]
             signal = self.mechanism.structure.signals.get(block)
-            words = "a state of" if signal else "the deflection of"
-            return Member(taken.fresh(f"{block}_{of}"), f"{words} {_comment(f'{block}.{of}')}")
+            description = "a state of" if signal else "the deflection of"
+            return Member(
+                names.fresh(f"{block}_{of}"), f"{description} {_comment(f'{block}.{of}')}"
+            )
         quantity, _, i = name.rpartition("_")
         driver = self.mechanism.drivers[int(i)]
         word, per = INPUTS[quantity]
         unit = f"{self.mechanism.structure.driver_joint(driver).coordinate_unit}{per}"
-        return Member(taken.fresh(f"{driver}_{word}"), f"[{unit}]")
+        return Member(names.fresh(f"{driver}_{word}"), f"[{unit}]")
 
     # -- text ---------------------------------------------------------------------------
 
@@ -202,16 +206,18 @@ class CProgram:
             tables[len(expressions)] = f"table{k}"
             expressions += [f"table{k}[{i}]" for i in range(len(table))]
         inputs = [f"in->{member.name}" for member in self.inputs]
-        made = Statements(inputs, expressions, tables, language_c(self.real))
-        text = made.text([*self._results.values(), self._status])
-        return made, text
+        statements = Statements(inputs, expressions, tables, language_c(self.real))
+        text = statements.text([*self._results.values(), self._status])
+        return statements, text
 
     @property
     def header(self) -> str:
         """Text of ``NAME.h``."""
         title = getattr(self.mechanism.document, "title", "") or self.mechanism.name
-        how = ", ".join(f"{k} {v}" for k, v in self._settings.items() if v) or "friction newton"
-        left = f"   Left out, as figures of a whole run: {_comment(listed(self.left_out))}.\n"
+        settings = (
+            ", ".join(f"{k} {v}" for k, v in self._settings.items() if v) or "friction newton"
+        )
+        omitted = f"   Left out, as figures of a whole run: {_comment(listed(self.left_out))}.\n"
         empty = "    real unused; /* C has no empty struct */"
         return filled(
             files(__package__) / "program.h",
@@ -219,10 +225,10 @@ class CProgram:
             GUARD=f"{self.name.upper()}_H",
             TITLE=_comment(title),
             VERSION=blockmech.__version__,
-            HOW=_comment(how),
+            HOW=_comment(settings),
             FLAGS=FLAGS,
             REASONS=", ".join(f"{i} {word}" for i, word in enumerate(WORDS)),
-            LEFTOUT=left if self.left_out else "",
+            LEFTOUT=omitted if self.left_out else "",
             REAL=self.real,
             PARAMETERS="\n".join(x.declared for x in self.parameters) or empty,
             INPUTS="\n".join(x.declared for x in self.inputs) or empty,
@@ -232,11 +238,11 @@ class CProgram:
     @property
     def source(self) -> str:
         """Text of ``NAME.c``."""
-        made, body = self._statements
+        statements, body = self._statements
         suffix = "f" if self.real == FLOAT else ""
         calls = {"FABS": "fabs"} | {x.upper(): x for x in ("sqrt", "sin", "cos", "exp", "pow")}
         calls |= {x.upper(): x for x in ("atan2", "fmod", "hypot", "rint")}
-        text = made.helpers() + body
+        text = statements.helpers() + body
         defines = [f"#define {a} {b}{suffix}" for a, b in calls.items() if f"{a}(" in text]
         if "ROUNDING" in text:
             defines.append(f"#define ROUNDING {'FLT' if suffix else 'DBL'}_EPSILON")
@@ -248,7 +254,8 @@ class CProgram:
         values = ((self._row(x.numbers), x.is_array) for x in self.parameters)
         unused = [f"    (void){x};" for x in ("p", "in") if f"{x}->" not in body]
         results = (
-            f"    out->{x.name} = {made.name(self._results[n])};" for n, x in self.outputs.items()
+            f"    out->{x.name} = {statements.name(self._results[n])};"
+            for n, x in self.outputs.items()
         )
         return filled(
             files(__package__) / "program.c",
@@ -257,9 +264,9 @@ class CProgram:
             DEFAULTS="\n".join(f"    {{{x}}}," if many else f"    {x}," for x, many in values)
             or "    0,",
             TABLES="".join(tables),
-            HELPERS=made.helpers(),
+            HELPERS=statements.helpers(),
             BODY="\n".join([body.rstrip("\n"), *unused, *results]),
-            WORD=made.name(self._status),
+            WORD=statements.name(self._status),
         )
 
     def _row(self, numbers: Iterable[float]) -> str:
@@ -269,12 +276,12 @@ class CProgram:
         """Text of ``NAME_test.c``: what blockmech has for some samples."""
         from blockmech.result.result import Result
 
-        given = samples.given(self.plan.program.inputs)
+        inputs = samples.given(self.plan.program.inputs)
         values, _ = self.mechanism._evaluate(self.plan, samples)
         result = Result(self.mechanism, self.plan, samples, values, "", {"friction": "newton"})
-        columns = [np.ravel(given[name]).tolist() for name in self.plan.program.inputs]
-        wanted = np.stack([self.column(result, name) for name in self.outputs], axis=1)
-        allowed = TOLERANCES[self.real] * self._scales(wanted)
+        columns = [np.ravel(inputs[name]).tolist() for name in self.plan.program.inputs]
+        expected = np.stack([self.column(result, name) for name in self.outputs], axis=1)
+        allowed = TOLERANCES[self.real] * self._scales(expected)
         poses, k = range(samples.n), len(self.inputs)
         return filled(
             files(__package__) / "program_test.c",
@@ -285,29 +292,29 @@ class CProgram:
             GIVEN="\n".join(f"    {{{self._row([x[i] for x in columns])}}}," for i in poses)
             if k
             else "    {0},",
-            EXPECTED="\n".join(f"    {{{self._row(row)}}}," for row in wanted.tolist()),
+            EXPECTED="\n".join(f"    {{{self._row(row)}}}," for row in expected.tolist()),
             ALLOWED="\n".join(f"    {literal(x, self.real)}," for x in allowed.tolist()),
             WORDS=", ".join(str(WORDS.index(word)) for word in result.quality.status),
             TAKEN=", ".join(f"given[i][{j}]" for j in range(k)) or "0",
             MEMBERS=", ".join(f"out.{x.name}" for x in self.outputs.values()),
         )
 
-    def _scales(self, wanted: Any) -> Any:
+    def _scales(self, expected: Any) -> Any:
         """The largest number among all outputs of the same unit: others may be rounding alone."""
-        most = np.abs(np.where(np.isfinite(wanted), wanted, 0.0)).max(axis=0)
+        maxima = np.abs(np.where(np.isfinite(expected), expected, 0.0)).max(axis=0)
         units = [self.unit_of(name) for name in self.outputs]
         largest: dict[str, float] = {}
-        for unit, x in zip(units, most.tolist(), strict=True):
+        for unit, x in zip(units, maxima.tolist(), strict=True):
             largest[unit] = max(largest.get(unit, 0.0), x)
         return np.array([largest[unit] or 1.0 for unit in units])
 
     def column(self, result: Any, name: str) -> Any:
         """A result's numbers (n,) for one member of the outputs."""
         output, part = self._parts[name]
-        whole = result[output]
+        values = result[output]
         if part in ("x", "y"):
-            return whole.real if part == "x" else whole.imag
-        return whole[:, *map(self.mechanism.drivers.index, part.split("."))] if part else whole
+            return values.real if part == "x" else values.imag
+        return values[:, *map(self.mechanism.drivers.index, part.split("."))] if part else values
 
 
 def poses(mechanism: Compiled, count: int = VECTORS) -> Samples:
@@ -353,22 +360,22 @@ def _comment(text: str) -> str:
 
 def _members(parameters: Record) -> Iterator[Member]:
     """The parameters of a program as members, in the order of the trace's."""
-    taken = Names()
+    names = Names()
     for name, value in parameters.items():
-        yield from _of_value(name, value, taken)
+        yield from _of_value(name, value, names)
 
 
-def _of_value(name: str, value: Any, taken: Names) -> Iterator[Member]:
+def _of_value(name: str, value: Any, names: Names) -> Iterator[Member]:
     if isinstance(value, tuple):
         fields = getattr(value, "_fields", None) or [str(i) for i in range(len(value))]
         plain = not any(isinstance(x, tuple | complex | Planar) for x in value)
         if plain and value and not hasattr(value, "_fields"):
-            yield Member(taken.fresh(name), "", tuple(map(float, value)), is_array=True)
+            yield Member(names.fresh(name), "", tuple(map(float, value)), is_array=True)
             return
         for field, x in zip(fields, value, strict=True):
-            yield from _of_value(f"{name}_{field}", x, taken)
+            yield from _of_value(f"{name}_{field}", x, names)
     elif isinstance(value, complex | Planar):
         for part, x in (("x", value.real), ("y", value.imag)):
-            yield Member(taken.fresh(f"{name}_{part}"), "", (float(x),))
+            yield Member(names.fresh(f"{name}_{part}"), "", (float(x),))
     else:
-        yield Member(taken.fresh(name), "", (float(value),))
+        yield Member(names.fresh(name), "", (float(value),))

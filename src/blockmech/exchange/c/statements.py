@@ -85,16 +85,16 @@ class Statements:
         self.inputs, self.parameters, self.tables = inputs, parameters, tables
         self.language = language
         self._needed: list[Node] = []
-        self._kept: dict[Loop, list[int]] = {}
+        self._states: dict[Loop, list[int]] = {}
 
-    def text(self, wanted: Iterable[Any]) -> str:
+    def text(self, results: Iterable[Any]) -> str:
         """What works the nodes out; `name` reads them afterwards."""
-        self._needed, self._kept = _needed(wanted)
+        self._needed, self._states = _reachable(results)
         lines: list[str] = []
-        done: set[Loop] = set()
+        written: set[Loop] = set()
         for node in self._needed:
-            if node.op == "after" and node.args[0] not in done:
-                done.add(node.args[0])
+            if node.op == "after" and node.args[0] not in written:
+                written.add(node.args[0])
                 lines += self._loop(node.args[0])
             elif node.scope <= 1:  # others stand inside a loop
                 lines += self._statement(node, "    ")
@@ -102,8 +102,8 @@ class Statements:
 
     def helpers(self) -> str:
         """The functions that the statements call."""
-        asked = {node.op for node in self._needed}
-        return "".join(text for op, text in self.language.helpers.items() if op in asked)
+        operations = {node.op for node in self._needed}
+        return "".join(text for op, text in self.language.helpers.items() if op in operations)
 
     def name(self, x: Any) -> str:
         """A node or a number as an expression without side effects."""
@@ -153,25 +153,25 @@ class Statements:
         return "{} ? {} : {}".format(*args)
 
     def _loop(self, loop: Loop) -> Iterator[str]:
-        kept = self._kept[loop]
-        for i in kept:
+        states = self._states[loop]
+        for i in states:
             kind = "int" if is_truth(loop.state[i]) else "real"
-            begun = self.name(loop.first[i])
-            yield f"    {self.language.variable[kind]} {_state(loop, i)} = {begun};"
+            start = self.name(loop.first[i])
+            yield f"    {self.language.variable[kind]} {_state(loop, i)} = {start};"
         going, n = self.name(loop.state[-1]), f"n{loop.scope}"
         index = f"{self.language.variable['int']} {n}"
         yield f"    for ({index} = 0; {n} < {loop.cap} && {going}; ++{n}) {{"
         for node in self._needed:
             if node.scope == loop.scope:
                 yield from self._statement(node, "        ")
-        held = {i for i in kept if _is_state(loop.ahead[i])}  # all states change at once
-        for i in held:
+        buffered = {i for i in states if _is_state(loop.ahead[i])}  # all states change at once
+        for i in buffered:
             kind = "int" if is_truth(loop.state[i]) else "real"
             now = self.name(loop.ahead[i])
             yield f"        {self.language.constant[kind]} {_state(loop, i)}_ = {now};"
-        for i in kept:
-            ahead = f"{_state(loop, i)}_" if i in held else self.name(loop.ahead[i])
-            yield f"        {_state(loop, i)} = {ahead};"
+        for i in states:
+            update = f"{_state(loop, i)}_" if i in buffered else self.name(loop.ahead[i])
+            yield f"        {_state(loop, i)} = {update};"
         yield "    }"
 
 
@@ -183,21 +183,21 @@ def _is_state(x: Any) -> bool:
     return isinstance(x, Node) and x.op == "state"
 
 
-def _needed(wanted: Iterable[Any]) -> tuple[list[Node], dict[Loop, list[int]]]:
+def _reachable(results: Iterable[Any]) -> tuple[list[Node], dict[Loop, list[int]]]:
     """The nodes that some are made of, in order, and the states of loops among them: of a
     state only its own value before and after a step, so nothing is named that nobody reads."""
-    waiting = [x for x in wanted if isinstance(x, Node)]
-    reached, kept = set[Node](), dict[Loop, set[int]]()
+    waiting = [x for x in results if isinstance(x, Node)]
+    reached, of_loops = set[Node](), dict[Loop, set[int]]()
     while waiting:
         node = waiting.pop()
         if node in reached:
             continue
         reached.add(node)
-        more = list(node.args)
+        arguments = list(node.args)
         if node.op in ("after", "state"):
             loop, i = node.args
-            kept.setdefault(loop, {len(loop.first) - 1}).add(i)
-            more = [x[k] for k in (i, -1) for x in (loop.first, loop.ahead)]
-        waiting += [x for x in more if isinstance(x, Node)]
+            of_loops.setdefault(loop, {len(loop.first) - 1}).add(i)
+            arguments = [x[k] for k in (i, -1) for x in (loop.first, loop.ahead)]
+        waiting += [x for x in arguments if isinstance(x, Node)]
     order = sorted(reached, key=lambda n: n.number)
-    return order, {loop: sorted(states) for loop, states in kept.items()}
+    return order, {loop: sorted(states) for loop, states in of_loops.items()}

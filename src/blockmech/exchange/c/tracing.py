@@ -73,7 +73,7 @@ class ClosedTrace(Trace):
             raise Untraceable("a load or law is a function of Python")
         return lambda q: self._guess(function, q)
 
-    def answer(self, function: Any, given: tuple[Any, ...], like: Any) -> Any:
+    def answer(self, function: Any, arguments: tuple[Any, ...], like: Any) -> Any:
         """A function of Python that is asked of inputs."""
         raise Untraceable("a load or law is a function of Python")
 
@@ -94,12 +94,12 @@ class ClosedTrace(Trace):
     def _guess(self, path: Path, q: tuple[Any, ...]) -> Any:
         """Places of a group's links, and the share of the path: of one driver by a table."""
         if len(q) > 1:
-            found = f"{path.block} is a general group that several drivers move"
-            raise Untraceable(found)
+            message = f"{path.block} is a general group that several drivers move"
+            raise Untraceable(message)
         if not q:
             return tuple(map(tuple, path.at_home.place[0, -path.own :].tolist())), 1.0
         home = path.knots.home
-        knots, places, rates = _knots(path)
+        knots, positions, rates = _knots(path)
         table = self._table(knots)
         turns, x = path.knots.turns, q[0]
         if turns:
@@ -108,7 +108,7 @@ class ClosedTrace(Trace):
         else:
             low, high = float(knots[0]), float(knots[-1])
             where_on, reached = _on_the_arc(x, home, low, high, path.knots.rotary)
-        rows = cubics(knots, places, rates)
+        rows = cubics(knots, positions, rates)
         links = []
         for k in range(path.own):
             link = []
@@ -130,26 +130,26 @@ def _on_the_arc(x: Any, home: float, low: float, high: float, rotary: bool) -> t
         end = where(away > 0.0, high, low)
         return where((low <= at) & (at <= high), 1.0, minimum((end - home) / away, BEFORE))
 
-    found, reached = x, share(x)
+    nearest, largest = x, share(x)
     if rotary:
         behind = home + trace.modulo(x - home, math.tau)
         for same in (behind, behind - math.tau):
-            there = share(same)
-            found, reached = where(there > reached, same, found), maximum(there, reached)
-    return found, reached
+            reach = share(same)
+            nearest, largest = where(reach > largest, same, nearest), maximum(reach, largest)
+    return nearest, largest
 
 
 def _knots(path: Path) -> tuple[Array, Array, Array]:
     """Driver values (k,) in order, places (k, m, 4) of the group's own links, and their slopes."""
     turns = path.knots.turns
     if turns:
-        q, places, rates = path.knots.laid(1, turns * math.tau)
+        q, positions, rates = path.knots.laid(1, turns * math.tau)
     else:
         reach = MODES * math.tau if path.knots.rotary else math.inf
-        up, down = (path.knots.laid(way, reach) for way in (1, -1))
-        q, places, rates = (np.concatenate([b[:0:-1], a]) for a, b in zip(up, down, strict=True))
-    own = slice(-path.own, None)
-    return q, places[:, own], slopes(places[:, own], rates[:, own])
+        up, down = (path.knots.laid(sense, reach) for sense in (1, -1))
+        q, positions, rates = (np.concatenate([b[:0:-1], a]) for a, b in zip(up, down, strict=True))
+    group = slice(-path.own, None)
+    return q, positions[:, group], slopes(positions[:, group], rates[:, group])
 
 
 def status(plan: Plan, values: tuple[Any, ...], judged: Iterable[Any], of: Record) -> Any:
@@ -162,15 +162,15 @@ def status(plan: Plan, values: tuple[Any, ...], judged: Iterable[Any], of: Recor
     for x in judged:
         bad = bad | _is_not_finite(x)
     word: Any = where(bad, WORDS.index(UNDEFINED), 0)
-    for block, places in reversed([*plan.reports["friction"].items()]):
-        ended = values[places[3]]
+    for block, indices in reversed([*plan.reports["friction"].items()]):
+        outcome = values[indices[3]]
         locked = JAMMED if block in of["prismatic"] else SELF_LOCKED
-        for how in Outcome:
-            if not how.solved:
-                failure = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
-                word = where(ended == float(how), WORDS.index(failure), word)
-    for block, places in reversed([*plan.reports["margin"].items()]):
-        m = values[places[0]]
+        for kind in Outcome:
+            if not kind.solved:
+                failure = NOT_CONVERGED if kind == Outcome.NOT_CONVERGED else locked
+                word = where(outcome == float(kind), WORDS.index(failure), word)
+    for block, indices in reversed([*plan.reports["margin"].items()]):
+        m = values[indices[0]]
         failing = where(m > 0.0, False, where(m == 0.0, bad, True))
         if block in of["following"]:
             failing = failing | ((m > 0.0) & (m < NEAR_CHANGE) & bad)

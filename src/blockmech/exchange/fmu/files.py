@@ -29,7 +29,7 @@ import blockmech
 from blockmech.dynamics.request import refuse_no_inertia
 from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
-from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.ground.errors import listed, printable, refused, shown
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.plan.plan import Output
@@ -52,13 +52,13 @@ STEP = 1e-3  # [s] of the co-simulation's own integration
 class Variable(NamedTuple):
     """A variable of a unit; its value reference is its place among all.
 
-    place : where the C text has it
+    lvalue : what the C text calls it
     start : of what can be set: states and inputs
     derivative : of a rate, the state's value reference
     """
 
     name: str
-    place: str
+    lvalue: str
     causality: str = "output"
     start: float | None = None
     derivative: int | None = None
@@ -70,11 +70,11 @@ class Unit:
     def __init__(self, order: Order) -> None:
         self.mechanism = mechanism = order.mechanism
         if not mechanism.drivers:
-            found = "a unit is a free motion of drivers, and the mechanism has none"
-            raise refused("--to fmu", found, "write C text instead")
+            message = "a unit is a free motion of drivers, and the mechanism has none"
+            raise refused("--to fmu", message, "write C text instead")
         if bound := [d for d, role in mechanism.scene.motion.items() if role != "free"]:
-            found = f"a unit moves all drivers by their efforts, and {listed(bound)} is not free"
-            raise refused("--to fmu", found, 'leave "motion" out, and give the unit the effort')
+            message = f"a unit moves all drivers by their efforts, and {listed(bound)} is not free"
+            raise refused("--to fmu", message, 'leave "motion" out, and give the unit the effort')
         mechanism._once(refuse_no_inertia)
         self.fmi = str(order.options.get("fmi", "2"))
         if self.fmi not in PLATFORMS:
@@ -82,17 +82,17 @@ class Unit:
         drivers = mechanism.drivers
         self.of = {d: mechanism._of_driver(d, "")[:-1] for d in drivers}
         many = len(drivers) > 1
-        own = [f"{self.of[d]}.drive" for d in drivers]
-        own += ["mechanism.M"] if many else [f"{self.of[drivers[0]]}.J_red"]
+        dynamics = [f"{self.of[d]}.drive" for d in drivers]
+        dynamics += ["mechanism.M"] if many else [f"{self.of[drivers[0]]}.J_red"]
         names = mechanism.outputs.match(order.want)
-        wanted = [n for n in names if mechanism.outputs[n].kind != "number"]
+        requested = [n for n in names if mechanism.outputs[n].kind != "number"]
         self.states = States(mechanism, order.settings.get("friction"))
         if order.want == EVERYTHING:
-            known = (*own, *self.states.outputs)
-            wanted = [n for n in wanted if n.startswith("mechanism.") or n in known]
+            defaults = (*dynamics, *self.states.outputs)
+            requested = [n for n in requested if n.startswith("mechanism.") or n in defaults]
         self.program = CProgram(
             mechanism,
-            tuple(dict.fromkeys([*own, *wanted])),
+            tuple(dict.fromkeys([*dynamics, *requested])),
             rates=self.states.rates.values(),
             **dict(order.settings),
         )
@@ -103,37 +103,37 @@ class Unit:
 
     def _variables(self) -> list[Variable]:
         """Coordinates, rates, accelerations, efforts; states, their rates; inputs; outputs."""
-        made, starts = [], self.starts
+        variables, starts = [], self.starts
         of, k, states = list(self.of.values()), len(self.of), self.states
         for i, (name, start) in enumerate(zip(of, starts, strict=True)):
-            made.append(Variable(f"{name}.q", f"m->q[{i}]", start=start[0]))
+            variables.append(Variable(f"{name}.q", f"m->q[{i}]", start=start[0]))
         for i, (name, start) in enumerate(zip(of, starts, strict=True)):
-            made.append(Variable(f"{name}.rate", f"m->rate[{i}]", "output", start[1], i))
+            variables.append(Variable(f"{name}.rate", f"m->rate[{i}]", "output", start[1], i))
         for i, name in enumerate(of):
-            place = f"m->acceleration[{i}]"
-            made.append(Variable(f"{name}.acceleration", place, derivative=k + i))
+            lvalue = f"m->acceleration[{i}]"
+            variables.append(Variable(f"{name}.acceleration", lvalue, derivative=k + i))
         for i, name in enumerate(of):
-            made.append(Variable(f"{name}.effort", f"m->effort[{i}]", "input", 0.0))
-        first = len(made)
+            variables.append(Variable(f"{name}.effort", f"m->effort[{i}]", "input", 0.0))
+        first = len(variables)
         for name, i in states.continuous.items():
-            made.append(Variable(name, f"m->x[{i}]", "output", states.initial[i]))
+            variables.append(Variable(name, f"m->x[{i}]", "output", states.initial[i]))
         for j, name in enumerate(states.continuous):
-            made.append(Variable(f"der({name})", f"m->slope[{j}]", "local", None, first + j))
+            variables.append(Variable(f"der({name})", f"m->slope[{j}]", "local", None, first + j))
         for name, i in states.inputs.items():
-            made.append(Variable(name, f"m->x[{i}]", "input", states.initial[i]))
-        known = {*(v.name for v in made), *states.rates}
+            variables.append(Variable(name, f"m->x[{i}]", "input", states.initial[i]))
+        names = {*(v.name for v in variables), *states.rates}
         p = self.program.outputs
-        made += [Variable(n, f"out.{p[n].name}") for n in p if n not in known]
-        return made
+        variables += [Variable(n, f"out.{p[n].name}") for n in p if n not in names]
+        return variables
 
     def sources(self) -> dict[str, str]:
         """The texts in C, by the names of their files."""
-        p, here = self.program, files(__package__)
+        p, folder = self.program, files(__package__)
         interface = f"fmi{self.fmi}.c"
-        own = (here / interface).read_text("utf-8")
+        text = (folder / interface).read_text("utf-8")
         return {f"{p.name}.h": p.header, f"{p.name}.c": p.source} | {
             "unit.h": self._unit_text(),
-            interface: own,
+            interface: text,
         }
 
     def _unit_text(self) -> str:
@@ -150,17 +150,17 @@ class Unit:
             drive = p.outputs[f"{self.of[a]}.drive"].name
             terms.append(f"        step[{n}] = m->effort[{n}] - out.{drive};")
             for j, b in enumerate(drivers):
-                one = f"mechanism.M.{a}.{b}" if len(drivers) > 1 else f"{self.of[a]}.J_red"
-                terms.append(f"        inertia[{n}][{j}] = out.{p.outputs[one].name};")
+                entry = f"mechanism.M.{a}.{b}" if len(drivers) > 1 else f"{self.of[a]}.J_red"
+                terms.append(f"        inertia[{n}][{j}] = out.{p.outputs[entry].name};")
         rates = {name: f"out.{p.outputs[name].name}" for name in states.rates}
         slopes = [rates[f"der({n})"] for n in states.continuous]
         outputs = [
             *(f"    m->slope[{j}] = {slope};" for j, slope in enumerate(slopes)),
             *(f"    m->next[{j}] = {rates[n]};" for j, (n, *_) in enumerate(states.switched)),
-            *(f"    m->values[{k}] = {v.place};" for k, v in enumerate(self.variables)),
+            *(f"    m->values[{k}] = {v.lvalue};" for k, v in enumerate(self.variables)),
         ]
         sets = [
-            f"        case {k}: {v.place} = values[i]; break;"
+            f"        case {k}: {v.lvalue} = values[i]; break;"
             for k, v in enumerate(self.variables)
             if v.start is not None
         ]
@@ -224,7 +224,7 @@ class Unit:
         states = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
         if not two:
             states = {name.replace("state", "State"): x for name, x in states.items()}
-        own = {"modelIdentifier": p.name, **states}
+        model = {"modelIdentifier": p.name, **states}
         steps = {"canHandleVariableCommunicationStepSize": "true"}
         about = {
             "fmiVersion": f"{self.fmi}.0",
@@ -236,8 +236,8 @@ class Unit:
         inside = f"<SourceFiles>{self._files()}</SourceFiles>" if two else ""
         lines = ['<?xml version="1.0" encoding="UTF-8"?>', _open("fmiModelDescription", about)]
         lines += [
-            f"{_open(kind, own | more)}{inside}</{kind}>"
-            for kind, more in (("ModelExchange", {}), ("CoSimulation", steps))
+            f"{_open(kind, model | extra)}{inside}</{kind}>"
+            for kind, extra in (("ModelExchange", {}), ("CoSimulation", steps))
         ]
         units = sorted({x["unit"] for x in self._attributes() if "unit" in x})
         lines += ["<UnitDefinitions>", *map(_unit_definition, units), "</UnitDefinitions>"]
@@ -256,11 +256,11 @@ class Unit:
             time = {"name": "time", "valueReference": str(TIME)}
             time |= {"causality": "independent", "variability": "continuous"}
             lines.append(_open("Float64", time, "/>"))
-        known = list(enumerate(self.variables))
+        numbered = list(enumerate(self.variables))
         unknowns = {
-            "Output": [i for i, v in known if v.causality == "output"],
-            "ContinuousStateDerivative": [i for i, v in known if v.derivative is not None],
-            "InitialUnknown": [i for i, v in known if v.start is None],
+            "Output": [i for i, v in numbered if v.causality == "output"],
+            "ContinuousStateDerivative": [i for i, v in numbered if v.derivative is not None],
+            "InitialUnknown": [i for i, v in numbered if v.start is None],
         }
         lines += ["</ModelVariables>", "<ModelStructure>", *_structure(unknowns, two)]
         return "\n".join([*lines, "</ModelStructure>", "</fmiModelDescription>"]) + "\n"
@@ -289,10 +289,10 @@ def _unit_definition(text: str) -> str:
     for k, part in enumerate(text.split("/")):
         for symbol, power in re.findall(r"([A-Za-z]+)(-?\d*)", part):
             times = int(power or 1) * (-1 if k else 1)
-            for base, own in re.findall(r"([A-Za-z]+)(-?\d*)", DERIVED.get(symbol, symbol)):
-                powers[base] += times * int(own or 1)
-    known = {base: str(n) for base, n in powers.items() if n and base in BASES}
-    return f"{_open('Unit', {'name': text})}{_open('BaseUnit', known, '/>')}</Unit>"
+            for base, exponent in re.findall(r"([A-Za-z]+)(-?\d*)", DERIVED.get(symbol, symbol)):
+                powers[base] += times * int(exponent or 1)
+    bases = {base: str(n) for base, n in powers.items() if n and base in BASES}
+    return f"{_open('Unit', {'name': text})}{_open('BaseUnit', bases, '/>')}</Unit>"
 
 
 def _row(numbers: Iterable[Any]) -> str:
@@ -330,34 +330,36 @@ def binary(sources: Mapping[str, str], name: str, fmi: str) -> tuple[str, bytes]
         return None
     suffix = SUFFIXES[system]
     machine = MACHINES.get(platform.machine(), platform.machine())
-    place = PLATFORMS[fmi][system].format(machine)
+    system_folder = PLATFORMS[fmi][system].format(machine)
     with tempfile.TemporaryDirectory() as folder:
         for file, text in sources.items():
             Path(folder, file).write_text(text, "utf-8")
-        made = Path(folder, name + suffix)
-        how = [] if system == "Windows" else ["-fPIC", "-fvisibility=hidden"]
-        command = [compiler, "-std=c99", "-O2", "-ffp-contract=off", "-shared", *how]
-        command += [f for f in sources if f.endswith(".c")] + ["-lm", "-o", str(made)]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise refused("--to fmu", f"{compiler} fails: {done.stderr.strip()[:300]}", "report it")
-        return f"binaries/{place}/{name}{suffix}", made.read_bytes()
+        library = Path(folder, name + suffix)
+        flags = [] if system == "Windows" else ["-fPIC", "-fvisibility=hidden"]
+        command = [compiler, "-std=c99", "-O2", "-ffp-contract=off", "-shared", *flags]
+        command += [f for f in sources if f.endswith(".c")] + ["-lm", "-o", str(library)]
+        completed = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if completed.returncode:
+            raise refused(
+                "--to fmu", f"{compiler} fails: {completed.stderr.strip()[:300]}", "report it"
+            )
+        return f"binaries/{system_folder}/{name}{suffix}", library.read_bytes()
 
 
-@one_file
+@file_writer
 def write_fmu(order: Order, stream: IO[bytes]) -> None:
     """One file ``.fmu``: description, sources, and the binary if a C compiler is at hand."""
     unit = Unit(order)
     sources = unit.sources()
-    made = binary(sources, unit.program.name, unit.fmi)
+    library = binary(sources, unit.program.name, unit.fmi)
     if unit.fmi == "3":
         sources |= {"buildDescription.xml": unit.build_description()}
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", unit.description())
         for file, text in sources.items():
             archive.writestr(f"sources/{file}", text)
-        if made is not None:
-            archive.writestr(*made)
+        if library is not None:
+            archive.writestr(*library)
 
 
 WRITER = Writer(

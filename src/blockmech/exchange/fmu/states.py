@@ -47,7 +47,7 @@ class States:
 
     def __init__(self, mechanism: Compiled, method: str | None) -> None:
         structure, names = mechanism.structure, mechanism.names
-        own = {} if names is None else {block: name for name, block in names.signals.items()}
+        labels = {} if names is None else {block: name for name, block in names.signals.items()}
         self.initial = structure.initial_states
         self.continuous: dict[str, int] = {}
         self.inputs: dict[str, int] = {}
@@ -56,13 +56,13 @@ class States:
         self.rates: dict[str, Output] = {}
         self.outputs: list[str] = []
         for block, signal in structure.signals.items():
-            name = own.get(block, block)
+            name = labels.get(block, block)
             self.outputs += [f"{name}.{port}" for port in signal.ports]
-            places = {x: structure.states[JointRef(block, x)] for x in signal.states}
+            indices = {x: structure.states[JointRef(block, x)] for x in signal.states}
             if isinstance(signal, Input):
-                (self.inputs[name],) = places.values()
+                (self.inputs[name],) = indices.values()
                 continue
-            for x, i in places.items():
+            for x, i in indices.items():
                 if signal.discrete:
                     self.switched.append((f"next({name}.{x})", i, len(self.discrete)))
                     self._add(f"next({name}.{x})", partial(_next, JointRef(block, x)))

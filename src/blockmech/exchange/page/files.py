@@ -81,7 +81,7 @@ def write_page(order: Order, path: Path) -> list[Path]:
 def contents_of(order: Order) -> dict[str, Any]:
     """Programs, numbers, samples and shapes, as `viewer.js` reads them."""
     mechanism, samples = order.mechanism, samples_of(order)
-    curves = Script(mechanism, wanted_of(order), **order.settings)
+    curves = Script(mechanism, requested_outputs(order), **order.settings)
     drawing = Script(mechanism._of_blocks, ["*.angle", "*.p"])
     offered = [m.name for m in curves.parameters if not m.is_array and _is_given(m.name)]
     axis = abscissa(mechanism._answer(samples, (), {"friction": None, "static": False}))
@@ -95,7 +95,7 @@ def contents_of(order: Order) -> dict[str, Any]:
         "along": {"words": axis.words, "values": _column(axis.values)},
         "reasons": WORDS,
         "offered": offered,
-        "chosen": _chosen(order.options.get("slider"), offered),
+        "chosen": _choose(order.options.get("slider"), offered),
         "seconds": SECONDS,
     }
 
@@ -146,35 +146,35 @@ def _module(name: str) -> str:
     return f"const {name} = (() => {{\n{body}return {exports};\n}})();\n"
 
 
-def wanted_of(order: Order) -> tuple[str, ...]:
+def requested_outputs(order: Order) -> tuple[str, ...]:
     """What the order wants, or where it says nothing what moves the drivers."""
     if tuple(order.want) != EVERYTHING:
         return tuple(order.want)
-    known = order.mechanism.outputs
+    outputs = order.mechanism.outputs
     drives = (order.mechanism._of_driver(d, "drive") for d in order.mechanism.drivers)
-    return tuple(name for name in drives if name in known)
+    return tuple(name for name in drives if name in outputs)
 
 
 def samples_of(order: Order) -> Samples:
     """The poses of the order, or where it says nothing those of the laws, or of a turn."""
     if order.at:
-        how = (order.at.get(key) for key in ("at", "samples", "times"))
-        return order.mechanism.samples(*how, None, None)
+        coordinates = (order.at.get(key) for key in ("at", "samples", "times"))
+        return order.mechanism.samples(*coordinates, None, None)
     return poses(order.mechanism, FRAMES)
 
 
-def _chosen(words: str | None, offered: list[str]) -> list[str]:
+def _choose(text: str | None, offered: list[str]) -> list[str]:
     """The numbers that some words name, ``piston.l`` or ``piston_l``; the first few without any."""
-    if words is None:
+    if text is None:
         return offered[:FEW]
-    known = {name.removeprefix("P_"): name for name in offered}
+    numbers = {name.removeprefix("P_"): name for name in offered}
     chosen = []
-    for word in filter(None, map(str.strip, words.split(","))):
+    for word in filter(None, map(str.strip, text.split(","))):
         name = re.sub(r"\W", "_", word, flags=re.ASCII).removeprefix("P_")
-        if name not in known:
-            remedy = close_match(name, known)
-            raise refused("slider", f"no number {word}", remedy, f"numbers: {listed(known, 60)}")
-        chosen.append(known[name])
+        if name not in numbers:
+            remedy = close_match(name, numbers)
+            raise refused("slider", f"no number {word}", remedy, f"numbers: {listed(numbers, 60)}")
+        chosen.append(numbers[name])
     return chosen
 
 
@@ -189,13 +189,17 @@ def _picture(drawing: Script) -> Data:
     motion = motion.only(motion.feasible)
     sketch, s = sketch_of(motion), motion.structure
     markers = [m for block in (s.frame, *s.blocks) for m in s.markers(block)]
-    known = {f"{m}.p.x": motion.at(m.on, marker_place(s, m)) for m in markers if f"{m}.p.x" in at}
-    size = max(float(np.abs(z).max()) for z in known.values()) or 1.0
+    markers_at = {
+        f"{m}.p.x": motion.at(m.on, marker_place(s, m)) for m in markers if f"{m}.p.x" in at
+    }
+    size = max(float(np.abs(z).max()) for z in markers_at.values()) or 1.0
     pins = {pin.names: motion.at(*pin.spot) for pin in sketch.pins}
 
-    def output(places: Any) -> int | None:
+    def output(positions: Any) -> int | None:
         """The first marker that is always at some places (n,)."""
-        same = (x for x, z in known.items() if np.abs(z - places).max() <= SAME_PLACE * size)
+        same = (
+            x for x, z in markers_at.items() if np.abs(z - positions).max() <= SAME_PLACE * size
+        )
         return next((at[name] for name in same), None)
 
     def frame(link: LinkRef) -> list[int] | None:
@@ -203,10 +207,10 @@ def _picture(drawing: Script) -> Data:
 
     def end(link: LinkRef, z: complex) -> Any:
         """A corner of a link: a pin that goes with it, or a place in its frame."""
-        places = motion.at(link, z)
-        pinned = any(np.abs(places - pin).max() <= SAME_PLACE * size for pin in pins.values())
-        place = output(places) if pinned else None
-        return {"link": frame(link), "at": [z.real, z.imag]} if place is None else place
+        positions = motion.at(link, z)
+        pinned = any(np.abs(positions - pin).max() <= SAME_PLACE * size for pin in pins.values())
+        marker = output(positions) if pinned else None
+        return {"link": frame(link), "at": [z.real, z.imag]} if marker is None else marker
 
     return {
         "pins": [

@@ -64,21 +64,21 @@ class Script(CProgram):
             for first, size, member in zip(starts, sizes, self.parameters, strict=False)
             if member.is_array
         }
-        places, own = starts[-1], []
-        parameters = [f"p[{i}]" for i in range(places)]
+        count, arrays = starts[-1], []
+        parameters = [f"p[{i}]" for i in range(count)]
         for k, table in enumerate(self._trace.tables):
-            tables[places], places = f"{name}_{k}", places + len(table)
+            tables[count], count = f"{name}_{k}", count + len(table)
             parameters += [f"{name}_{k}[{i}]" for i in range(len(table))]
-            own.append(f"const {name}_{k} = [{', '.join(map(_literal, table.tolist()))}];\n")
+            arrays.append(f"const {name}_{k} = [{', '.join(map(_literal, table.tolist()))}];\n")
         inputs = [f"u[{i}]" for i in range(len(self.inputs))]
-        made = Statements(inputs, parameters, tables, SCRIPT)
-        body = made.text([*self._results.values(), self._status])
+        statements = Statements(inputs, parameters, tables, SCRIPT)
+        body = statements.text([*self._results.values(), self._status])
         ends = "".join(
-            f"    out[{i}] = {made.name(self._results[output])};\n"
+            f"    out[{i}] = {statements.name(self._results[output])};\n"
             for i, output in enumerate(self.outputs)
         )
-        end = f"    return Number({made.name(self._status)});\n}}\n"
-        return f"{''.join(own)}function {name}(p, u, out) {{\n{body}{ends}{end}"
+        end = f"    return Number({statements.name(self._status)});\n}}\n"
+        return f"{''.join(arrays)}function {name}(p, u, out) {{\n{body}{ends}{end}"
 
     def compact(self) -> str:
         """The program for `program.js`, which runs it without eval: its operations, one a line.
@@ -98,8 +98,8 @@ class Script(CProgram):
 
     def rows(self, samples: Samples) -> list[list[float]]:
         """The inputs (n, k) at some samples."""
-        given = samples.given(self.plan.program.inputs)
-        columns = [np.broadcast_to(given[x], samples.n) for x in self.plan.program.inputs]
+        inputs = samples.given(self.plan.program.inputs)
+        columns = [np.broadcast_to(inputs[x], samples.n) for x in self.plan.program.inputs]
         return [[float(column[i]) for column in columns] for i in range(samples.n)]
 
     def answers(self, result: Result) -> list[list[float]]:
