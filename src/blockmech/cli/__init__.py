@@ -69,13 +69,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     ``--debug`` may stand anywhere and shows the traceback of a user error.
     """
-    words = list(sys.argv[1:] if argv is None else argv)
+    arguments = list(sys.argv[1:] if argv is None else argv)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # an old console shows ? for letters that it lacks
             stream.reconfigure(errors="replace")
     os.environ.pop("MPLBACKEND", None)  # pictures go to files: a window system may be unknown
     with interruptible(), sparing():
-        return _answered(words)
+        return _run_safely(arguments)
 
 
 def _warn(default: Any, message: Any, category: type[Warning], *where: Any) -> None:
@@ -86,15 +86,15 @@ def _warn(default: Any, message: Any, category: type[Warning], *where: Any) -> N
         default(message, category, *where)
 
 
-def _answered(words: list[str]) -> int:
+def _run_safely(arguments: list[str]) -> int:
     """Run one command; every mistake becomes one message."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", UnitWarning)
             warnings.showwarning = partial(_warn, warnings.showwarning)
-            return _run([w for w in words if w != "--debug"])
+            return _run([w for w in arguments if w != "--debug"])
     except BlockmechError as error:
-        note(traceback.format_exc() if "--debug" in words else str(error))
+        note(traceback.format_exc() if "--debug" in arguments else str(error))
         return NO_ANSWER if isinstance(error, SampleError) else WRONG
     except MemoryError:
         note("not enough memory: ask for fewer samples or fewer outputs")
@@ -107,10 +107,10 @@ def _answered(words: list[str]) -> int:
         return FAULT
 
 
-def _run(words: list[str]) -> int:
+def _run(arguments: list[str]) -> int:
     """Let typer find and call the command; its own refusals become one sentence."""
     try:
-        code = command(words).main(args=words, prog_name="blockmech", standalone_mode=False)
+        code = command(arguments).main(args=arguments, prog_name="blockmech", standalone_mode=False)
     except Exception as error:
         # Typer took click into itself under another name, so its errors are recognised by form.
         if type(error).__name__ == "Abort":
@@ -128,12 +128,12 @@ def _run(words: list[str]) -> int:
     return code if isinstance(code, int) else DONE
 
 
-def command(words: Sequence[str] | None = None) -> Any:
+def command(arguments: Sequence[str] | None = None) -> Any:
     """The whole application as one command that can be called.
 
     Of commands that are not among the words of a call only name and purpose are read.
     """
-    whole = words is None or COMPLETING in os.environ
+    complete = arguments is None or COMPLETING in os.environ
     app = typer.Typer(
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
@@ -142,12 +142,12 @@ def command(words: Sequence[str] | None = None) -> Any:
     )
     app.callback()(_shared)
     for function in COMMANDS:
-        called = whole or function.__name__.rstrip("_") in (words or ())
-        app.command()(flat(function) if called else _listed(function))
+        called = complete or function.__name__.rstrip("_") in (arguments or ())
+        app.command()(flat(function) if called else _unread_command(function))
     return typer.main.get_command(app)
 
 
-def _listed(function: Callable[..., Any]) -> Callable[[], None]:
+def _unread_command(function: Callable[..., Any]) -> Callable[[], None]:
     """A command without its options: reading those of all took a tenth of any call."""
 
     def unread() -> None:
@@ -157,8 +157,8 @@ def _listed(function: Callable[..., Any]) -> Callable[[], None]:
     return unread
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    if requested:
         say(f"blockmech {blockmech.__version__}")
         raise typer.Exit
 

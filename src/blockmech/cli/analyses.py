@@ -11,8 +11,8 @@ import typer
 from blockmech.builders import Graph, Opened, compiled, compiled_of, opened
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import AsJson, At, GraphFile, option, switch
-from blockmech.cli.output import Drawn, Several, Shown
-from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar, reading
+from blockmech.cli.output import Display, PlotDisplay, Reports
+from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, reading
 from blockmech.ground.errors import (
     BlockmechError,
     FormatError,
@@ -71,8 +71,8 @@ def _facts(model: Opened) -> tuple[Data, str]:
         structure = model.structure()
         formula = structure.formula
     else:
-        made = model.decompose()
-        structure, formula = made.graph.structure(), str(made.formation)
+        decomposition = model.decompose()
+        structure, formula = decomposition.graph.structure(), str(decomposition.formation)
         text += f"\nmobility {structure.mobility}"
         text += f"\n{model.fit_dimensions()}" if model.dimensions else ""
     return {
@@ -84,15 +84,17 @@ def _facts(model: Opened) -> tuple[Data, str]:
     }, text
 
 
-def verify(file: GraphFile, shown: Shown, at: At = None) -> None:
+def verify(file: GraphFile, display: Display, at: At = None) -> None:
     """Check balances, powers and the two routes to the driving moment."""
-    if not shown.ask(file, compiled, "verifying", lambda m: m.verify(coordinates(m, at))).ok:
+    if not display.answer_command(
+        file, compiled, "verifying", lambda m: m.verify(coordinates(m, at))
+    ).ok:
         raise typer.Exit(NO_ANSWER)
 
 
 def limits(
     file: GraphFile,
-    shown: Shown,
+    display: Display,
     driver: Annotated[str | None, option("Only this driver; by default each.", "NAME")] = None,
     at: Annotated[
         list[str] | None,
@@ -100,26 +102,30 @@ def limits(
     ] = None,
 ) -> None:
     """Find the arcs of each driver on which the mechanism closes."""
-    mechanism = shown.read(file, compiled)
-    moving = mechanism.drivers if driver is None else (driver,)
-    held = {}
-    for name, row in (coordinates(mechanism, at) or {}).items():
-        if len(row) != 1:
-            raise refused(f"--at {name}", f"it names {len(row)} places", "give one number")
-        if moving == (name,):
-            raise refused(f"--at {name}", "this driver is the one that moves", "hold another one")
-        held[name] = row[0]
-    with progress_bar("searching"):
+
+    def search(mechanism: Mechanism) -> Reports:
+        moving = mechanism.drivers if driver is None else (driver,)
+        fixed = {}
+        for name, row in (coordinates(mechanism, at) or {}).items():
+            if len(row) != 1:
+                raise refused(f"--at {name}", f"it names {len(row)} places", "give one number")
+            if moving == (name,):
+                raise refused(
+                    f"--at {name}", "this driver is the one that moves", "hold another one"
+                )
+            fixed[name] = row[0]
         reports = [
-            mechanism.limits(moved, {d: q for d, q in held.items() if d != moved})
+            mechanism.limits(moved, {d: q for d, q in fixed.items() if d != moved})
             for moved in moving or (None,)
         ]
-    shown.show(file, Several("limits", reports))
+        return Reports("limits", reports)
+
+    display.answer_command(file, compiled, "searching", search)
 
 
 def modes(
     file: GraphFile,
-    shown: Drawn,
+    display: PlotDisplay,
     at: At = None,
     group: Annotated[list[str] | None, option("Only this group; may be repeated.", "NAME")] = None,
     driver: Annotated[
@@ -130,12 +136,14 @@ def modes(
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
     request: Arguments = {"driver": driver, "groups": group or None, "arcs": not no_arcs}
-    shown.ask(file, compiled, "searching", lambda m: m.modes(coordinates(m, at), **request))
+    display.answer_command(
+        file, compiled, "searching", lambda m: m.modes(coordinates(m, at), **request)
+    )
 
 
 def extremes(
     file: GraphFile,
-    shown: Shown,
+    display: Display,
     names: Annotated[
         list[str],
         typer.Argument(metavar="OUTPUT...", help="Outputs or patterns, e.g. dyad.C.p.x 'crank.*'."),
@@ -145,11 +153,13 @@ def extremes(
     ] = False,
 ) -> None:
     """Find extremes of outputs over the cycle, refined beyond the samples."""
-    mechanism = shown.read(file, compiled)
-    ask: Any = mechanism.stroke if stroke else mechanism.extremes
-    with progress_bar("searching"):
-        reports = [row for name in names for row in _of_all(mechanism, name, ask)]
-    shown.show(file, Several("strokes" if stroke else "extremes", reports))
+
+    def search(mechanism: Mechanism) -> Reports:
+        method: Any = mechanism.stroke if stroke else mechanism.extremes
+        reports = [row for name in names for row in _of_all(mechanism, name, method)]
+        return Reports("strokes" if stroke else "extremes", reports)
+
+    display.answer_command(file, compiled, "searching", search)
 
 
 def _of_all(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[Any]:
@@ -157,13 +167,13 @@ def _of_all(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[
     try:
         return [ask(name)]
     except RequestError as error:
-        fits = mechanism.outputs.match([name]) if any(sign in name for sign in "*?[") else ()
-        if not fits:
+        matches = mechanism.outputs.match([name]) if any(sign in name for sign in "*?[") else ()
+        if not matches:
             raise
         reports, problems = [], list(error.problems)
-        for one in fits:
+        for match in matches:
             try:
-                reports.append(ask(one))
+                reports.append(ask(match))
             except RequestError as refusal:
                 problems += refusal.problems
         if not reports:

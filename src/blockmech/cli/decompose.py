@@ -47,19 +47,19 @@ def decompose(
     model = reading(file, opened)
     if isinstance(model, Graph):
         raise refused(file, "it is a graph of blocks already", "name a file of links and joints")
-    made = model.decompose(general.value if general else "")
+    decomposition = model.decompose(general.value if general else "")
     if output is not None:
-        made.graph.save(output)
-    lines = [*as_text(made), *([f"wrote {output}"] if output is not None else [])]
-    answer(file, json, as_data(made), "\n".join(lines))
+        decomposition.graph.save(output)
+    lines = [*as_text(decomposition), *([f"wrote {output}"] if output is not None else [])]
+    answer(file, json, as_data(decomposition), "\n".join(lines))
 
 
-def as_data(made: Decomposition) -> Data:
+def as_data(decomposition: Decomposition) -> Data:
     """A decomposition as a JSON object."""
-    names, structure = made.names, made.graph.structure()
+    names, structure = decomposition.names, decomposition.graph.structure()
     return {
-        "graph": made.graph.name,
-        "formation": str(made.formation),
+        "graph": decomposition.graph.name,
+        "formation": str(decomposition.formation),
         "links_moving": len(structure.links) - 1,
         "pairs": structure.pairs,
         "mobility": structure.mobility,
@@ -75,16 +75,16 @@ def as_data(made: Decomposition) -> Data:
     }
 
 
-def as_text(made: Decomposition) -> Iterator[str]:
+def as_text(decomposition: Decomposition) -> Iterator[str]:
     """A decomposition as lines: the formula, then what became of links, joints and drivers."""
-    structure = made.graph.structure()
-    yield f"{made.graph.name}: {made.formation}"
+    structure = decomposition.graph.structure()
+    yield f"{decomposition.graph.name}: {decomposition.formation}"
     yield (
         f"{len(structure.links) - 1} moving links, {structure.pairs} pairs, "
         f"mobility {structure.mobility}"
     )
     yield from _table(
-        ("link", "block.link"), {n: [str(w.link)] for n, w in made.names.links.items()}
+        ("link", "block.link"), {n: [str(w.link)] for n, w in decomposition.names.links.items()}
     )
     joints = {
         name: [
@@ -92,7 +92,7 @@ def as_text(made: Decomposition) -> Iterator[str]:
             structure.joint(where.joint).kind,
             "second link first" if _is_turned(where) else "",
         ]
-        for name, where in made.names.joints.items()
+        for name, where in decomposition.names.joints.items()
     }
     yield from _table(("joint", "block.joint", "kind", ""), joints)
     drivers = {n: [str(j), _counted(structure, n)] for n, j in structure.driven.items()}

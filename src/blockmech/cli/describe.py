@@ -44,7 +44,7 @@ def blocks(
     if unknown:
         raise RequestError(unknown)
     named = dict.fromkeys(name for names in chosen.values() for name in names)
-    say("\n\n".join("\n".join(_described(name, REGISTRY[name])) for name in named))
+    say("\n\n".join("\n".join(_describe(name, REGISTRY[name])) for name in named))
 
 
 def schema(
@@ -53,8 +53,8 @@ def schema(
     """Print the JSON Schema of a document."""
     from blockmech.model.schema import graph_schema, joints_schema
 
-    made = {"graph": graph_schema, "joints": joints_schema, "result": result_schema}
-    say(json.dumps(made[document](), indent=2))
+    schemas = {"graph": graph_schema, "joints": joints_schema, "result": result_schema}
+    say(json.dumps(schemas[document](), indent=2))
 
 
 def outputs(
@@ -68,14 +68,14 @@ def outputs(
 
     Of a vector, .x and .y behind its name are its parts.
     """
-    known = reading(file, compiled).outputs
-    shown = [known[name] for name in known.match(names or EVERYTHING)]
-    rows = [(o.name, o.unit or "-", o.about) for o in shown]
-    data = [{"name": o.name, "unit": o.unit, "kind": o.kind, "about": o.about} for o in shown]
+    catalogue = reading(file, compiled).outputs
+    chosen = [catalogue[name] for name in catalogue.match(names or EVERYTHING)]
+    rows = [(o.name, o.unit or "-", o.about) for o in chosen]
+    data = [{"name": o.name, "unit": o.unit, "kind": o.kind, "about": o.about} for o in chosen]
     answer(file, json, {"outputs": data}, "\n".join(aligned(("output", "unit", "what"), rows)))
 
 
-def _described(name: str, block: type[Block]) -> Iterator[str]:
+def _describe(name: str, block: type[Block]) -> Iterator[str]:
     doc = (block.__doc__ or "").strip().splitlines()
     yield f"{name}  {doc[0] if doc else ''}".replace("``", "").rstrip()
     if issubclass(block, Moving) and block.own_form:
@@ -86,13 +86,13 @@ def _described(name: str, block: type[Block]) -> Iterator[str]:
     for joint in block.joints.values():
         between = f"on {joint.link}" if joint.outer else f"between {' and '.join(joint.links)}"
         wired = f", wired to a {'guide' if joint.pair.reads == 'guide' else 'marker'}"
-        more = (wired if joint.outer else "") + (", driven" if joint.driven else "")
-        yield f"  joint       {joint.name}: {joint.kind}, {between}{more}"
+        remarks = (wired if joint.outer else "") + (", driven" if joint.driven else "")
+        yield f"  joint       {joint.name}: {joint.kind}, {between}{remarks}"
     if block.built_in:
         yield f"  markers     {', '.join(block.built_in)}"
     if issubclass(block, Element):
-        for terminal, what in block.terminals.items():
-            yield f"  wire        {terminal}: a {what.kind}, takes {what.unit}"
+        for terminal, quantity in block.terminals.items():
+            yield f"  wire        {terminal}: a {quantity.kind}, takes {quantity.unit}"
     if issubclass(block, Following):
         yield f"  coordinate  of the law: {block.coordinate_text}; or the driver's"
     if issubclass(block, Signal):

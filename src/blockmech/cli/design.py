@@ -10,7 +10,7 @@ import blockmech as bm
 from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, rates_of
 from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, number_of, option
-from blockmech.cli.output import Drawn
+from blockmech.cli.output import PlotDisplay
 from blockmech.cli.terminal import note
 from blockmech.ground.errors import refused
 from blockmech.ground.files import refuse_spared
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def equilibria(
     file: GraphFile,
-    shown: Drawn,
+    display: PlotDisplay,
     friction: Friction = None,
     time: Annotated[
         float | None,
@@ -33,12 +33,12 @@ def equilibria(
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
     options: Arguments = {"friction": friction, "time": time}
-    shown.ask(file, compiled, "searching", lambda m: m.equilibria(**options))
+    display.answer_command(file, compiled, "searching", lambda m: m.equilibria(**options))
 
 
 def solve(
     file: GraphFile,
-    shown: Drawn,
+    display: PlotDisplay,
     want: Annotated[
         list[str], option("Output and its value, e.g. dyad.j.angle=80deg.", "OUTPUT=VALUE")
     ],
@@ -54,16 +54,16 @@ def solve(
     """Find the driver coordinates, parameters or loads that give wanted values."""
     options: Arguments = {"modes": modes, "friction": friction, "static": static}
 
-    def ask(m: Mechanism) -> Any:
+    def question(m: Mechanism) -> Any:
         values = dict(map(_quantity, want))
         return m.solve(values, names_of(to) or (), at=coordinates(m, at), **options)
 
-    shown.ask(file, compiled, "solving", ask)
+    display.answer_command(file, compiled, "solving", question)
 
 
 def linearize(
     file: GraphFile,
-    shown: Drawn,
+    display: PlotDisplay,
     at: At = None,
     rates: Annotated[
         list[str] | None,
@@ -83,17 +83,17 @@ def linearize(
 ) -> None:
     """Find how the mechanism vibrates about a pose: frequencies, damping, mode shapes."""
     request: Arguments = {"inputs": names_of(inputs), "outputs": names_of(outputs)}
-    request |= {"friction": friction, "states": dict(map(_named, states or []))}
+    request |= {"friction": friction, "states": dict(map(_number_by_name, states or []))}
 
     def ask(m: Mechanism) -> Any:
         return m.linearize(coordinates(m, at), rates=rates_of(m, rates), **request)
 
-    shown.ask(file, compiled, "differentiating", ask)
+    display.answer_command(file, compiled, "differentiating", ask)
 
 
 def balance(
     file: GraphFile,
-    shown: Drawn,
+    display: PlotDisplay,
     numbers: Annotated[
         list[str], option("Addresses of springs and counterweights, e.g. spring.stiffness.", "A,B")
     ],
@@ -110,12 +110,12 @@ def balance(
     """Find the springs or counterweights that leave the least effort over the poses."""
     refuse_spared(*filter(None, (save,)))
     ends = {name: _range(name, text) for name, text in (_split(b) for b in bounds or [])}
-    wanted = names_of(want) or None
+    targets = names_of(want) or None
 
     def ask(m: Mechanism) -> Any:
-        return bm.design.balance(m, names_of(numbers), wanted, coordinates(m, at), bounds=ends)
+        return bm.design.balance(m, names_of(numbers), targets, coordinates(m, at), bounds=ends)
 
-    balanced = shown.ask(file, compiled, "balancing", ask)
+    balanced = display.answer_command(file, compiled, "balancing", ask)
     if save is not None:
         balanced.mechanism.document.save(save)
         note(f"wrote {save}")
@@ -138,7 +138,7 @@ def _quantity(text: str) -> tuple[str, float | str]:
         return name, value
 
 
-def _named(text: str) -> tuple[str, float]:
+def _number_by_name(text: str) -> tuple[str, float]:
     """A number by name. Raises `RequestError` for others."""
     name, value = _split(text)
     return name, _number(name, value)
@@ -159,7 +159,7 @@ def _number(name: str, text: str) -> float:
 
 def identify(
     file: GraphFile,
-    shown: Drawn,
+    display: PlotDisplay,
     data: Annotated[
         str,
         typer.Argument(metavar="DATA", help="Measured columns (CSV), e.g. crank.q,crank.drive."),
@@ -170,6 +170,6 @@ def identify(
 ) -> None:
     """Identify numbers of the mechanism from what was measured on it."""
     request: Arguments = {"friction": friction, "static": static}
-    shown.ask(
+    display.answer_command(
         file, compiled, "fitting", lambda m: bm.design.identify(m, names_of(to), data, **request)
     )

@@ -50,7 +50,7 @@ def draw(
     from blockmech.figures.paper import MOVING
 
     if kind == "list":
-        say("\n".join(f"{name}: {known.about}" for name, known in KINDS.items()))
+        say("\n".join(f"{name}: {picture_kind.about}" for name, picture_kind in KINDS.items()))
         return
     if kind is None:
         moving = Path(picture).suffix.lower() in MOVING

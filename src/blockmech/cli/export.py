@@ -60,9 +60,9 @@ def export(
     say("\n".join(f"wrote {path}" for path in files))
 
 
-def _options(given: list[str] | None) -> dict[str, str]:
+def _options(texts: list[str] | None) -> dict[str, str]:
     options = {}
-    for text in given or ():
+    for text in texts or ():
         name, equals, value = text.partition("=")
         if not equals:
             raise refused(f"--set {text}", "it has no value", "write NAME=VALUE")

@@ -29,9 +29,9 @@ def motion_lines(result: Result) -> list[str]:
     return [*lines, *motion.summary(units[0] if len(set(units)) == 1 else "rad or m")]
 
 
-def _state(event: Event, names: list[str], units: list[str], shown: tuple[str, ...]) -> str:
+def _state(event: Event, names: list[str], units: list[str], outputs: tuple[str, ...]) -> str:
     parts = [f"{event.t:.{DIGITS}g} s"]
     for x, name, unit in zip(np.atleast_1d(event.q).tolist(), names, units, strict=True):
-        factor, unit = shown_in(unit, shown)
+        factor, unit = shown_in(unit, outputs)
         parts.append(f"{name} = {factor * x:.{DIGITS}g} {unit}")
     return ", ".join(parts)

@@ -26,8 +26,8 @@ def new(
         say("\n".join(graphs) or "the gallery is empty")
         return
     if name not in graphs:
-        there = f"graphs there: {listed(graphs, 40)}"
-        raise refused(name, "no such graph in the gallery", close_match(name, graphs), there)
+        valid = f"graphs there: {listed(graphs, 40)}"
+        raise refused(name, "no such graph in the gallery", close_match(name, graphs), valid)
     if file is None:
         raise refused(name, "no file to write is named", f"blockmech new {name} {name}.json")
     if os.path.exists(file) and not force:

@@ -22,27 +22,27 @@ ROW = "numbers are separated by commas: write for example 0,0.5,1"
 Read = TypeVar("Read")
 
 
-def coordinates(mechanism: Compiled, given: list[str] | None) -> dict[str, list[float]] | None:
+def coordinates(mechanism: Compiled, texts: list[str] | None) -> dict[str, list[float]] | None:
     """Driver coordinates from the ``--at`` options, one for each driver; None without any.
 
     ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several. Raises `RequestError`
     with all problems.
     """
-    return _by_driver(mechanism, given, "--at", "0,1", row)
+    return _by_driver(mechanism, texts, "--at", "0,1", row)
 
 
-def rates_of(mechanism: Compiled, given: list[str] | None) -> dict[str, list[float]] | None:
+def rates_of(mechanism: Compiled, texts: list[str] | None) -> dict[str, list[float]] | None:
     """Driver rates from the ``--rates`` options, as `coordinates` reads them."""
-    return _by_driver(mechanism, given, "--rates", "2", lambda at, x, of: row(at, x, f"{of}/s"))
+    return _by_driver(mechanism, texts, "--rates", "2", lambda at, x, of: row(at, x, f"{of}/s"))
 
 
-def starts(mechanism: Compiled, given: list[str] | None) -> dict[str, tuple[float, float]] | None:
+def starts(mechanism: Compiled, texts: list[str] | None) -> dict[str, tuple[float, float]] | None:
     """Driver -> (q [rad or m], rate) from the ``--start`` options; None without any.
 
     ``1.2,-3deg/s`` for the one driver, ``crank=60deg`` by name with several; without a rate
     the driver starts from rest. Raises `RequestError` with all problems.
     """
-    return _by_driver(mechanism, given, "--start", "0.5", _start)
+    return _by_driver(mechanism, texts, "--start", "0.5", _start)
 
 
 def roles(
@@ -60,7 +60,7 @@ def roles(
 
 def _by_driver(
     mechanism: Compiled,
-    given: list[str] | None,
+    texts: list[str] | None,
     option: str,
     example: str,
     read: Callable[[str, str, str], Read],
@@ -74,7 +74,7 @@ def _by_driver(
     values: dict[str, Read] = {}
     problems: list[Problem] = []
     named = set()
-    for text in (part for whole in given or () for part in NAMED.split(whole)):
+    for text in (part for option_text in texts or () for part in NAMED.split(option_text)):
         where = f"{option} {text}"
         name, equals, numbers = text.partition("=")
         if not equals:
@@ -98,11 +98,11 @@ def _by_driver(
 
 def _unknown(where: str, name: str, drivers: Sequence[str], example: str) -> Problem:
     """No driver of that name, or none where there are several or none at all."""
-    found = f'no driver "{name}"' if name else f"there are {len(drivers)} drivers"
+    message = f'no driver "{name}"' if name else f"there are {len(drivers)} drivers"
     if not drivers:
-        return _problem(where, found, "it has no drivers", f"leave {where.split()[0]} out")
+        return _problem(where, message, "it has no drivers", f"leave {where.split()[0]} out")
     remedy = close_match(name, drivers) or f"write {example.format(drivers[-1])}"
-    return _problem(where, found, f"drivers: {listed(drivers)}", remedy)
+    return _problem(where, message, f"drivers: {listed(drivers)}", remedy)
 
 
 def _start(where: str, text: str, unit: str) -> tuple[float, float]:
@@ -166,5 +166,5 @@ def _count(where: str, text: str) -> int:
     raise RequestError(problem)
 
 
-def _problem(where: str, found: str, valid: str, remedy: str) -> Problem:
-    return Problem("bad-request", where, found, valid, remedy)
+def _problem(where: str, message: str, valid: str, remedy: str) -> Problem:
+    return Problem("bad-request", where, message, valid, remedy)

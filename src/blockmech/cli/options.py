@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 
-def option(help: str, metavar: str | None = None, **more: Any) -> Any:
+def option(help: str, metavar: str | None = None, **settings: Any) -> Any:
     """An option with a value."""
-    return typer.Option(help=help, metavar=metavar, **more)
+    return typer.Option(help=help, metavar=metavar, **settings)
 
 
 def number_of(name: str, *units: str) -> Callable[[str], float]:
@@ -62,11 +62,15 @@ def of_gallery(name: str) -> str:
     word = name.removesuffix(".json")
     if not word or os.path.exists(name) or Path(word).suffix:
         return name
-    known = gallery()
-    if word in known:
-        return str(known[word])
-    alike = [f'did you mean "{other}"?' for other in known if other.startswith(word)]
-    if remedy := close_match(word, known) or (alike or [""])[0]:
+    gallery_files = gallery()
+    if word in gallery_files:
+        return str(gallery_files[word])
+    alike = [
+        f'did you mean "{name_in_gallery}"?'
+        for name_in_gallery in gallery_files
+        if name_in_gallery.startswith(word)
+    ]
+    if remedy := close_match(word, gallery_files) or (alike or [""])[0]:
         raise refused(name, "no such file, and nothing of that name in the gallery", remedy)
     return name
 
@@ -104,12 +108,12 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
         ]
 
     @functools.wraps(command)
-    def spread(**given: Any) -> None:
-        whole = {
-            name: group(**{f.name: given.pop(f.name) for f in fields(group)})
+    def spread(**arguments: Any) -> None:
+        groups_of_options = {
+            name: group(**{f.name: arguments.pop(f.name) for f in fields(group)})
             for name, group in groups.items()
         }
-        command(**given, **whole)
+        command(**arguments, **groups_of_options)
 
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {p.name: p.annotation for p in parameters}
@@ -172,9 +176,9 @@ class FrictionOptions:
             return self.friction
         if self.friction != "successive":
             names = [f"--{x}" for x in ("tolerance", "iterations") if getattr(self, x) is not None]
-            found = f"has no meaning for friction {self.friction or 'newton'}"
+            message = f"has no meaning for friction {self.friction or 'newton'}"
             remedy = "use --friction successive with it"
-            raise refused(listed(names), found, remedy, code="useless-setting")
+            raise refused(listed(names), message, remedy, code="useless-setting")
         return Successive(self.tolerance, self.iterations)
 
 
@@ -189,9 +193,9 @@ def si_only(json: bool, degrees: bool | None) -> None:
         raise refused("--deg", "JSON results are in SI units", "leave it out")
 
 
-def one_of(**given: bool) -> None:
+def at_most_one(**options: bool) -> None:
     """Refuse two ways of output at a time."""
-    chosen = [f"--{name}" for name, on in given.items() if on]
+    chosen = [f"--{name}" for name, on in options.items() if on]
     if len(chosen) > 1:
         raise refused(" ".join(chosen), "only one of them at a time", "--out writes all files")
 

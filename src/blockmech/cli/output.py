@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
-from blockmech.cli.options import AsJson, Degrees, one_of, option, si_only, switch
+from blockmech.cli.options import AsJson, Degrees, at_most_one, option, si_only, switch
 from blockmech.cli.terminal import (
     UNDRAWN,
     Interrupted,
@@ -90,7 +90,7 @@ def write_answer(answer: Any, table: str | None, plot: str | None, degrees: bool
 
 
 @dataclass(frozen=True)
-class Shown:
+class Display:
     """How an answer is shown: as text or as JSON."""
 
     deg: Degrees = None
@@ -98,7 +98,7 @@ class Shown:
 
     def __post_init__(self) -> None:
         chosen = {name: vars(self).get(name) is not None for name in ("csv", "plot")}
-        one_of(json=self.json, **chosen)
+        at_most_one(json=self.json, **chosen)
         si_only(self.json, self.deg)
 
     def files(self) -> tuple[str | None, str | None]:
@@ -107,46 +107,41 @@ class Shown:
         check_places(table, plot)
         return table, plot
 
-    def read(self, file: str, how: Callable[[str], T]) -> T:
-        """What ``how`` reads from a file; raises `RequestError` if no answer could be written."""
-        model = reading(file, how)
-        self.files()
-        return model
+    def answer_command(
+        self, file: str, reader: Callable[[str], T], doing: str, question: Callable[[T], Any]
+    ) -> Any:
+        """Answer a question about what a file holds: show the answer, write it, and return it.
 
-    def ask(self, file: str, how: Callable[[str], T], doing: str, ask: Callable[[T], Any]) -> Any:
-        """Ask what ``how`` reads from a file something, show the answer, and give it."""
-        mechanism = self.read(file, how)
-        with progress_bar(doing):
-            report = ask(mechanism)
-        self.show(file, report)
-        return report
-
-    def show(self, file: str, report: Any) -> None:
-        """Print an answer, or its table, and write what of it goes into a file."""
+        Raises `RequestError`, before anything is computed, where the answer cannot be written.
+        """
+        model = reading(file, reader)
         table, plot = self.files()
+        with progress_bar(doing):
+            report = question(model)
         if table == "-":
             pour([report.to_csv()])
-            return
-        answer(file, self.json, report.to_dict(), report.text(degrees=bool(self.deg)))
-        write_answer(report, table, plot, self.deg is not False)
+        else:
+            answer(file, self.json, report.to_dict(), report.text(degrees=bool(self.deg)))
+            write_answer(report, table, plot, self.deg is not False)
+        return report
 
 
 @dataclass(frozen=True)
-class Drawn(Shown):
+class PlotDisplay(Display):
     """The same, or as a picture."""
 
     plot: Annotated[str | None, option("Draw the answer (png, svg, pdf).", "FILE")] = None
 
 
 @dataclass(frozen=True)
-class Tabled(Drawn):
+class TableDisplay(PlotDisplay):
     """The same, or as a table."""
 
     csv: Annotated[str | None, option("Write all of it (csv); - prints it.", "FILE")] = None
 
 
 @dataclass(frozen=True)
-class Several(Facts, Report):
+class Reports(Facts, Report):
     """Answers of one kind, e.g. the limits of each driver."""
 
     kind: str
@@ -182,15 +177,15 @@ class Output:
 
     def __post_init__(self) -> None:
         chosen = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}
-        one_of(json=self.json, **chosen)
+        at_most_one(json=self.json, **chosen)
         si_only(self.json, self.deg)
 
-    def read(self, file: str, how: Callable[[str], T]) -> T:
-        """What ``how`` reads from a file; raises `RequestError` if no answer could be written."""
-        model = reading(file, how)
+    def read(self, file: str, reader: Callable[[str], T]) -> T:
+        """What ``reader`` reads; raises `RequestError` if no answer could be written."""
+        model = reading(file, reader)
         inside = (Path(self.out or "") / name for name in (*NUMBERS, *PICTURES))
-        places = csv_place(self.csv), self.plot
-        refuse_spared(*filter(None, places), *(inside if self.out else ()))
+        targets = csv_place(self.csv), self.plot
+        refuse_spared(*filter(None, targets), *(inside if self.out else ()))
         return model
 
     def in_units(self, result: AnyResult) -> AnyResult:
@@ -224,14 +219,14 @@ class Output:
             pour(json_chunks(result) if self.json else self._csv(result))
             note(*gaps)
             return
-        files = [f"wrote {path}" for path in self._written(result, pictures)]
+        files = [f"wrote {path}" for path in self._write(result, pictures)]
         say("\n".join([table(result, of=of), *lines, *files]))
 
     def _csv(self, result: Result) -> Any:
         cells = "\t" if self.separator == "tab" else self.separator
         return csv_chunks(result, separator=cells, decimal=self.decimal)
 
-    def _written(self, result: Result, pictures: Pictures) -> list[Path]:
+    def _write(self, result: Result, pictures: Pictures) -> list[Path]:
         """Write what is asked for."""
         table = csv_place(self.csv)
         if table is not None:
@@ -242,9 +237,9 @@ class Output:
             with progress_bar("drawing"):
                 result.plot(self.plot, degrees=self.deg is not False)
             return [Path(self.plot)]
-        return [] if self.out is None else self._filled(Path(self.out), result, pictures)
+        return [] if self.out is None else self._fill(Path(self.out), result, pictures)
 
-    def _filled(self, out: Path, result: Result, pictures: Pictures) -> list[Path]:
+    def _fill(self, out: Path, result: Result, pictures: Pictures) -> list[Path]:
         """Fill a folder: first the numbers, without an earlier run's pictures; then the new ones.
 
         Of an interrupted simulation the numbers alone.

@@ -30,8 +30,8 @@ def page(
 
     The page works everything out itself, with the numbers that blockmech has.
     """
-    more = {"slider": ",".join(slider) if slider else None, "friction": friction}
-    _write(file, output, "page", poses, want, static=static or None, **more)
+    settings = {"slider": ",".join(slider) if slider else None, "friction": friction}
+    _write(file, output, "page", poses, want, static=static or None, **settings)
 
 
 def report(

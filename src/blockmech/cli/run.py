@@ -39,7 +39,7 @@ OnGap = Annotated[str, option("Samples without an answer: mark, raise or stop.",
 def run(
     file: GraphFile,
     poses: Poses,
-    how: FrictionOptions,
+    friction: FrictionOptions,
     output: Output,
     want: Want = None,
     accuracy: Accuracy = None,
@@ -58,7 +58,7 @@ def run(
     request: Arguments = {
         "want": names_of(want) or EVERYTHING,
         "static": static,
-        "friction": how.method,
+        "friction": friction.method,
     }
     if explain:
         say(mechanism.explain(**request))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from blockmech.builders import compiled
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, names_of, option
-from blockmech.cli.output import Tabled
+from blockmech.cli.output import TableDisplay
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.typing import Arguments
 
@@ -21,14 +21,21 @@ def sensitivity(
     file: GraphFile,
     want: Wants,
     poses: Poses,
-    shown: Tabled,
+    display: TableDisplay,
     to: To = None,
     friction: Friction = None,
     static: Static = False,
 ) -> None:
     """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
-    how: Arguments = {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
-    wanted = names_of(want)
-    shown.ask(
-        file, compiled, "differentiating", lambda m: m.sensitivity(wanted, **poses.of(m), **how)
+    settings: Arguments = {
+        "to": names_of(to) or EVERYTHING,
+        "friction": friction,
+        "static": static,
+    }
+    outputs = names_of(want)
+    display.answer_command(
+        file,
+        compiled,
+        "differentiating",
+        lambda m: m.sensitivity(outputs, **poses.of(m), **settings),
     )

@@ -55,7 +55,7 @@ DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
 def simulate(
     file: GraphFile,
-    how: FrictionOptions,
+    friction: FrictionOptions,
     output: Output,
     until: Until = None,
     start: Start = None,
@@ -78,21 +78,21 @@ def simulate(
     """
     mechanism = output.read(file, compiled)
     names = names_of(want) or (EVERYTHING if output.out is not None else DRIVERS)
-    settings: Arguments = {"friction": how.method}
+    settings: Arguments = {"friction": friction.method}
     if explain:
         from blockmech.dynamics.simulation import evaluation_cost
 
         say(mechanism.explain(names, **settings), "\n\n", evaluation_cost(mechanism, **settings))
         return
-    given, begun = times(at_times), starts(mechanism, start)
+    at, initial = times(at_times), starts(mechanism, start)
     fixed: Any = method if step is None else FixedStep(method, step)  # type: ignore[arg-type]
     settings |= {"method": fixed, "engine": engine}
     with progress_bar("simulating") as progress:
         result = mechanism.simulate(
             until,
             accuracy=accuracy,
-            times=given,
-            start=begun,
+            times=at,
+            start=initial,
             roles=roles(mechanism, prescribed, locked),
             want=names,
             budget=budget,
@@ -104,7 +104,7 @@ def simulate(
     output.show(result, _pictures, gaps, ["", *motion_lines(result)])
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
-    if gaps or _unanswered(result, given):
+    if gaps or _unanswered(result, at):
         raise typer.Exit(NO_ANSWER)
 
 
@@ -114,9 +114,9 @@ def _pictures(result: Result, folder: Path, degrees: bool) -> list[Path]:
     return simulation_pictures(result, folder, degrees=degrees)
 
 
-def _unanswered(result: Result, given: list[float] | None) -> bool:
+def _unanswered(result: Result, requested: list[float] | None) -> bool:
     """Whether the motion failed, or ended before a time that was asked for."""
     motion = result.motion
     assert motion is not None
     none = motion.status in ("failed", "unfinished")
-    return none or any(map(math.isnan, motion.reached_times(given or [])))
+    return none or any(map(math.isnan, motion.reached_times(requested or [])))

@@ -9,7 +9,7 @@ import typer
 from blockmech.builders import compiled
 from blockmech.cli.numbers import row
 from blockmech.cli.options import GraphFile, Poses, Static, Want, names_of, option
-from blockmech.cli.output import Tabled
+from blockmech.cli.output import TableDisplay
 from blockmech.cli.terminal import NO_ANSWER
 from blockmech.typing import Arguments
 
@@ -19,7 +19,7 @@ Scale = Annotated[str, option("Factor of all friction, e.g. 1.5 or 0.5:3:51.", "
 def solutions(
     file: GraphFile,
     poses: Poses,
-    shown: Tabled,
+    display: TableDisplay,
     want: Want = None,
     scale: Scale = "1",
     static: Static = False,
@@ -30,7 +30,7 @@ def solutions(
     """
     request: Arguments = {"want": names_of(want) or None, "static": static}
     request["scale"] = row(f"--scale {scale}", scale, "")
-    report = shown.ask(
+    report = display.answer_command(
         file, compiled, "searching", lambda m: m.friction_solutions(**poses.of(m), **request)
     )
     if not report.complete.all():

@@ -25,13 +25,13 @@ def studio(
     Only this machine is answered, and no file outside of the current folder is touched.
     """
 
-    def told(address: str) -> None:
+    def open_page(address: str) -> None:
         say(address)
         if not no_browser:
             import webbrowser  # few calls need it
 
             webbrowser.open(address)
 
-    run = service().started(Path.cwd(), file, port, told)
+    run = service().started(Path.cwd(), file, port, open_page)
     say("Ctrl-C ends it")
     run()

@@ -58,7 +58,7 @@ def sweep(
     vary: Vary,
     want: Keep,
     poses: Poses,
-    how: FrictionOptions,
+    friction: FrictionOptions,
     sampling: How = None,
     count: Count = None,
     seed: Seed = 0,
@@ -90,13 +90,13 @@ def sweep(
     elif start or method != "auto" or accuracy is not None:
         where, remedy = "--start, --method, --accuracy", "say what ends it: --until standstill"
         raise refused(where, "no design moves", remedy, code="useless-setting")
-    request: Arguments = {**over, "friction": how.method, "simulate": moving}
+    request: Arguments = {**over, "friction": friction.method, "simulate": moving}
     request |= {"sampling": _sampling(sampling, count, seed), "static": static}
     request |= {
         "want": [_reduction(mechanism, x) for x in want],
         "out": out if in_parts else None,
     }
-    numbers = _varied(mechanism, vary)
+    numbers = _vary(mechanism, vary)
     with progress_bar("running") as progress, _hands(workers, dask) as hands:
         study = mechanism.study(numbers, progress=progress, workers=hands, **request)
     say(str(study))
@@ -144,18 +144,18 @@ def _reduction(mechanism: Compiled, text: str) -> str:
     return f"{match['how']}({match['output']}, {q!r})"
 
 
-def _varied(mechanism: Compiled, given: list[str]) -> dict[str, list[float] | Distribution]:
+def _vary(mechanism: Compiled, texts: list[str]) -> dict[str, list[float] | Distribution]:
     """Address -> values or distribution, from the ``--vary`` options."""
     from blockmech.studies.family import parameters  # brings what runs
 
-    known = parameters(mechanism)
+    catalogue = parameters(mechanism)
     varied: dict[str, list[float] | Distribution] = {}
-    for text in given:
+    for text in texts:
         address, equals, values = text.partition("=")
         if not equals:
             remedy = f"write for example {address}=1:2:11"
             raise refused(f"--vary {text}", "it names no values", remedy)
-        (parameter,) = named(known, {address: 0})
+        (parameter,) = named(catalogue, {address: 0})
         if parameter.address in varied:
             raise refused(f"--vary {text}", f"{address} is given twice", "give it once")
         law = LAW.fullmatch(values)

@@ -114,13 +114,13 @@ def interruptible() -> Iterator[None]:
         return
     handler = Interrupts()
     signal.signal(signal.SIGINT, handler)
-    ended = signal.getsignal(signal.SIGTERM)
-    if ended is signal.SIG_DFL:
+    on_terminate = signal.getsignal(signal.SIGTERM)
+    if on_terminate is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, ended)
+        signal.signal(signal.SIGTERM, on_terminate)
         # Nothing that can be lost comes after the command itself.
         signal.signal(signal.SIGINT, signal.SIG_IGN if before is leave else before)
 
@@ -156,10 +156,10 @@ def saving() -> Iterator[Callable[[Iterable[str]], Iterator[str]]]:
 
 
 @contextmanager
-def progress_bar(what: str, still: bool = False) -> Iterator[Callable[..., None] | None]:
+def progress_bar(work: str, still: bool = False) -> Iterator[Callable[..., None] | None]:
     """A bar on a terminal for work that lasts over a second, and what tells it how far that is.
 
-    ``told(what, done, whole)`` moves the bar; ``whole`` is None where it is not known. None
+    ``tell(text, completed, total)`` moves the bar; ``total`` is None where it is not known. None
     where nobody would see it: in a pipe. A ``still`` one moves only when it is called: one that
     draws itself would be measured as well.
     """
@@ -173,12 +173,12 @@ def progress_bar(what: str, still: bool = False) -> Iterator[Callable[..., None]
     parts = (text, BarColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     bar = Progress(*parts, console=console, transient=True, auto_refresh=not still)
-    task = bar.add_task(what, total=None)
+    task = bar.add_task(work, total=None)
 
-    def tell(text: str, done: float, whole: float | None) -> None:
-        far = f"{done:.3g} of {whole:.3g}" if whole else f"{done:.3g}"
-        description = printable(f"{what}: {text}, {far}")
-        bar.update(task, description=description, completed=done, total=whole, refresh=still)
+    def tell(text: str, completed: float, total: float | None) -> None:
+        amount = f"{completed:.3g} of {total:.3g}" if total else f"{completed:.3g}"
+        description = printable(f"{work}: {text}, {amount}")
+        bar.update(task, description=description, completed=completed, total=total, refresh=still)
 
     timer = threading.Timer(PATIENCE, bar.start)
     timer.daemon = True
@@ -191,11 +191,11 @@ def progress_bar(what: str, still: bool = False) -> Iterator[Callable[..., None]
         bar.stop()
 
 
-def reading(file: str, how: Callable[[str], T]) -> T:
-    """What ``how`` reads from a command's file, once, so that a pipe will do.
+def reading(file: str, reader: Callable[[str], T]) -> T:
+    """What ``reader`` reads from a command's file, once, so that a pipe will do.
 
     No output is written to the file afterwards.
     """
     spare(file)
     with progress_bar("reading"):
-        return how(file)
+        return reader(file)

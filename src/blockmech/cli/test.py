@@ -119,16 +119,16 @@ def test(
 
 def _runs(paths: list[str]) -> Iterator[Tested]:
     """Every graph file that paths name, each once; a path without any is noted."""
-    done: set[str] = set()
+    visited: set[str] = set()
     for path in paths:
         files = _files(Path(path))
         if not files:
             valid = f"graph files end in .json; those under {' and '.join(LEFT_OUT)} are left out"
             problem = Problem("no-file", "", "no graph file in this folder", valid, file=path)
             yield Tested(path, problems=[problem])
-        for file in (f for f in files if f not in done):
-            done.add(file)
-            yield _tested(file)
+        for file in (f for f in files if f not in visited):
+            visited.add(file)
+            yield _test(file)
 
 
 def _files(path: Path) -> list[str]:
@@ -136,7 +136,7 @@ def _files(path: Path) -> list[str]:
     return [os.fspath(p) for p in graphs_of(path)] if path.is_dir() else [os.fspath(path)]
 
 
-def _tested(file: str) -> Tested:
+def _test(file: str) -> Tested:
     """Run every expectation of a file; what is wrong with the file is noted."""
     from blockmech.testing.expectations import check_expectation, expectations_of
 
@@ -164,7 +164,7 @@ def _summary(tested: list[Tested]) -> str:
     silent = sum(not t.entries and not t.problems for t in tested)
     wrong = sum(bool(t.problems) for t in tested)
     parts = [f"{len(entries) - failed} ok", f"{failed} failed"]
-    for count, what in ((silent, "without expectations"), (wrong, "wrong")):
+    for count, label in ((silent, "without expectations"), (wrong, "wrong")):
         if count:
-            parts.append(f"{count} file{'s' if count > 1 else ''} {what}")
+            parts.append(f"{count} file{'s' if count > 1 else ''} {label}")
     return ", ".join(parts)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
 from blockmech.cli.numbers import row, starts
-from blockmech.cli.options import GraphFile, Poses, Static, names_of, one_of, option, switch
+from blockmech.cli.options import GraphFile, Poses, Static, at_most_one, names_of, option, switch
 from blockmech.cli.output import check_places, csv_place
 from blockmech.cli.terminal import (
     UNDRAWN,
@@ -67,15 +67,15 @@ def trade(
     plot: Plot = None,
 ) -> None:
     """Measure speed against accuracy for this mechanism, and recommend a setting."""
-    one_of(json=json, csv=csv is not None, out=out is not None, plot=plot is not None)
+    at_most_one(json=json, csv=csv is not None, out=out is not None, plot=plot is not None)
     csv = csv_place(csv)
     mechanism = reading(file, compiled)
     wants: list[Any] = [names_of([text]) for text in want or ()] or [None]
-    if len(wants) > 1 and any(place is not None for place in (csv, out, plot)):
+    if len(wants) > 1 and any(target_file is not None for target_file in (csv, out, plot)):
         raise refused("--want", "pictures and files are of one request", "give --want once")
     # What is wrong is said before anything is measured.
-    places = [Path(out) / name for name in FILES] if out is not None else []
-    refuse_spared(*places)
+    outputs = [Path(out) / name for name in FILES] if out is not None else []
+    refuse_spared(*outputs)
     check_places(csv, plot)
     for names in wants:
         mechanism.outputs.match(names or ())
@@ -88,13 +88,13 @@ def trade(
         "target": target,
         "within": None if within is None else _seconds("--within", within),
     }
-    given = {k: v for k, v in request.items() if v is not None}
-    each = _seconds("--budget", budget) / len(wants)
+    arguments = {k: v for k, v in request.items() if v is not None}
+    seconds = _seconds("--budget", budget) / len(wants)
     with progress_bar("measuring", still=True) as progress:
         trades: list[Trade] = []
         for names in wants:
             if not (trades and _interrupted(trades[-1])):
-                trades.append(mechanism.trade(question, names, each, say=progress, **given))  # type: ignore[arg-type]
+                trades.append(mechanism.trade(question, names, seconds, say=progress, **arguments))  # type: ignore[arg-type]
     if json:
         rows = [t.to_dict() for t in trades]
         say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
@@ -105,7 +105,7 @@ def trade(
         if len(trades) > 1:
             say("\n\nrequests compared")
             say("\n".join(f"  {t.question}: {t.recommendation}" for t in trades))
-        say("".join(f"wrote {path}\n" for path in _written(trades[0], csv, out, plot)), end="")
+        say("".join(f"wrote {path}\n" for path in _write(trades[0], csv, out, plot)), end="")
     if _interrupted(trades[-1]):
         raise Interrupted("what was measured is kept")
 
@@ -114,7 +114,7 @@ def _interrupted(measured: Trade) -> bool:
     return any(s.why == "interrupted" for s in measured.skipped)
 
 
-def _written(measured: Trade, csv: str | None, out: str | None, plot: str | None) -> list[Path]:
+def _write(measured: Trade, csv: str | None, out: str | None, plot: str | None) -> list[Path]:
     """The files that are asked for, written: first the numbers, then the picture."""
     if csv is not None:
         measured.to_csv(csv)
