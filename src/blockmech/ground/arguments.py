@@ -2,6 +2,10 @@
 
 The signature is the declaration; nothing is said twice. Numbers in arrays, names and values are
 checked where they are used, which knows what is valid there.
+
+Not pydantic's ``validate_call``: it takes "3" for 3 and hands arrays on as iterators, and a strict
+one refuses NumPy's integers; it finds no type that is imported for type checkers alone; and it
+takes 0.46 ms a function when the package is imported, of 64, where this takes 0.01 ms.
 """
 
 from __future__ import annotations
@@ -46,24 +50,26 @@ def declared(function: F) -> F:
         return {"VAR_POSITIONAL": value, "VAR_KEYWORD": ()}.get(kind.name, (value,))
 
     @functools.wraps(function)
-    def asked(*args: Any, **kwargs: Any) -> Any:
+    def call(*args: Any, **kwargs: Any) -> Any:
         try:
-            given = signature().bind(*args, **kwargs).arguments
+            arguments = signature().bind(*args, **kwargs).arguments
         except TypeError:  # Python says itself what is missing or too much
             return function(*args, **kwargs)
-        each = ((name, x) for name, value in given.items() for x in several(name, value))
-        if wrong := [_problem(name, x, hint(name)) for name, x in each if not _fits(x, hint(name))]:
+        pairs = ((name, x) for name, value in arguments.items() for x in several(name, value))
+        if wrong := [
+            _problem(name, x, hint(name)) for name, x in pairs if not _matches(x, hint(name))
+        ]:
             raise RequestError(wrong)
         return function(*args, **kwargs)
 
-    return cast(F, asked)
+    return cast(F, call)
 
 
-def _problem(name: str, given: Any, hint: Any) -> Problem:
-    words = list(dict.fromkeys(w for part in _parts(hint) if (w := _called(part))))
-    meant = f"{' or '.join(words)} is meant" if words else ""
-    found = f"got {given!r:.60}"
-    return Problem("wrong-type", name, found, meant, getattr(given, "_instead", ""))
+def _problem(name: str, value: Any, hint: Any) -> Problem:
+    kinds = list(dict.fromkeys(w for part in _parts(hint) if (w := _type_name(part))))
+    valid = f"{' or '.join(kinds)} is meant" if kinds else ""
+    message = f"got {value!r:.60}"
+    return Problem("wrong-type", name, message, valid, getattr(value, "_instead", ""))
 
 
 def _hint(annotation: Any, function: Any) -> Any:
@@ -81,7 +87,7 @@ def _parts(hint: Any) -> tuple[Any, ...]:
     return get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
 
 
-def _called(hint: Any) -> str:
+def _type_name(hint: Any) -> str:
     """What a type is called in a message; None is left out, and what is not checked."""
     kind = get_origin(hint) or hint
     if kind in WORDS or hint in (None, type(None)):
@@ -91,21 +97,21 @@ def _called(hint: Any) -> str:
     return str(getattr(kind, "_called", kind.__name__.lower()))
 
 
-def _fits(given: Any, hint: Any) -> bool:
+def _matches(value: Any, hint: Any) -> bool:
     """Whether an argument is of a type, as far as its type tells."""
     kind = get_origin(hint) or hint
     if kind in (Union, types.UnionType):
-        return any(_fits(given, part) for part in get_args(hint))
+        return any(_matches(value, part) for part in get_args(hint))
     if hint is None or hint is type(None):
-        return given is None
+        return value is None
     if kind is Literal:
-        return any(_fits(given, type(x)) for x in get_args(hint))
+        return any(_matches(value, type(x)) for x in get_args(hint))
     if kind is bool:
-        return isinstance(given, bool | np.bool_)
+        return isinstance(value, bool | np.bool_)
     if kind in (int, float):
         of = Integral if kind is int else Real
-        one = given.item() if getattr(given, "ndim", None) == 0 else given  # an array of one
-        return isinstance(one, of) and not isinstance(one, bool)
+        number = value.item() if getattr(value, "ndim", None) == 0 else value  # an array of one
+        return isinstance(number, of) and not isinstance(number, bool)
     if hint is Any or kind in (np.ndarray, Iterable, Sequence):  # what is in it tells
         return True
-    return isinstance(given, kind) if isinstance(kind, type) else True
+    return isinstance(value, kind) if isinstance(kind, type) else True

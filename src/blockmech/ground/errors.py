@@ -87,29 +87,32 @@ class RequestError(BlockmechError):
 
 
 def refused(
-    where: str, found: str, remedy: str = "", valid: str = "", code: str = "bad-request"
+    where: str, message: str, remedy: str = "", valid: str = "", code: str = "bad-request"
 ) -> RequestError:
     """The error of a call that makes no sense, with its one problem."""
-    return RequestError(Problem(code, where, found, valid, remedy))
+    return RequestError(Problem(code, where, message, valid, remedy))
 
 
-def as_names(where: str, said: Any) -> tuple[str, ...]:
+def as_names(where: str, raw: Any) -> tuple[str, ...]:
     """The names that a call gives, one alone or several. Raises `RequestError` for what is none."""
-    alone = isinstance(said, str) or not isinstance(said, Iterable)
-    names: tuple[Any, ...] = (said,) if alone else tuple(said)
+    alone = isinstance(raw, str) or not isinstance(raw, Iterable)
+    names: tuple[Any, ...] = (raw,) if alone else tuple(raw)
     if not all(isinstance(name, str) for name in names):
-        raise refused(where, f"got {said!r:.60}", "give a name, or several")
+        raise refused(where, f"got {raw!r:.60}", "give a name, or several")
     return names
 
 
 def among(
-    known: Iterable[str], what: str, said: Iterable[str] | str, code: str = "bad-request"
+    valid_names: Iterable[str], kind: str, requested: Iterable[str] | str, code: str = "bad-request"
 ) -> tuple[str, ...]:
     """The names that a call gives, which are all known. Raises `RequestError` for others."""
-    names, known, found = as_names(what, said), tuple(known), f"there is no such {what}"
-    valid = f"{what}s: {listed(known, 16)}" if known else ""
-    if odd := [n for n in names if n not in known]:
-        raise RequestError(Problem(code, n, found, valid, close_match(n, known)) for n in odd)
+    names, choices = as_names(kind, requested), tuple(valid_names)
+    if unknown := [name for name in names if name not in choices]:
+        message = f"there is no such {kind}"
+        valid = f"{kind}s: {listed(choices, 16)}" if choices else ""
+        raise RequestError(
+            Problem(code, name, message, valid, close_match(name, choices)) for name in unknown
+        )
     return names
 
 
@@ -117,13 +120,13 @@ class NotComputedError(RequestError, KeyError):
     """A result does not hold the output that is read from it."""
 
 
-def held(known: Mapping[str, T], name: Any, found: str, label: str, remedy: str = "") -> T:
+def held(table: Mapping[str, T], name: Any, found: str, label: str, remedy: str = "") -> T:
     """What is kept under a name. Raises `NotComputedError` for a name that is none."""
-    if not isinstance(name, str) or name not in known:
-        near = close_match(str(name), known) or remedy
-        there = f"{label}: {listed(known, 16)}"
-        raise NotComputedError(Problem("not-wanted", str(name), found, there, near))
-    return known[name]
+    if not isinstance(name, str) or name not in table:
+        nearest = close_match(str(name), table) or remedy
+        valid = f"{label}: {listed(table, 16)}"
+        raise NotComputedError(Problem("not-wanted", str(name), found, valid, nearest))
+    return table[name]
 
 
 class MissingEngineError(BlockmechError):
@@ -257,24 +260,24 @@ def _letters(name: str) -> str:
     return name.replace("_", "").lower()
 
 
-def listed(words: Iterable[str], most: int = 12) -> str:
+def listed(items: Iterable[str], limit: int = 12) -> str:
     """Words as a readable list, cut when it is long."""
-    words = list(words)
-    cut = ", ".join(words[:most])
-    return cut + (f", ... ({len(words)} in all)" if len(words) > most else "")
+    items = list(items)
+    cut = ", ".join(items[:limit])
+    return cut + (f", ... ({len(items)} in all)" if len(items) > limit else "")
 
 
-def shown(raw: Any, most: int = 60) -> str:
+def shown(raw: Any, limit: int = 60) -> str:
     """A value as it stands in the file, cut when it is long."""
     try:
         text = json.dumps(raw, ensure_ascii=False)
     except (TypeError, ValueError):  # not from a file
         text = repr(raw)
-    return printable(_cut(text, most))
+    return printable(_cut(text, limit))
 
 
-def _cut(text: str, most: int) -> str:
-    return text if len(text) <= most else text[: most - 3] + "..."
+def _cut(text: str, limit: int) -> str:
+    return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
 def path_text(path: Path) -> str:
@@ -294,17 +297,17 @@ def unknown_key(where: str, owner: str, key: str, keys: Iterable[str]) -> Proble
     """The problem that names a key and the ones that are valid there."""
     keys = list(keys)
     valid = f"keys there: {listed(keys, 20)}" if keys else ""
-    found = f"{owner} has no key {shown(key)}"
+    message = f"{owner} has no key {shown(key)}"
     remedy = "write one of these, or remove it" if keys else "remove it"
-    return Problem("unknown-key", where, found, valid, close_match(key, keys) or remedy)
+    return Problem("unknown-key", where, message, valid, close_match(key, keys) or remedy)
 
 
 def unknown_name(
     code: str,
-    what: str,
+    kind: str,
     name: str,
     where: str,
-    known: Iterable[str],
+    candidates: Iterable[str],
     remedy: str = "",
     there: str = "",
 ) -> Problem:
@@ -312,10 +315,10 @@ def unknown_name(
 
     ``there`` says in words where they are; ``remedy`` is what to do where none is near.
     """
-    names = list(known)
-    valid = f"{what}s{there}: {listed(names) or 'none'}"
+    names = list(candidates)
+    valid = f"{kind}s{there}: {listed(names) or 'none'}"
     remedy = close_match(name, names) or remedy
-    return Problem(code, where, f'no {what} "{name}"', valid, remedy)
+    return Problem(code, where, f'no {kind} "{name}"', valid, remedy)
 
 
 # The problems of a file.
@@ -327,18 +330,18 @@ LONGEST = 600  # characters of one part of a message
 def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:
     """Problems as they are shown: each once, with the file, not endless."""
     once = list(dict.fromkeys(problems))
-    problems_there = [replace(p, file=p.file or file) for p in once[:MOST]]
+    problems_of_file = [replace(p, file=p.file or file) for p in once[:MOST]]
     if len(once) > MOST:
-        problems_there.append(
+        problems_of_file.append(
             Problem(once[MOST].code, "", f"and more after these {MOST}", file=file)
         )
-    return problems_there
+    return problems_of_file
 
 
-def said_already(problem: Problem, odd: Iterable[Problem]) -> bool:
+def said_already(problem: Problem, problems: Iterable[Problem]) -> bool:
     """Whether one of the problems is at the same place, or inside it."""
     inside = (f"{problem.where}.", f"{problem.where}[")
-    return any(p.where == problem.where or p.where.startswith(inside) for p in odd)
+    return any(p.where == problem.where or p.where.startswith(inside) for p in problems)
 
 
 def printable(text: str, but: str = "") -> str:

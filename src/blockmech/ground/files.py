@@ -56,17 +56,17 @@ def writing(path: AnyPath) -> Iterator[IO[bytes]]:
     A link is followed; a device or pipe, which cannot be replaced, is written to.
     Raises `RequestError` where the place cannot be written.
     """
-    shown = os.fspath(path)
-    refuse_spared(shown)
-    target = _target(shown)
+    name = os.fspath(path)
+    refuse_spared(name)
+    target = _target(name)
     try:
         if target.is_dir():
-            raise cannot_write(shown, "it is a directory", "name a file in it")
+            raise cannot_write(name, "it is a directory", "name a file in it")
         if target.exists() and not target.is_file():
             with target.open("wb") as stream:
                 yield stream
             return
-        draft = _beside(target)
+        draft = _draft_name(target)
         try:
             with draft.open("xb") as stream:
                 yield stream
@@ -74,7 +74,7 @@ def writing(path: AnyPath) -> Iterator[IO[bytes]]:
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
-        raise _refused(shown, error) from error
+        raise _refused(name, error) from error
 
 
 @contextmanager
@@ -84,15 +84,15 @@ def folder(path: AnyPath, outdated: Collection[str] = ()) -> Iterator[Path]:
     Missing parents are made then, files of the same names are replaced, ``outdated`` ones
     removed, others stay. Raises `RequestError` where the place cannot be written.
     """
-    shown = os.fspath(path)
-    target = _target(shown)
+    name = os.fspath(path)
+    target = _target(name)
     try:
         if target.exists() and not target.is_dir():
-            raise cannot_write(shown, "it is a file, not a directory", "choose another name")
+            raise cannot_write(name, "it is a file, not a directory", "choose another name")
         home = target
         while not home.exists():  # the draft must be on the same disk as its place
             home = home.parent
-        draft = _beside(home / target.name) if home != target else _beside(target / "draft")
+        draft = _draft_name(home / target.name) if home != target else _draft_name(target / "draft")
         draft.mkdir()
         try:
             yield draft
@@ -100,12 +100,12 @@ def folder(path: AnyPath, outdated: Collection[str] = ()) -> Iterator[Path]:
         finally:
             shutil.rmtree(draft, ignore_errors=True)
     except OSError as error:
-        raise _refused(shown, error) from error
+        raise _refused(name, error) from error
 
 
-def cannot_write(where: str, found: str, remedy: str) -> RequestError:
+def cannot_write(where: str, message: str, remedy: str) -> RequestError:
     """The error for a place that cannot be written."""
-    return refused(where, found, remedy, code="cannot-write")
+    return refused(where, message, remedy, code="cannot-write")
 
 
 def _move_in(draft: Path, target: Path, outdated: Collection[str]) -> None:
@@ -122,23 +122,23 @@ def _move_in(draft: Path, target: Path, outdated: Collection[str]) -> None:
         os.replace(draft / name, target / name)
 
 
-def _beside(target: Path) -> Path:
+def _draft_name(target: Path) -> Path:
     return target.with_name(f".blockmech-{secrets.token_hex(4)}")  # no longer than most names
 
 
-def _target(shown: str) -> Path:
+def _target(name: str) -> Path:
     """The place that a path leads to, links followed."""
     try:
-        return Path(os.path.realpath(shown))
+        return Path(os.path.realpath(name))
     except ValueError:  # a null, or half a character
-        raise cannot_write(shown, "no file has such a name", "choose another name") from None
+        raise cannot_write(name, "no file has such a name", "choose another name") from None
 
 
 def _refused(where: str, error: OSError) -> RequestError:
-    found = (error.strerror or str(error)).lower()
+    message = (error.strerror or str(error)).lower()
     remedy = "choose a place that exists and that you may write to"
     if isinstance(error, PermissionError):
         remedy = "close it in other programs, or choose a place that you may write to"
     if error.errno == errno.ENAMETOOLONG:
         remedy = "choose a shorter name"
-    return cannot_write(where, found, remedy)
+    return cannot_write(where, message, remedy)

@@ -1,4 +1,8 @@
-"""Python's search for garbage, held off while what is made is kept."""
+"""Python's search for garbage, held off while what is made is kept.
+
+Of the 0.9 s of processor time in which the package is imported and a four-bar is run for the first
+time, searches take 20 ms; without this module 86 ms, without `grown_old` alone as much.
+"""
 
 from __future__ import annotations
 

@@ -243,8 +243,8 @@ def has_arithmetic(x: object) -> bool:
 
 def apply(primitive: str, *x: Any) -> Any:
     """A primitive of the plane on numbers of which some may be of another type."""
-    other = next(filter(has_arithmetic, x), None)
-    return primitives_of(other)[primitive](*x)
+    design_number = next(filter(has_arithmetic, x), None)
+    return primitives_of(design_number)[primitive](*x)
 
 
 def largest(lengths: Iterable[float]) -> float:

@@ -31,10 +31,10 @@ class Registry:
 
     def register(self, name: str, cls: type[Any]) -> None:
         """Add a class. A notebook cell may define its class again; two modules may not."""
-        known = self._types.get(name)
-        if known is not None and known.__module__ != cls.__module__:
+        registered = self._types.get(name)
+        if registered is not None and registered.__module__ != cls.__module__:
             raise TypeError(
-                f"{self.what} {name!r} is defined twice: in {known.__module__} "
+                f"{self.what} {name!r} is defined twice: in {registered.__module__} "
                 f"and in {cls.__module__}"
             )
         cls.type_name = name
@@ -66,9 +66,9 @@ class Registry:
     def unknown(self, name: str, where: str) -> Problem:
         """The problem that names an unknown type and its nearest relatives."""
         kind = self.what.split()[-1]
-        found, known = f'no {self.what} "{name}"', f"known {kind}s: {listed(self, 30)}"
+        message, valid = f'no {self.what} "{name}"', f"known {kind}s: {listed(self, 30)}"
         remedy = close_match(name, self) or "install the package that defines it"
-        return Problem(self.code, where, found, known, remedy)
+        return Problem(self.code, where, message, valid, remedy)
 
     def _load_family(self, family: str) -> None:
         if family in self.families:
@@ -84,6 +84,6 @@ class Registry:
             try:
                 point.load()
             except Exception as error:
-                found = f"the block package {point.value} failed to load: {error}"
-                wrong = Problem("broken-plugin", point.name, found, "", "repair or uninstall it")
+                message = f"the block package {point.value} failed to load: {error}"
+                wrong = Problem("broken-plugin", point.name, message, "", "repair or uninstall it")
                 raise GraphError(wrong) from error

@@ -38,7 +38,8 @@ def sections(parts: Iterable[Iterable[str]]) -> Iterator[str]:
 def as_json(x: Any) -> Any:
     """Anything that an answer holds as JSON data; null stands for what is not finite.
 
-    Arrays are lists, complex numbers ``[re, im]``, records and tuples with names objects.
+    Arrays are lists, complex numbers ``[re, im]``, records and tuples with names objects, where
+    pydantic's ``to_jsonable_python`` writes texts and lists, without calling its ``fallback``.
     """
     if isinstance(x, str | int | None):
         return x
@@ -93,8 +94,8 @@ class Report(ABC):
         return self.text()
 
     def __repr__(self) -> str:
-        first, *more = self.text().split("\n")
-        return f"<{type(self).__name__}: {first}{' ...' if more else ''}>"
+        first, *rest = self.text().split("\n")
+        return f"<{type(self).__name__}: {first}{' ...' if rest else ''}>"
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(self.text())}</pre>"

@@ -39,17 +39,17 @@ def read_texts(
     return {**raw, **numbers}, texts
 
 
-def _read(x: Any, place: Place, unit: str, dependent: bool, texts: dict[Place, str]) -> Any:
+def _read(x: Any, path: Place, unit: str, dependent: bool, texts: dict[Place, str]) -> Any:
     if isinstance(x, str) and unit_behind(x):
         for units in ((unit,), ())[: 1 + dependent]:
             with suppress(NoQuantity):
-                number, texts[place] = quantity(x, *units), x
+                number, texts[path] = quantity(x, *units), x
                 return number
     if type(x) in (list, tuple):
         items = enumerate(x)
-        return type(x)(_read(item, (*place, k), unit, dependent, texts) for k, item in items)
+        return type(x)(_read(item, (*path, k), unit, dependent, texts) for k, item in items)
     if isinstance(x, dict):
-        return {k: _read(item, (*place, k), unit, dependent, texts) for k, item in x.items()}
+        return {k: _read(item, (*path, k), unit, dependent, texts) for k, item in x.items()}
     return x
 
 

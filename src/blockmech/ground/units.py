@@ -158,12 +158,12 @@ def seem_degrees(low: float, high: float) -> bool:
 def _factor(unit: str, units: Iterable[str], text: str) -> Fraction:
     """How much of SI a unit is, as one of the ``units``."""
     meanings = _meanings(unit)
-    known = {powers for si in units for _, powers in _meanings(si)}
+    kinds = {powers for si in units for _, powers in _meanings(si)}
     for factor, powers in meanings:
-        if powers in known or not units:
+        if powers in kinds or not units:
             return factor
-    found = f'"{text}" has another kind of unit' if meanings else f'no unit "{unit}" in "{text}"'
-    raise NoQuantity(found, units)
+    message = f'"{text}" has another kind of unit' if meanings else f'no unit "{unit}" in "{text}"'
+    raise NoQuantity(message, units)
 
 
 @cache
@@ -186,21 +186,21 @@ def _products(text: str) -> Iterator[tuple[Fraction, Counter[str]]]:
             size, powers = _symbols()[text[:end]]
             power = POWER.match(text, end)
             n = int(power[1]) if power else 1
-            for factor, more in _products(text[power.end() if power else end :].lstrip()):
-                yield size**n * factor, _product(more, powers, n)
+            for factor, inner in _products(text[power.end() if power else end :].lstrip()):
+                yield size**n * factor, _product(inner, powers, n)
 
 
 @cache
 def _symbols() -> dict[str, tuple[Fraction, Counter[str]]]:
     """Every symbol, with prefixes too: how much of SI it is, and its powers."""
-    known = {
+    symbols = {
         prefix + name: (Fraction(f"1e{ten}") * size, powers)
         for name, (size, powers) in PREFIXED.items()
         for prefix, ten in PREFIXES.items()
     } | dict(ALONE)
     return {
         name: (Fraction(size), Counter({x[1]: int(x[2] or 1) for x in BASE.finditer(powers)}))
-        for name, (size, powers) in known.items()
+        for name, (size, powers) in symbols.items()
     }
 
 

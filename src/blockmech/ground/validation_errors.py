@@ -58,7 +58,7 @@ class InWrittenOrder(GenerateJsonSchema):
 
 
 def validated(
-    model: type[Model], raw: Any, what: str, at: Path = ()
+    model: type[Model], raw: Any, owner: str, at: Path = ()
 ) -> tuple[Model | None, list[Problem]]:
     """The data as a model, or one problem per mistake.
 
@@ -66,32 +66,32 @@ def validated(
     ----------
     model : what the data should be
     raw : the data
-    what : what the data is called, e.g. "dyad.rrr"
+    owner : what the data is called, e.g. "dyad.rrr"
     at : path of the data in the document
     """
     try:
         return model.model_validate(raw), []
     except ValidationError as error:
-        return None, _problems(error, model, raw, what, at)
+        return None, _problems(error, model, raw, owner, at)
 
 
-def problems_of(error: ValidationError, model: type[BaseModel], given: Any) -> list[Problem]:
+def problems_of(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:
     """What is wrong with a model made in Python, where keys are the names of its fields."""
-    return _problems(error, model, given, model.__name__, (model.__name__,), by_alias=False)
+    return _problems(error, model, data, model.__name__, (model.__name__,), by_alias=False)
 
 
 def _problems(
     error: ValidationError,
     model: type[BaseModel],
     raw: Any,
-    what: str,
+    owner: str,
     at: Path,
     by_alias: bool = True,
 ) -> list[Problem]:
     schema = model.model_json_schema(by_alias, schema_generator=InWrittenOrder)
     problems = []
     for line in error.errors(include_url=False)[: MOST + 1]:
-        problems.append(_problem(_Place(schema, raw, _path_in(raw, line), what, at), line))
+        problems.append(_problem(_Place(schema, raw, _path_in(raw, line), owner, at), line))
     return list(_united(problems))
 
 
@@ -126,10 +126,10 @@ class _Place:
     """A place in data that do not fit: what stands there, and what its schema says."""
 
     def __init__(
-        self, schema: Record, raw: Any, path: list[str | int], what: str, at: Path
+        self, schema: Record, raw: Any, path: list[str | int], owner: str, at: Path
     ) -> None:
         self.where = path_text([*at, *path])
-        self.owner = what if len(path) < 2 else path_text([*at, *path[:-1]])
+        self.owner = owner if len(path) < 2 else path_text([*at, *path[:-1]])
         tail = path[-2:] if path and isinstance(path[-1], int) else path[-1:]
         self.name = path_text(tail) or self.owner  # as a sentence calls the value
         parent = _schema_at(schema, raw, path[:-1])
@@ -160,50 +160,50 @@ MUST: Mapping[str, tuple[str, str]] = {
 """Pydantic's type -> our code, and what a value must be."""
 
 
-def _problem(place: _Place, line: Any) -> Problem:
+def _problem(position: _Place, line: Any) -> Problem:
     """One of pydantic's mistakes as a problem."""
-    kind, value, more = line["type"], line["input"], line.get("ctx", {})
-    where, name = place.where, place.name
+    kind, value, context = line["type"], line["input"], line.get("ctx", {})
+    where, name = position.where, position.name
     if kind in MUST:
         code, rule = MUST[kind]
-        unit = f" {place.unit}" if place.unit else ""
-        text = rule.format(unit=unit, in_unit=unit and f" in{unit}", **more)
-        valid, remedy = _quantity(value, place.unit) if kind == "float_type" else ("", "")
-        if "discriminator" in place.here and kind.startswith(("model", "dict")):
-            key, tags = _choice(place)
+        unit = f" {position.unit}" if position.unit else ""
+        text = rule.format(unit=unit, in_unit=unit and f" in{unit}", **context)
+        valid, remedy = _quantity(value, position.unit) if kind == "float_type" else ("", "")
+        if "discriminator" in position.here and kind.startswith(("model", "dict")):
+            key, tags = _choice(position)
             word = value if value in tags else tags[0]
             remedy = f'write {{"{key}": "{word}", ...}}; {key}s: {listed(tags)}'
         return Problem(code, where, f"{name} must be {text}, got {shown(value)}", valid, remedy)
     if kind == "missing":
-        unit = f" [{place.unit}]" if place.unit else ""
-        return Problem("missing-key", where, f'{place.owner} needs "{name}"{unit}', "", "add it")
+        unit = f" [{position.unit}]" if position.unit else ""
+        return Problem("missing-key", where, f'{position.owner} needs "{name}"{unit}', "", "add it")
     if kind == "extra_forbidden":
         key = str(line["loc"][-1])
-        if key == "rpm" and "rate" in place.keys:
+        if key == "rpm" and "rate" in position.keys:
             remedy = f'write "rate": "{value}rpm"'
-            return replace(unknown_key(where, place.owner, key, place.keys), remedy=remedy)
-        return unknown_key(where, place.owner, key, place.keys)
+            return replace(unknown_key(where, position.owner, key, position.keys), remedy=remedy)
+        return unknown_key(where, position.owner, key, position.keys)
     if kind in ("too_short", "too_long"):
-        most = f"at most {more.get('max_length')}"
-        most = f"at least {more['min_length']}" if kind == "too_short" else most
-        found = f"{name} must have {most} values, has {more['actual_length']}"
-        return Problem("wrong-value", where, found)
+        bound = f"at most {context.get('max_length')}"
+        bound = f"at least {context['min_length']}" if kind == "too_short" else bound
+        message = f"{name} must have {bound} values, has {context['actual_length']}"
+        return Problem("wrong-value", where, message)
     if kind == "literal_error":
-        allowed = more["expected"].replace("'", '"')
-        words = re.findall(r'"([^"]*)"', allowed)
+        allowed = context["expected"].replace("'", '"')
+        options = re.findall(r'"([^"]*)"', allowed)
         if line["loc"][-1] == "[key]":
-            return unknown_key(where, place.owner, str(value), words)
-        remedy = close_match(value, words) if isinstance(value, str) else ""
-        found = f"{name} must be {allowed}, got {shown(value)}"
-        return Problem("wrong-value", where, found, "", remedy)
+            return unknown_key(where, position.owner, str(value), options)
+        remedy = close_match(value, options) if isinstance(value, str) else ""
+        message = f"{name} must be {allowed}, got {shown(value)}"
+        return Problem("wrong-value", where, message, "", remedy)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return _no_such_kind(place, line)
+        return _no_such_kind(position, line)
     # mistakes that models name themselves have a hyphen; then whatever else pydantic may say
     plain = str(line["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
-    found = str(more.get("found", plain))
-    found = f"{name} {found}" if found.startswith("must ") else found
+    message = str(context.get("found", plain))
+    message = f"{name} {message}" if message.startswith("must ") else message
     code = kind if "-" in kind else "wrong-value"
-    return Problem(code, where, found, more.get("valid", ""), more.get("remedy", ""))
+    return Problem(code, where, message, context.get("valid", ""), context.get("remedy", ""))
 
 
 def _quantity(value: Any, unit: str) -> tuple[str, str]:
@@ -216,22 +216,22 @@ def _quantity(value: Any, unit: str) -> tuple[str, str]:
         return error.valid if unit else error.found, ""
 
 
-def _choice(place: _Place) -> tuple[str, list[str]]:
+def _choice(position: _Place) -> tuple[str, list[str]]:
     """The key by which kinds are told there, and their words."""
-    choice = place.here.get("discriminator", {"propertyName": "law", "mapping": {}})
+    choice = position.here.get("discriminator", {"propertyName": "law", "mapping": {}})
     return choice["propertyName"], list(choice["mapping"])
 
 
-def _no_such_kind(place: _Place, line: Any) -> Problem:
+def _no_such_kind(position: _Place, line: Any) -> Problem:
     """The problem of a value that says its kind wrongly or not at all."""
-    key, tags = _choice(place)
-    where, known = f"{place.where}.{key}", f"{key}s: {listed(tags)}"
+    key, tags = _choice(position)
+    where, valid = f"{position.where}.{key}", f"{key}s: {listed(tags)}"
     if line["type"] == "union_tag_not_found":
-        return Problem("missing-key", where, f'{place.where} needs "{key}"', known, "add it")
-    given = line["input"]
-    value = given.get(key) if isinstance(given, dict) else given
+        return Problem("missing-key", where, f'{position.where} needs "{key}"', valid, "add it")
+    data = line["input"]
+    value = data.get(key) if isinstance(data, dict) else data
     remedy = close_match(value, tags) if isinstance(value, str) else ""
-    return Problem("wrong-value", where, f"no {key} {shown(value)}", known, remedy)
+    return Problem("wrong-value", where, f"no {key} {shown(value)}", valid, remedy)
 
 
 # A JSON Schema, followed along a path.

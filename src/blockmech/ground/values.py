@@ -50,12 +50,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def no_boolean(one: int, other: int) -> BeforeValidator:
+def no_boolean(low: int, high: int) -> BeforeValidator:
     """Refuse true and false for one of two numbers."""
 
     def checked(raw: Any) -> Any:
         if isinstance(raw, bool):  # in Python True equals 1, in a file it is a slip
-            raise mistake("wrong-value", f"must be {one} or {other}, got {shown(raw)}")
+            raise mistake("wrong-value", f"must be {low} or {high}, got {shown(raw)}")
         return raw
 
     return BeforeValidator(checked)
@@ -146,7 +146,7 @@ class Pair:
     """
 
     __slots__ = ("written", "z")
-    what = "a vector"
+    phrase = "a vector"
     polar = False
     unit: ClassVar[str] = ""  # of its components, where the field says none
 
@@ -174,7 +174,7 @@ class Pair:
         raise PydanticCustomError(
             "bad-place",
             "must be {what} [x, y]{spelling} of finite numbers, got {got}",
-            {"what": cls.what, "spelling": spelling, "got": shown(raw)},
+            {"what": cls.phrase, "spelling": spelling, "got": shown(raw)},
         )
 
     def __eq__(self, other: object) -> bool:
@@ -215,7 +215,7 @@ class Place(Pair):
     """A place on a link [m], in the link's frame."""
 
     __slots__ = ()
-    what = "a place in m,"
+    phrase = "a place in m,"
     polar = True
     unit = "m"
 
@@ -224,7 +224,7 @@ class Vector(Pair):
     """A vector in the plane, e.g. a force [N]."""
 
     __slots__ = ()
-    what = "a vector"
+    phrase = "a vector"
 
 
 def check_direction(key: str, *vectors: Vector | None) -> None:
@@ -247,16 +247,16 @@ def is_name(name: str) -> bool:
     return bool(name) and "." not in name and "/" not in name
 
 
-def free_name(name: str, taken: Container[str]) -> str:
+def free_name(name: str, used: Container[str]) -> str:
     """The name, with underscores behind it until it is free."""
-    while name in taken:
+    while name in used:
         name += "_"
     return name
 
 
-def numbered_name(name: str, taken: Container[str]) -> str:
+def numbered_name(name: str, used: Container[str]) -> str:
     """The first of name, name_2, name_3, ... that is free."""
-    return next(x for x in chain([name], (f"{name}_{i}" for i in count(2))) if x not in taken)
+    return next(x for x in chain([name], (f"{name}_{i}" for i in count(2))) if x not in used)
 
 
 def split_address(address: str, blocks: Container[str]) -> tuple[str, str]:
@@ -271,8 +271,8 @@ def split_address(address: str, blocks: Container[str]) -> tuple[str, str]:
     while name not in blocks:
         if "." not in port:
             return first[0], first[2]
-        more, _, port = port.partition(".")
-        name = f"{name}.{more}"
+        inner, _, port = port.partition(".")
+        name = f"{name}.{inner}"
     return name, port
 
 
@@ -301,19 +301,19 @@ def check_table(
     if any(b <= a for a, b in pairwise(x)):
         raise mistake("bad-table", f'"{what}" must increase')
     if period and x[-1] - x[0] >= period * (1 - 1e-12):
-        found, valid = (
+        message, valid = (
             f'"{what}" must cover less than one period',
             "the first value is repeated by itself",
         )
-        raise mistake("bad-table", found, valid, "leave out the last row")
+        raise mistake("bad-table", message, valid, "leave out the last row")
 
 
 class FrozenDict(dict[Any, Any]):
     """A mapping inside a model, which does not change either."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        found, remedy = "it does not change once it is made", "make a new one"
-        raise GraphError(Problem("frozen", "mapping of a model", found, "", remedy))
+        message, remedy = "it does not change once it is made", "make a new one"
+        raise GraphError(Problem("frozen", "mapping of a model", message, "", remedy))
 
     __setitem__ = __delitem__ = __ior__ = _refuse
     clear = pop = popitem = setdefault = update = _refuse
@@ -344,14 +344,14 @@ class StrictModel(BaseModel):
 
     if not TYPE_CHECKING:  # type checkers read the fields instead
 
-        def __init__(self, /, *nameless: Any, **given: Any) -> None:
+        def __init__(self, /, *nameless: Any, **values: Any) -> None:
             if nameless:
                 name, fields = type(self).__name__, type(self).model_fields
                 needed = ", ".join(f"{n}=..." for n, field in fields.items() if field.is_required())
-                found, valid = "its numbers have names", f"names: {listed(fields)}"
+                message, valid = "its numbers have names", f"names: {listed(fields)}"
                 remedy = f"write {name}({needed})" if needed else "say which is meant"
-                raise GraphError(Problem("wrong-type", name, found, valid, remedy))
-            raw = _plain(given)
+                raise GraphError(Problem("wrong-type", name, message, valid, remedy))
+            raw = _plain(values)
             try:
                 super().__init__(**raw)
             except ValidationError as error:
@@ -363,8 +363,11 @@ class StrictModel(BaseModel):
             try:
                 super().__setattr__(name, value)
             except ValidationError:
-                where, found = f"{type(self).__name__}.{name}", "it does not change once it is made"
-                raise GraphError(Problem("frozen", where, found, "", self.remade)) from None
+                where, message = (
+                    f"{type(self).__name__}.{name}",
+                    "it does not change once it is made",
+                )
+                raise GraphError(Problem("frozen", where, message, "", self.remade)) from None
 
     @model_validator(mode="wrap")
     @classmethod
@@ -404,8 +407,8 @@ class StrictModel(BaseModel):
 
     def __getstate__(self) -> dict[Any, Any]:
         """What was given; what was found from it, kernels perhaps, is found again."""
-        given = {name: x for name, x in vars(self).items() if name in type(self).model_fields}
-        return super().__getstate__() | {"__dict__": given}
+        stored = {name: x for name, x in vars(self).items() if name in type(self).model_fields}
+        return super().__getstate__() | {"__dict__": stored}
 
     def __copy__(self) -> Self:
         copied = super().__copy__()
@@ -473,14 +476,14 @@ class Marker(StrictModel):
     def _from_place(cls, raw: Any) -> Any:
         # A bare (x, y), complex number or {"polar": ...} is a marker without direction.
         if isinstance(raw, list):  # only a file has these here
-            place = len(raw) == 2 and all(map(is_number, raw))
-            remedy = f'write {{"at": {shown(raw)}}}' if place else ""
+            is_point = len(raw) == 2 and all(map(is_number, raw))
+            remedy = f'write {{"at": {shown(raw)}}}' if is_point else ""
             raise mistake("wrong-type", f"must be an object {{...}}, got {shown(raw)}", "", remedy)
         polar = isinstance(raw, Mapping) and "polar" in raw
         return {"at": raw} if polar or isinstance(raw, tuple | complex) else raw
 
     @model_validator(mode="after")
-    def _one_direction(self) -> Marker:
+    def _check_direction(self) -> Marker:
         if self.angle is not None and self.dir is not None:
             raise mistake(
                 "bad-direction", "the direction is given twice", "", 'keep "angle" or "dir"'
@@ -496,8 +499,8 @@ class Marker(StrictModel):
             r = abs(z)
             unit: complex = apply("planar", z.real / r, z.imag / r)
             return unit
-        along: complex = 1 + 0j if self.angle is None else apply("expi", self.angle)
-        return along
+        unit_vector: complex = 1 + 0j if self.angle is None else apply("expi", self.angle)
+        return unit_vector
 
 
 class Link(StrictModel):
