@@ -103,24 +103,24 @@ def draw(
         moving = path is not None and Path(path).suffix.lower() in MOVING
         kind = "animation" if moving else "diagram"
     if kind not in KINDS:
-        found, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
-        raise refused("kind", found, close_match(kind, KINDS), valid, "unknown-kind")
+        message, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
+        raise refused("kind", message, close_match(kind, KINDS), valid, "unknown-kind")
     moving = kind == "animation"
     suffix = ""
     if path is not None:  # before anything is computed
         suffix = suffix_of(path, f"a{'n' * moving} {kind}", MOVING if moving else STILL)
-    known = {"at": at, "trace": trace, "want": want, "degrees": degrees}
-    asked = {"at": at is not None, "trace": trace is not None, "want": want != "*"}
-    for name, is_asked in (asked | {"ax": moving and ax is not None}).items():
-        if is_asked and name not in KINDS[kind].takes:
+    arguments = {"at": at, "trace": trace, "want": want, "degrees": degrees}
+    requested = {"at": at is not None, "trace": trace is not None, "want": want != "*"}
+    for name, is_requested in (requested | {"ax": moving and ax is not None}).items():
+        if is_requested and name not in KINDS[kind].takes:
             takers = listed(f'kind="{k}"' for k in KINDS if name in KINDS[k].takes)
-            found = f'a picture of the kind "{kind}" takes no {name}='
+            message = f'a picture of the kind "{kind}" takes no {name}='
             remedy = f"use it with {takers}" if takers else "leave it out"
-            raise refused(name, found, remedy, code="useless-setting")
-    drawn = KINDS[kind].figure(subject, **{name: known[name] for name in KINDS[kind].takes})
+            raise refused(name, message, remedy, code="useless-setting")
+    figure = KINDS[kind].figure(subject, **{name: arguments[name] for name in KINDS[kind].takes})
     if path is not None:
-        drawn.save(path) if moving else write_figure(drawn, path, suffix)
-    return drawn if ax is None else put_in(drawn, ax)
+        figure.save(path) if moving else write_figure(figure, path, suffix)
+    return figure if ax is None else put_in(figure, ax)
 
 
 @declared
@@ -177,8 +177,8 @@ def animate(
         motion = moves_of_result(subject)
     else:
         motion = moves(subject.compile(), at, samples=frames + 1)
-    made = Animation(motion, seconds, trace, degrees)
-    return made if path is None else made.save(path)
+    animation = Animation(motion, seconds, trace, degrees)
+    return animation if path is None else animation.save(path)
 
 
 @declared
@@ -200,15 +200,15 @@ def run_pictures(
 
     Raises `RequestError` where the folder cannot be written, or times are not known.
     """
-    along = abscissa(result, over, degrees)
+    axis = abscissa(result, over, degrees)
     panels = pictures_of(result, degrees)
-    drawn = {name: draw_panels(row, along) for name, row in panels.items()}
+    figures = {name: draw_panels(row, axis) for name, row in panels.items()}
     if len(result.quality.gaps) < result.n:
-        drawn["mechanism"] = draw_result(result, degrees).figure
+        figures["mechanism"] = draw_result(result, degrees).figure
     with whole_folder(folder) as home:
         return [
             Path(folder) / write_figure(figure, home / f"{name}.png").name
-            for name, figure in drawn.items()
+            for name, figure in figures.items()
         ]
 
 
@@ -246,8 +246,8 @@ def _centrodes(subject: Subject, at: Any, want: Any, degrees: bool) -> Any:
         for link in links
         for name, curve in centrodes(mechanism, link, at).items()
     }
-    taken = mechanism.samples(at, None if at is not None else 2, None, None, None)
-    return draw_mechanism(mechanism, float(taken.inputs["q_0"][0]), None, degrees, curves).figure
+    samples = mechanism.samples(at, None if at is not None else 2, None, None, None)
+    return draw_mechanism(mechanism, float(samples.inputs["q_0"][0]), None, degrees, curves).figure
 
 
 KINDS: Mapping[str, Kind] = {

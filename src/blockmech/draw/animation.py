@@ -90,7 +90,7 @@ class Animation:
         if len(sketch.pins) <= NAMES:
             crowd = self.page.crowd(self.shapes, paths, range(0, len(good), -(-len(good) // SEEN)))
             self.names = [*map(crowd.place, joint_labels(self.page, stage))]
-            self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.far.any()]
+            self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.distant.any()]
 
     def __repr__(self) -> str:
         return f"<Animation of {self.motion.result.mechanism.name}: {len(self.order)} frames>"
@@ -196,14 +196,14 @@ def _pictures(film: Animation) -> list[Any]:
         figure.canvas.draw()
         background = figure.canvas.copy_from_bbox(figure.bbox)
         moving = [(page.draw(shape), shape) for shape in film.shapes if not shape.still]
-        names = [(page.write(place), place) for place in film.names]
+        names = [(page.write(position), position) for position in film.names]
         pictures = []
         for k, text in enumerate(film.captions):
             figure.canvas.restore_region(background)
             for artist, shape in moving:
                 move(artist, shape, k)
-            for artist, place in names:
-                z = page.metres(place.centre(k))
+            for artist, position in names:
+                z = page.metres(position.centre(k))
                 artist.set_position((z.real, z.imag))
             for artist in [*(a for a, _ in [*moving, *names]), page.write_caption(text)]:
                 figure.draw_artist(artist)
@@ -221,12 +221,12 @@ def _gif(film: Animation) -> bytes:
     plain = [
         Image.fromarray(p).quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures
     ]
-    first, *others = (plain[k] for k in film.order)
+    first, *rest = (plain[k] for k in film.order)
     # Tens of milliseconds; browsers honour no fewer than two of them.
     ticks = max(round(1000 * film.seconds / len(film.order), -1), 20)
     buffer = io.BytesIO()
     forever: Data = {"save_all": True, "loop": 0, "duration": int(ticks)}
-    first.save(buffer, "GIF", append_images=others, optimize=False, **forever)
+    first.save(buffer, "GIF", append_images=rest, optimize=False, **forever)
     return buffer.getvalue()
 
 
@@ -242,19 +242,27 @@ def _film(film: Animation) -> bytes:
     frames = [p[: p.shape[0] // 2 * 2, : p.shape[1] // 2 * 2] for p in film.pictures]
     height, width, _ = frames[0].shape
     count = max(round(film.seconds * FPS), 1)
-    shown = (film.order[k * len(film.order) // count] for k in range(count))
+    indices = (film.order[k * len(film.order) // count] for k in range(count))
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder, "film.mp4")
+        video = Path(folder, "film.mp4")
         raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FPS)]
-        coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(made)]
+        coded = [
+            "-c:v",
+            "libx264",
+            "-pix_fmt",
+            "yuv420p",
+            "-movflags",
+            "+faststart",
+            str(video),
+        ]
         command = [program, "-v", "error", "-y", *raw, "-i", "-", *coded]
-        done = subprocess.run(
-            command, input=b"".join(frames[k].tobytes() for k in shown), capture_output=True
+        completed = subprocess.run(
+            command, input=b"".join(frames[k].tobytes() for k in indices), capture_output=True
         )
-        if done.returncode:
-            words = done.stderr.decode(errors="replace").strip()[:300]
-            raise refused("draw", f"ffmpeg fails: {words}", "name the file .gif or .html")
-        return made.read_bytes()
+        if completed.returncode:
+            message = completed.stderr.decode(errors="replace").strip()[:300]
+            raise refused("draw", f"ffmpeg fails: {message}", "name the file .gif or .html")
+        return video.read_bytes()
 
 
 # -- HTML ----------------------------------------------------------------------------------
@@ -273,14 +281,14 @@ def player_data(film: Animation) -> Data:
     frames: list[Data] = []
     for k, text in enumerate(film.captions):
         rows = [
-            [number[json.dumps(_style(shape))], *_places(page.points(shape.at(k)))]
+            [number[json.dumps(_style(shape))], *_numbers(page.points(shape.at(k)))]
             for shape in moving
             if len(shape.at(k))
         ]
         names = [
-            [line, *_places([place.centre(k) + 1j * up]), place.label.colour]
-            for place in film.names
-            for line, up in place.lines
+            [line, *_numbers([position.centre(k) + 1j * up]), position.label.colour]
+            for position in film.names
+            for line, up in position.lines
         ]
         caption = "\n".join(page.lines(text))
         frames.append({"shapes": rows, "texts": names, "caption": caption})
@@ -289,7 +297,7 @@ def player_data(film: Animation) -> Data:
         "height": round(page.height, 2),
         "seconds": film.seconds,
         "styles": [json.loads(style) for style in styles],
-        "still": [[_style(s), *_places(page.points(s.at(0)))] for s in film.shapes if s.still],
+        "still": [[_style(s), *_numbers(page.points(s.at(0)))] for s in film.shapes if s.still],
         "paths": [_path(page, i, name, path) for i, (name, path) in enumerate(film.paths.items())],
         "ticks": [_ticks(page.axes.xaxis), _ticks(page.axes.yaxis)],
         "corner": [page.corner.real, page.corner.imag],
@@ -298,7 +306,7 @@ def player_data(film: Animation) -> Data:
     }
 
 
-def _places(z: Any) -> list[float]:
+def _numbers(z: Any) -> list[float]:
     """Places [pt] as x, y, x, y ..., to hundredths of a point."""
     flat: list[float] = np.round(np.stack([np.real(z), np.imag(z)], axis=-1), 2).ravel().tolist()
     return flat
@@ -317,7 +325,7 @@ def _path(page: Page, i: int, name: str, path: Complex) -> Data:
         "label": f"path of {shown_name(name)}",
         "colour": style["color"],
         "dash": list(style["dashes"]),
-        "pieces": [_places(page.points(path[piece])) for piece in pieces],
+        "pieces": [_numbers(page.points(path[piece])) for piece in pieces],
     }
 
 

@@ -60,11 +60,17 @@ class DrawnBlock:
         """Its size for the layout."""
         small = self.kind == "element"
         name = text_width(shown_name(self.name), SMALL if small else TEXT, bold=True)
-        words = text_width(shown_name(self.words), SMALL)
-        left = max((text_width(p.label, SMALL) for p in self.ports), default=0.0)
-        right = max((text_width(shown_name(m, 16), SMALL) for m in self.markers), default=0.0)
-        gap = 2 * SIZES.pad if left and right else 0.0
-        inside = left + 2 * SIZES.pad + words if small else max(words, left + gap + right)
+        label_width = text_width(shown_name(self.words), SMALL)
+        ports_width = max((text_width(p.label, SMALL) for p in self.ports), default=0.0)
+        markers_width = max(
+            (text_width(shown_name(m, 16), SMALL) for m in self.markers), default=0.0
+        )
+        gap = 2 * SIZES.pad if ports_width and markers_width else 0.0
+        inside = (
+            ports_width + 2 * SIZES.pad + label_width
+            if small
+            else max(label_width, ports_width + gap + markers_width)
+        )
         return Box(
             self.name,
             max(name, inside) + 2 * SIZES.pad,
@@ -97,14 +103,14 @@ class Content:
 
 
 @dataclass(frozen=True)
-class Words:
+class DocumentNames:
     """What a document of links and joints calls the parts of its graph; nothing without one."""
 
     links: Mapping[str, Sequence[str]]  # block -> links in it
     wires: Mapping[str, str]  # block.joint or block.marker -> joint, link or marker
 
     @classmethod
-    def of(cls, names: Names | None, graph: Graph) -> Words:
+    def of(cls, names: Names | None, graph: Graph) -> DocumentNames:
         """The words of the document that a graph was made of."""
         if names is None:
             return cls({}, {})
@@ -129,7 +135,7 @@ class Words:
         )
         return " -> ".join(terms) or structure.formula
 
-    def beside(self, wire: Ends) -> str:
+    def marker_label(self, wire: Ends) -> str:
         """The word beside the marker of a wire."""
         marker = self.wires.get(f"{wire.source}.{wire.marker}", wire.marker)
         return self.wires.get(f"{wire.target}.{wire.port}", marker)
@@ -139,8 +145,8 @@ def graph_of(mechanism: Compiled) -> Graph:
     """The graph of a compiled mechanism."""
     structure = mechanism.structure
     graph = Graph(mechanism.name)
-    own = {**structure.blocks, **structure.elements, **structure.couplings, **structure.signals}
-    graph.blocks = {structure.frame: structure.fixed, **own}
+    moving = {**structure.blocks, **structure.elements, **structure.couplings, **structure.signals}
+    graph.blocks = {structure.frame: structure.fixed, **moving}
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
     graph.wires += [Wire(source, str(ref)) for ref, source in structure.signal_wires.items()]
@@ -149,11 +155,13 @@ def graph_of(mechanism: Compiled) -> Graph:
 
 def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Content:
     """What the diagram of a graph shows; ``names`` are those of links and joints."""
-    words = Words.of(names, graph)
+    labels = DocumentNames.of(names, graph)
     # An address that is none at all leaves a part empty.
     wires = [ends for wire in graph.wires if all(ends := wire.apart(graph.blocks))]
     wires += _drive_wires(graph)
-    shown = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
+    names_shown = list(
+        dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))])
+    )
     problems = graph.check()
     if problems:
         codes = {p.code: [q.where for q in problems if q.code == p.code] for p in problems}
@@ -161,22 +169,22 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
         subtitle = f"not complete – {summary}"
     else:
         s = graph.structure()
-        subtitle = words.formula(s).replace("->", "→")
-    if len(shown) > most:  # of a valid graph in the order of formation
-        subtitle = f"first {most} of {len(shown)} blocks – {subtitle}"
-        shown = (
-            shown if problems else [s.frame, *s.blocks, *s.elements, *s.couplings, *s.signals]
+        subtitle = labels.formula(s).replace("->", "→")
+    if len(names_shown) > most:  # of a valid graph in the order of formation
+        subtitle = f"first {most} of {len(names_shown)} blocks – {subtitle}"
+        names_shown = (
+            names_shown if problems else [s.frame, *s.blocks, *s.elements, *s.couplings, *s.signals]
         )[:most]
-    drawn = [w for w in wires if w.source in shown and w.target in shown]
+    inner_wires = [w for w in wires if w.source in names_shown and w.target in names_shown]
     fed = {(w.target, w.port) for w in wires}
     return Content(
         title=graph.title or graph.name,
         subtitle=subtitle,
         complete=not problems,
-        blocks=tuple(_block(graph, name, drawn, fed, words) for name in shown),
+        blocks=tuple(_block(graph, name, inner_wires, fed, labels) for name in names_shown),
         wires=tuple(
-            DrawnWire(w, _flows(graph, w), words.beside(w), signal_wire(graph.blocks, w))
-            for w in drawn
+            DrawnWire(w, _flows(graph, w), labels.marker_label(w), signal_wire(graph.blocks, w))
+            for w in inner_wires
         ),
     )
 
@@ -209,7 +217,7 @@ def _flows(graph: Graph, wire: Ends) -> bool:
 
 
 def _block(
-    graph: Graph, name: str, wires: list[Ends], fed: set[tuple[str, str]], words: Words
+    graph: Graph, name: str, wires: list[Ends], fed: set[tuple[str, str]], labels: DocumentNames
 ) -> DrawnBlock:
     """A block with the ports that it declares, and those that wires name."""
     block = graph.blocks.get(name)
@@ -241,17 +249,17 @@ def _block(
             kind, under = "unknown", f"{block.type}?"
         case _:
             kind, under = "missing", "no such block"
-    if words.links.get(name):
-        under = f"{under}: {', '.join(words.links[name])}"
+    if labels.links.get(name):
+        under = f"{under}: {', '.join(labels.links[name])}"
     coupled = {(w.target, w.port) for w in _drive_wires(graph)}
     ports = []
     for port in dict.fromkeys([*declared, *(w.port for w in wires if w.target == name)]):
         pair = declared.get(port, COUPLED if (name, port) in coupled else "")
-        word = shown_name(words.wires.get(f"{name}.{port}", port), 16)
+        word = shown_name(labels.wires.get(f"{name}.{port}", port), 16)
         ports.append(
             Port(port, pair, (name, port) in fed, f"{word} ({pair})" if pair in PAIRS else word)
         )
-    markers = tuple(words.beside(w) for w in wires if w.source == name)
+    markers = tuple(labels.marker_label(w) for w in wires if w.source == name)
     return DrawnBlock(name, kind, under, tuple(ports), markers, drive)
 
 

@@ -31,16 +31,16 @@ def centrodes(mechanism: Compiled, link: str, at: Any = None) -> Paths:
     """
     (driver,) = mechanism.drivers if len(mechanism.drivers) == 1 else ("",)
     if at is None and driver:
-        taken = mechanism.samples(None, SWEEP, None, None, None)
-        at = taken.inputs["q_0"]
+        samples = mechanism.samples(None, SWEEP, None, None, None)
+        at = samples.inputs["q_0"]
     centre = instant_centre(mechanism, link, at=at)
     name = link if mechanism.names is None else f"link.{link}"
     run = mechanism.run(at=at, want=[f"{name}.p", f"{name}.angle"], on_gap="mark")
     o, e = run[f"{name}.p"], np.exp(1j * run[f"{name}.angle"])
     with np.errstate(invalid="ignore"):
         moving = o[0] + e[0] * np.conj(e) * (centre - o)
-        near = np.abs(centre - np.nanmean(o)) <= WINDOW * reach(mechanism)
+        in_window = np.abs(centre - np.nanmean(o)) <= WINDOW * reach(mechanism)
     return {
-        "fixed centrode": np.where(near, centre, np.nan),
-        "moving centrode": np.where(near, moving, np.nan),
+        "fixed centrode": np.where(in_window, centre, np.nan),
+        "moving centrode": np.where(in_window, moving, np.nan),
     }

@@ -17,7 +17,7 @@ from typing import Any
 from blockmech.blocks.joints import PAIRS
 from blockmech.draw.boxes import Content, DrawnBlock, DrawnWire, Port, content_of
 from blockmech.draw.layout import arrange
-from blockmech.draw.routing import Placed, Point, Rectangle, honour, place
+from blockmech.draw.routing import Placed, Point, Rectangle, honour, lay_out
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import ROW, SIZES
 from blockmech.figures.paper import fitting_columns, new_page, shown_name, styled, wrapped
@@ -64,10 +64,10 @@ class Diagram:
 
     def write(self, x: float, y: float, text: str, **style: Any) -> None:
         """A line of text, its middle at a height."""
-        given = {"fontsize": ink.SMALL, "va": "center_baseline", "color": ink.INK, "zorder": 4}
-        self.labels.append(self.axes.text(x, y, text, label="text", **{**given, **style}))
+        defaults = {"fontsize": ink.SMALL, "va": "center_baseline", "color": ink.INK, "zorder": 4}
+        self.labels.append(self.axes.text(x, y, text, label="text", **{**defaults, **style}))
 
-    def arrow(self, way: Sequence[Point], kind: str, what: str) -> None:
+    def arrow(self, path: Sequence[Point], kind: str, label: str) -> None:
         """A line with an arrowhead at its end."""
         from matplotlib.patches import FancyArrowPatch
         from matplotlib.path import Path
@@ -75,11 +75,11 @@ class Diagram:
         style: Arguments = {"arrowstyle": ARROWHEAD, "mutation_scale": 1, "lw": 1.0}
         style |= {"color": ARROWS[kind], "joinstyle": "round", "zorder": 1.8}
         style |= {"ls": DASHED} if kind == "signal" else {}
-        self.axes.add_patch(FancyArrowPatch(path=Path(way), label=f"{kind}:{what}", **style))
+        self.axes.add_patch(FancyArrowPatch(path=Path(path), label=f"{kind}:{label}", **style))
 
-    def pin(self, x: float, y: float, pair: str, what: str, colour: str = ink.INK) -> None:
+    def pin(self, x: float, y: float, pair: str, label: str, colour: str = ink.INK) -> None:
         """The symbol of a joint or a terminal; a marker is a dot."""
-        self.axes.plot([x], [y], **_symbol(pair, colour), zorder=5, label=what)
+        self.axes.plot([x], [y], **_symbol(pair, colour), zorder=5, label=label)
 
     def cross(self, x: float, y: float) -> None:
         """A red cross on a stump: nothing is wired to the pin at a place."""
@@ -93,7 +93,7 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     """
     content = content_of(graph, names)
     wires = [wire.ends for wire in content.wires]
-    placed = place(arrange([b.box() for b in content.blocks], wires))
+    placed = lay_out(arrange([b.box() for b in content.blocks], wires))
     view = view_of(graph)
     if view:
         honour(placed, view)
@@ -106,114 +106,114 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     columns = fitting_columns([*legend], inside)
     head = 2 * SIZES.margin + (ROW + 1) * len(title) + ROW * len(subtitle)
     foot = 2 * SIZES.margin + 1.1 * ROW * -(-len(legend) // columns)
-    left = placed.corner[0] - (width - placed.width) / 2
+    left_edge = placed.corner[0] - (width - placed.width) / 2
     total = head + placed.height + foot
     with styled():
         from matplotlib.lines import Line2D
 
-        figure, axes = new_page(width, total, left, -head)
-        drawn = Diagram(figure, axes, content, placed)
-        x, y = left + SIZES.margin, SIZES.margin + ROW / 2 - head
+        figure, axes = new_page(width, total, left_edge, -head)
+        diagram = Diagram(figure, axes, content, placed)
+        x, y = left_edge + SIZES.margin, SIZES.margin + ROW / 2 - head
         for k, line in enumerate(title):
-            drawn.write(x, y + (ROW + 1) * k, line, fontsize=ink.TEXT, weight="bold")
+            diagram.write(x, y + (ROW + 1) * k, line, fontsize=ink.TEXT, weight="bold")
         colour = ink.INK if content.complete else ink.ALARM
         for k, line in enumerate(subtitle):
-            drawn.write(x, y + (ROW + 1) * len(title) + ROW * k, line, color=colour)
+            diagram.write(x, y + (ROW + 1) * len(title) + ROW * k, line, color=colour)
         for i, wire in enumerate(content.wires):
-            _draw_wire(drawn, i, wire)
+            _draw_wire(diagram, i, wire)
         for block in content.blocks:
-            _draw_block(drawn, block)
-        handles = [Line2D([], [], label=words, **look) for words, look in legend.items()]
+            _draw_block(diagram, block)
+        handles = [Line2D([], [], label=label, **look) for label, look in legend.items()]
         corner = (SIZES.margin / width, SIZES.margin / total)
         axes.legend(handles=handles, bbox_to_anchor=corner, ncols=columns)
-    return drawn
+    return diagram
 
 
 def view_of(graph: Graph) -> dict[str, Point]:
     """Places [pt] of boxes' upper left corners that the file gives; y downward."""
     view = graph.extras.get("view")
-    places: dict[str, Point] = {}
+    corners: dict[str, Point] = {}
     for name, at in view.items() if isinstance(view, dict) else ():
         if isinstance(at, list | tuple) and len(at) == 2 and name in graph.blocks:
             x, y = at
             if all(isinstance(c, int | float) and math.isfinite(c) for c in (x, y)):
-                places[name] = (float(x), float(y))
-    return places
+                corners[name] = (float(x), float(y))
+    return corners
 
 
 # -- blocks ------------------------------------------------------------------------------
 
 
-def _draw_block(drawn: Diagram, block: DrawnBlock) -> None:
+def _draw_block(diagram: Diagram, block: DrawnBlock) -> None:
     from matplotlib.patches import Rectangle as Patch
 
-    r = drawn.placed.boxes[block.name]
+    r = diagram.placed.boxes[block.name]
     wrong, unknown, small = (block.kind == k for k in ("missing", "unknown", "element"))
     look: Arguments = {"fc": FILLS[block.kind], "ec": ink.ALARM if wrong else ink.INK}
     look |= {"ls": "--" if wrong else "-", "lw": 0.6 if small else 0.9, "zorder": 2}
     backed = {}
     if unknown:  # words on paper over pale hatching
-        drawn.axes.add_patch(Patch((r.x, r.y), r.width, r.height, **look))
+        diagram.axes.add_patch(Patch((r.x, r.y), r.width, r.height, **look))
         look |= {"hatch": "////", "ec": ink.PALE, "zorder": 1.9}
         backed = {"bbox": {"facecolor": ink.PAPER, "edgecolor": "none", "pad": 0.5}}
     box = Patch((r.x, r.y), r.width, r.height, label=f"box:{block.name}", **look)
-    drawn.axes.add_patch(box)
+    diagram.axes.add_patch(box)
     middle, size = r.x + r.width / 2, ink.SMALL if small else ink.TEXT
     bold: Arguments = {"fontsize": size, "weight": "bold", "ha": "center", **backed}
-    drawn.write(middle, r.y + 0.55 * ROW, shown_name(block.name), **bold)
+    diagram.write(middle, r.y + 0.55 * ROW, shown_name(block.name), **bold)
     at, side = (r.x + r.width - SIZES.pad, "right") if small else (middle, "center")
     grey = ink.ALARM if wrong else ink.GREY
-    drawn.write(at, r.y + 1.5 * ROW, shown_name(block.words), color=grey, ha=side, **backed)
+    diagram.write(at, r.y + 1.5 * ROW, shown_name(block.words), color=grey, ha=side, **backed)
     for port in block.ports:
-        _draw_port(drawn, block, port, backed)
+        _draw_port(diagram, block, port, backed)
     if block.drive:
-        _draw_drive(drawn, r, block.drive)
+        _draw_drive(diagram, r, block.drive)
 
 
-def _draw_port(drawn: Diagram, block: DrawnBlock, port: Port, backed: Data) -> None:
-    x, y = drawn.placed.port(block.name, port.name)
+def _draw_port(diagram: Diagram, block: DrawnBlock, port: Port, backed: Data) -> None:
+    x, y = diagram.placed.port(block.name, port.name)
     colour = ink.INK if port.wired else ink.ALARM
-    what = f"{'port' if port.wired else 'unwired'}:{block.name}.{port.name}"
+    label = f"{'port' if port.wired else 'unwired'}:{block.name}.{port.name}"
     if not port.wired:
-        drawn.cross(x, y)
-    drawn.pin(x, y, port.pair, what, colour)
-    drawn.write(x + SIZES.pad, y, port.label, color=colour, **backed)
+        diagram.cross(x, y)
+    diagram.pin(x, y, port.pair, label, colour)
+    diagram.write(x + SIZES.pad, y, port.label, color=colour, **backed)
 
 
-def _draw_drive(drawn: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
+def _draw_drive(diagram: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
     """Coordinate in and driving effort out, on top of a driver."""
     low, high, middle = r.y - 0.5, r.y - 2 * ROW + 5, r.x + r.width / 2
     forward, back = labels
-    drawn.arrow([(middle - 4, high), (middle - 4, low)], "forward", "drive")
-    drawn.arrow([(middle + 4, low), (middle + 4, high)], "back", "drive")
-    drawn.write(middle - 8, high + 4, forward, color=ink.FORWARD, ha="right")
-    drawn.write(middle + 8, high + 4, back, color=ink.BACK, ha="left")
+    diagram.arrow([(middle - 4, high), (middle - 4, low)], "forward", "drive")
+    diagram.arrow([(middle + 4, low), (middle + 4, high)], "back", "drive")
+    diagram.write(middle - 8, high + 4, forward, color=ink.FORWARD, ha="right")
+    diagram.write(middle + 8, high + 4, back, color=ink.BACK, ha="left")
 
 
 # -- wires ---------------------------------------------------------------------------------
 
 
-def _draw_wire(drawn: Diagram, i: int, wire: DrawnWire) -> None:
+def _draw_wire(diagram: Diagram, i: int, wire: DrawnWire) -> None:
     source, marker, *_ = wire.ends
-    what, way = str(wire.ends), drawn.placed.ways[i]
+    label, path = str(wire.ends), diagram.placed.ways[i]
     if wire.signal:
-        drawn.arrow(shortened(way, SIZES.port), "signal", what)
-    elif i in drawn.placed.made.backward:
-        drawn.arrow(shortened(way, SIZES.port), "cycle", what)
+        diagram.arrow(shortened(path, SIZES.port), "signal", label)
+    elif i in diagram.placed.made.backward:
+        diagram.arrow(shortened(path, SIZES.port), "cycle", label)
     else:
         aside = SIZES.aside if wire.forward else 0.0
         if wire.forward:
-            drawn.arrow(shortened(shifted(way, aside), SIZES.port), "forward", what)
-        drawn.arrow(shortened(shifted(way, -aside)[::-1], SIZES.port), "back", what)
-    x, y = way[0]
-    drawn.pin(x, y, "marker", f"marker:{source}.{marker}")
-    drawn.write(x - SIZES.pad, y, shown_name(wire.word, 16), ha="right")
+            diagram.arrow(shortened(shifted(path, aside), SIZES.port), "forward", label)
+        diagram.arrow(shortened(shifted(path, -aside)[::-1], SIZES.port), "back", label)
+    x, y = path[0]
+    diagram.pin(x, y, "marker", f"marker:{source}.{marker}")
+    diagram.write(x - SIZES.pad, y, shown_name(wire.word, 16), ha="right")
 
 
-def shifted(way: Sequence[Point], distance: float) -> list[Point]:
+def shifted(path: Sequence[Point], distance: float) -> list[Point]:
     """A right-angled way moved to its left (seen on the page) by a distance, corners kept."""
-    moved = list(way)
-    for k, ((x1, y1), (x2, y2)) in enumerate(pairwise(way)):
+    moved = list(path)
+    for k, ((x1, y1), (x2, y2)) in enumerate(pairwise(path)):
         r = math.hypot(x2 - x1, y2 - y1) or 1.0
         dx, dy = (y2 - y1) / r * distance, -(x2 - x1) / r * distance
         for i in (k, k + 1):
@@ -222,11 +222,11 @@ def shifted(way: Sequence[Point], distance: float) -> list[Point]:
     return moved
 
 
-def shortened(way: Sequence[Point], by: float) -> list[Point]:
+def shortened(path: Sequence[Point], by: float) -> list[Point]:
     """A way whose two ends stop short by a distance."""
-    cut = list(way)
-    for end, near in ((0, 1), (-1, -2)):
-        (x, y), (x2, y2) = way[end], way[near]
+    cut = list(path)
+    for end, neighbour in ((0, 1), (-1, -2)):
+        (x, y), (x2, y2) = path[end], path[neighbour]
         r = math.hypot(x2 - x, y2 - y) or 1.0
         cut[end] = (x + (x2 - x) / r * by, y + (y2 - y) / r * by)
     return cut
@@ -264,4 +264,4 @@ def _legend(content: Content, cycle: bool) -> dict[str, Data]:
         ("not wired", cross, not all(p.wired for p in ports)),
         ("waits for a later block", wrong, cycle),
     )
-    return {words: look for words, look, there in entries if there}
+    return {text: look for text, look, is_used in entries if is_used}

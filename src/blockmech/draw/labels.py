@@ -53,14 +53,14 @@ class Label:
 class Place:
     """A place for a label in each frame: its anchor, its middle from there, and half its size.
 
-    ``anchor``, ``offset`` and ``far``, whether it needs a leader, are (frames,).
+    ``anchor``, ``offset`` and ``distant`` are (frames,).
     """
 
     label: Label
     anchor: Places
     offset: Places
     half: complex
-    far: NDArray[np.bool_]
+    distant: NDArray[np.bool_]
 
     def centre(self, frame: int = 0) -> complex:
         """The middle of the label."""
@@ -74,12 +74,12 @@ class Place:
 
     def leader(self, frame: int = 0) -> list[complex]:
         """A line from the anchor to the label; NaN where that stands near."""
-        if not self.far[frame]:
+        if not self.distant[frame]:
             return [complex(math.nan), complex(math.nan)]
         back, h = -complex(self.offset[frame]), self.half
         edge = complex(np.clip(back.real, -h.real, h.real), np.clip(back.imag, -h.imag, h.imag))
-        anchor, way = complex(self.anchor[frame]), edge - back
-        return [anchor + 0.12 * way, anchor + 0.97 * way]
+        anchor, line = complex(self.anchor[frame]), edge - back
+        return [anchor + 0.12 * line, anchor + 0.97 * line]
 
 
 class Crowd:
@@ -89,9 +89,9 @@ class Crowd:
         self.size = size
         self._points: dict[int, list[tuple[complex, float]]] = {frame: [] for frame in frames}
 
-    def add_line(self, places: ArrayLike, weight: float = 1.0, frame: int = 0) -> None:
+    def add_line(self, points: ArrayLike, weight: float = 1.0, frame: int = 0) -> None:
         """Stand in for a line through places [pt]; NaN interrupts it."""
-        for a, b in pairwise(np.asarray(places, complex).tolist()):
+        for a, b in pairwise(np.asarray(points, complex).tolist()):
             if cmath.isfinite(b - a):
                 n = max(1, math.ceil(abs(b - a) / STEP))
                 self._points[frame] += [(a + (b - a) * (t / n), weight) for t in range(n + 1)]
@@ -114,27 +114,27 @@ class Crowd:
         beyond = np.maximum(np.abs(offsets.real) - half.real, 0)
         gap = np.hypot(beyond, np.maximum(np.abs(offsets.imag) - half.imag, 0)) - label.clearance
         anchors = np.asarray(label.anchors, complex)
-        own = NEAR * gap + LEADER * (gap > FAR)
+        costs = NEAR * gap + LEADER * (gap > FAR)
         if label.prefer is not None:
-            own = own + 1 - np.cos(np.angle(offsets) - label.prefer)
+            costs = costs + 1 - np.cos(np.angle(offsets) - label.prefer)
         ways = []
         for anchor in anchors:
             covered = [self._cost(anchor[f], offsets, half, gap > FAR, f) for f in self._points]
-            ways.append((*cheapest(np.array(covered) + own, offsets), anchor))
-        _, way, anchor = min(ways, key=lambda candidate: candidate[0])
+            ways.append((*cheapest(np.array(covered) + costs, offsets), anchor))
+        _, best, anchor = min(ways, key=lambda candidate: candidate[0])
         frames, every = list(self._points), np.arange(anchor.size)
-        offset = np.interp(every, frames, offsets[way])
-        far = np.interp(every, frames, gap[way]) > FAR
-        place = Place(label, anchor, offset, half, far)
+        offset = np.interp(every, frames, offsets[best])
+        distant = np.interp(every, frames, gap[best]) > FAR
+        chosen = Place(label, anchor, offset, half, distant)
         for frame in self._points:
-            self.add_line(place.leader(frame), COVERED, frame)
+            self.add_line(chosen.leader(frame), COVERED, frame)
             for up in np.linspace(-half.imag, half.imag, math.ceil(2 * half.imag / STEP) + 1):
-                middle = place.centre(frame) + 1j * up
+                middle = chosen.centre(frame) + 1j * up
                 self.add_line([middle - half.real, middle + half.real], COVERED, frame)
-        return place
+        return chosen
 
     def _cost(
-        self, anchor: complex, offsets: Places, half: complex, far: NDArray[np.bool_], frame: int
+        self, anchor: complex, offsets: Places, half: complex, is_far: NDArray[np.bool_], frame: int
     ) -> Reals:
         """What labels around an anchor, and the leaders of far ones, would cover in a frame."""
         centres = anchor + offsets
@@ -145,15 +145,15 @@ class Crowd:
         if not self._points[frame]:
             return cost
         z, weights = (np.array(column) for column in zip(*self._points[frame], strict=True))
-        near = np.abs(z - anchor) < np.abs(offsets).max() + abs(half)
-        z, weights = z[near], weights[near]
+        within_reach = np.abs(z - anchor) < np.abs(offsets).max() + abs(half)
+        z, weights = z[within_reach], weights[within_reach]
         apart = centres[:, None] - z
         inside = (np.abs(apart.real) < half.real) & (np.abs(apart.imag) < half.imag)
         cost += inside @ weights
         ways = (z[weights >= COVERED] - anchor) / offsets[:, None]  # 1 is the label's middle
         on = (ways.real > 0.2) & (ways.real < 1)
         on &= np.abs(ways.imag) * np.abs(offsets)[:, None] < STEP
-        cost += COVERED * (far & on.any(axis=1))
+        cost += COVERED * (is_far & on.any(axis=1))
         return cost
 
 
@@ -168,7 +168,7 @@ def cheapest(cost: Reals, offsets: Places) -> tuple[float, NDArray[np.intp]]:
         before = total[:, None] + slid
         came.append(before.argmin(axis=0))
         total = before.min(axis=0) + row
-    way = [int(total.argmin())]
+    route = [int(total.argmin())]
     for back in reversed(came):
-        way.append(int(back[way[-1]]))
-    return float(total.min()), np.array(way[::-1])
+        route.append(int(back[route[-1]]))
+    return float(total.min()), np.array(route[::-1])

@@ -122,70 +122,72 @@ def arrange(boxes: Sequence[Box], wires: Sequence[Ends]) -> Layered:
                 steps.add_edge(a, b, key=i)
             for k in between:
                 layers[k].append((i, k))
-    made = Layered({b.name: b for b in boxes}, wires, layers, layer, backward, steps)
-    _order(made)
-    _pins(made)
-    made.row = dict.fromkeys((n for nodes in layers for n in nodes), 0)
-    made.row = _rows(made)
-    return made
+    layout = Layered({b.name: b for b in boxes}, wires, layers, layer, backward, steps)
+    _order(layout)
+    _pins(layout)
+    layout.row = dict.fromkeys((n for nodes in layers for n in nodes), 0)
+    layout.row = _rows(layout)
+    return layout
 
 
-def _order(made: Layered) -> None:
+def _order(layout: Layered) -> None:
     """Sort each layer by the mean place of its neighbours; keep the best of all sweeps."""
-    layers, steps = made.layers, made.steps
-    best, fewest = [list(nodes) for nodes in layers], _crossings(made)
+    layers, steps = layout.layers, layout.steps
+    best, fewest = [list(nodes) for nodes in layers], _crossings(layout)
     for sweep in range(SWEEPS):
         if fewest == 0:
             break
         down = sweep % 2 == 0
         for nodes in layers[1:] if down else layers[-2::-1]:
-            place = _places(layers)
-            near = {n: list(steps.predecessors(n) if down else steps.successors(n)) for n in nodes}
-            mean = {n: np.mean([place[m] for m in near[n] or [n]]) for n in nodes}
+            rank = _ranks(layers)
+            neighbours = {
+                n: list(steps.predecessors(n) if down else steps.successors(n)) for n in nodes
+            }
+            mean = {n: np.mean([rank[m] for m in neighbours[n] or [n]]) for n in nodes}
             nodes.sort(key=mean.__getitem__)
-        count = _crossings(made)
+        count = _crossings(layout)
         if count < fewest:
             best, fewest = [list(nodes) for nodes in layers], count
     layers[:] = best
 
 
-def _places(layers: Sequence[Sequence[Node]]) -> dict[Node, int]:
+def _ranks(layers: Sequence[Sequence[Node]]) -> dict[Node, int]:
     return {node: k for nodes in layers for k, node in enumerate(nodes)}
 
 
-def _crossings(made: Layered) -> int:
+def _crossings(layout: Layered) -> int:
     """Pairs of steps that cross, whatever the order of pins on their boxes."""
-    place = _places(made.layers)
+    rank = _ranks(layout.layers)
     count = 0
-    for nodes in made.layers:
-        ends = [(place[a], place[b]) for a, b in made.steps.out_edges(nodes)]
+    for nodes in layout.layers:
+        ends = [(rank[a], rank[b]) for a, b in layout.steps.out_edges(nodes)]
         count += sum((a - c) * (b - d) < 0 for (a, b), (c, d) in combinations(ends, 2))
     return count
 
 
-def _pins(made: Layered) -> None:
+def _pins(layout: Layered) -> None:
     """Give the wires their pins: ports as declared where the order of wires allows it."""
-    place, steps, wires = _places(made.layers), made.steps, made.wires
-    for name, box in made.boxes.items():
-        came = {wires[w].port: place[a] for a, _, w in steps.in_edges(name, keys=True)}
+    rank, steps, wires = _ranks(layout.layers), layout.steps, layout.wires
+    for name, box in layout.boxes.items():
+        came = {wires[w].port: rank[a] for a, _, w in steps.in_edges(name, keys=True)}
         order = list(box.ports)
         if box.markers is None:
-            order.sort(key=lambda port: came.get(port, len(place)))
-        made.ports |= {(name, port): k for k, port in enumerate(order)}
-    for name, box in made.boxes.items():
+            order.sort(key=lambda port: came.get(port, len(rank)))
+        layout.ports |= {(name, port): k for k, port in enumerate(order)}
+    for name, box in layout.boxes.items():
         if box.markers is not None:
             mine = {i: wire.marker for i, wire in enumerate(wires) if wire.source == name}
-            made.out |= {i: box.markers.index(marker) for i, marker in mine.items()}
+            layout.out |= {i: box.markers.index(marker) for i, marker in mine.items()}
             continue
         leaving = sorted(
-            (place[to], made.ports.get((to, wires[w].port), 0), w)
+            (rank[to], layout.ports.get((to, wires[w].port), 0), w)
             for _, to, w in steps.out_edges(name, keys=True)
         )
-        back = [i for i in made.backward if wires[i].source == name]
-        made.out |= {w: k for k, w in enumerate([*(w for *_, w in leaving), *back])}
+        back = [i for i in layout.backward if wires[i].source == name]
+        layout.out |= {w: k for k, w in enumerate([*(w for *_, w in leaving), *back])}
 
 
-def _rows(made: Layered) -> dict[Node, int]:
+def _rows(layout: Layered) -> dict[Node, int]:
     """Rows that keep wires straight: the least weighted sum of steps, then of rows.
 
     The matrix holds differences of rows only, so the solution is in whole numbers.
@@ -193,21 +195,21 @@ def _rows(made: Layered) -> dict[Node, int]:
     from scipy.optimize import linprog
     from scipy.sparse import coo_array
 
-    nodes = {node: k for k, node in enumerate(made.row)}
-    steps = list(made.steps.edges(keys=True))
+    nodes = {node: k for k, node in enumerate(layout.row)}
+    steps = list(layout.steps.edges(keys=True))
     limits: list[tuple[int, int, int, int | None]] = []  # row b is so far below a, but for a slack
-    for layer in made.layers:
+    for layer in layout.layers:
         for a, b in pairwise(layer):
             air = 1 if isinstance(a, str) and isinstance(b, str) else 0
-            limits.append((nodes[a], nodes[b], made.height(a) + air, None))
+            limits.append((nodes[a], nodes[b], layout.height(a) + air, None))
     cost = np.ones(len(nodes) + len(steps))
     for k, (a, b, wire) in enumerate(steps, len(nodes)):
-        start, end = made.ends((a, b, wire))  # counted from the first rows of the two
+        start, end = layout.ends((a, b, wire))  # counted from the first rows of the two
         limits += [(nodes[a], nodes[b], start - end, k), (nodes[b], nodes[a], end - start, k)]
         passing = (not isinstance(a, str)) + (not isinstance(b, str))
         cost[k] = STRAIGHT[passing] * (len(nodes) + 1)
     if not limits:
-        return made.row
+        return layout.row
     entries = [(line, upper, 1.0) for line, (upper, _, _, _) in enumerate(limits)]
     entries += [(line, lower, -1.0) for line, (_, lower, _, _) in enumerate(limits)]
     entries += [(k, slack, -1.0) for k, (*_, slack) in enumerate(limits) if slack is not None]

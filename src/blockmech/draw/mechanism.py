@@ -91,15 +91,15 @@ def draw_mechanism(
         for k in range(len(motion.samples) - 1, 0, -1):
             for shape in faint:
                 page.draw(shape, k)
-        drawn = shapes.shapes_of(stage)
-        for shape in drawn:
+        main_shapes = shapes.shapes_of(stage)
+        for shape in main_shapes:
             page.draw(shape)
         if not named:
             return picture
-        crowd = page.crowd(drawn, paths)
-        for place in map(crowd.place, _labels(page, stage)):
-            page.draw(page.leader(place))
-            picture.labels.append(page.write(place))
+        crowd = page.crowd(main_shapes, paths)
+        for position in map(crowd.place, _labels(page, stage)):
+            page.draw(page.leader(position))
+            picture.labels.append(page.write(position))
     return picture
 
 
@@ -128,9 +128,9 @@ def draw_tile(mechanism: Compiled, at: Any = None) -> Any:
     axes.set_axis_off()
     axes.set_position((0.0, 0.0, 1.0, 1.0))
     figure.set_size_inches(TILE, TILE)
-    places = places_of(picture.stage.sketch, picture.stage.motion, {})
-    low = complex(places.real.min(), places.imag.min())
-    high = complex(places.real.max(), places.imag.max())
+    points = points_of(picture.stage.sketch, picture.stage.motion, {})
+    low = complex(points.real.min(), points.imag.min())
+    high = complex(points.real.max(), points.imag.max())
     half, middle = max((high - low).real, (high - low).imag) * ROOM / 2, (low + high) / 2
     axes.set(xlim=(middle.real - half, middle.real + half))
     axes.set(ylim=(middle.imag - half, middle.imag + half))
@@ -139,17 +139,17 @@ def draw_tile(mechanism: Compiled, at: Any = None) -> Any:
 
 def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str]) -> Page:
     """A page for all that is drawn of a mechanism at all samples, arrows of forces too."""
-    wide, places = sketch.words > MANY, places_of(sketch, motion, paths)
-    stage = Stage(sketch, motion, unit_of(places, wide))
+    wide, points = sketch.words > MANY, points_of(sketch, motion, paths)
+    stage = Stage(sketch, motion, unit_of(points, wide))
     ways = (shapes.load_ways(stage, load) for load in sketch.loads if load.unit == "N")
-    ends = np.concatenate([places, *(arrow.ravel() for way in ways for arrow in way)])
+    ends = np.concatenate([points, *(arrow.ravel() for arrows in ways for arrow in arrows)])
     return Page(ends[np.isfinite(ends)], wide, paths, captions)
 
 
-def places_of(sketch: Sketch, motion: Motion, paths: Paths) -> Complex:
+def points_of(sketch: Sketch, motion: Motion, paths: Paths) -> Complex:
     """All places [m] that a picture has to hold; the origin if there are none."""
-    places = [motion.at(*spot) for spot in sketch.spots] + list(paths.values())
-    z = np.concatenate([*places, np.zeros(0)])
+    points = [motion.at(*spot) for spot in sketch.spots] + list(paths.values())
+    z = np.concatenate([*points, np.zeros(0)])
     return z[np.isfinite(z)] if np.isfinite(z).any() else np.zeros(1, complex)
 
 
@@ -170,14 +170,14 @@ def _poses(motion: Motion, named: bool) -> list[int]:
 # -- captions ------------------------------------------------------------------------------
 
 
-def caption(motion: Motion, shown: Sequence[int], degrees: bool = IN_DEGREES) -> str:
+def caption(motion: Motion, samples: Sequence[int], degrees: bool = IN_DEGREES) -> str:
     """Driver coordinates of the poses, the main one first, and gravity."""
     parts = []
     for driver, q in motion.q.items():
         unit = motion.mechanism._coordinate_units[driver]
         factor, unit = angle_scale(unit, degrees)
         space = "" if unit == "°" else "\u00a0"
-        values = [f"{factor * q[k]:.4g}{space}{unit}" for k in shown]
+        values = [f"{factor * q[k]:.4g}{space}{unit}" for k in samples]
         faint = f" (faintly at {', '.join(values[1:])})" if len(values) > 1 else ""
         parts.append(f"{shown_name(driver)} at\u00a0{values[0]}{faint}")
     g = motion.mechanism.scene.gravity.z
@@ -207,7 +207,7 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
     # The user's markers, else the inner revolute joints; the last ones are the outputs.
     blocks = motion.mechanism.structure.blocks
     named = {marker: name for name, marker in moving.items()}
-    own = [named[m] for m in shown_markers(motion.mechanism) if m in named]
+    markers = [named[m] for m in shown_markers(motion.mechanism) if m in named]
     inner = [
         named[m]
         for name, block in blocks.items()
@@ -215,7 +215,7 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
         if (joint := block.joints.get(m.name)) is not None and m in named
         if joint.kind == "R" and not joint.outer
     ]
-    names = (own or inner)[-PATHS:] if names is None else names
+    names = (markers or inner)[-PATHS:] if names is None else names
     names = among(moving, "moving marker", names, "unknown-marker")
     return {n: motion.at(moving[n].on, marker_place(motion.structure, moving[n])) for n in names}
 
@@ -238,7 +238,7 @@ def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
         if ref.on != s.frame_link
     }
     pins = {str(ref): name for ref, name in mechanism._joint_names.items()}
-    return markers | {pins[place]: ref for place, ref in every.items() if place in pins}
+    return markers | {pins[key]: ref for key, ref in every.items() if key in pins}
 
 
 # -- labels --------------------------------------------------------------------------------
@@ -261,11 +261,11 @@ def _labels(page: Page, stage: Stage) -> Iterator[Label]:
         for body in stage.sketch.bodies:
             if body.name:
                 z = page.points(stage.motion.at(*body.middle))
-                yield Label(shown_name(body.name), [z], ink.GREY, clearance=SIZES.beside)
+                yield Label(shown_name(body.name), [z], ink.GREY, clearance=SIZES.label_gap)
     drives = shapes.drive_ways(stage)
-    for name, way in drives.items():
+    for name, arc in drives.items():
         text = "q" if len(drives) == 1 else f"{shown_name(name)}.q"
-        yield Label(text, page.points(way[:: max(1, len(way) // 2)]), ink.DRIVE)
+        yield Label(text, page.points(arc[:: max(1, len(arc) // 2)]), ink.DRIVE)
     for load in stage.sketch.loads:
         yield from _load_label(page, stage, load)
 
@@ -287,7 +287,7 @@ def _load_label(page: Page, stage: Stage, load: LoadMark) -> Iterator[Label]:
         anchors = [a + (b - a) * t for t in (0.5, 0.35, 0.65, 0.2, 0.8)]
         yield Label(text, anchors, ink.SPRING, clearance=4.0)
         return
-    ways = [page.points(way) for way in shapes.load_ways(stage, load)]
+    ways = [page.points(arrow) for arrow in shapes.load_ways(stage, load)]
     if not ways or not np.isfinite(ways[0][:, 0]).all():
         return
     if load.unit == "N":

@@ -64,8 +64,8 @@ class Motion:
     @property
     def feasible(self) -> NDArray[np.bool_]:
         """(n,) whether the whole mechanism closes."""
-        known = np.isfinite([*self.origin.values(), *self.axis.values()])
-        return np.asarray(known.all(axis=0))
+        finite = np.isfinite([*self.origin.values(), *self.axis.values()])
+        return np.asarray(finite.all(axis=0))
 
     @property
     def clearest(self) -> int:
@@ -81,12 +81,12 @@ class Motion:
         }
         return replace(self, samples=self.samples[samples], **rows)
 
-    def at(self, link: LinkRef, place: complex | Complex) -> Complex:
+    def at(self, link: LinkRef, point: complex | Complex) -> Complex:
         """Places [m] of a point (n,), or of points (p, n), given in the link's frame."""
-        along: Complex = self.axis[link] * np.asarray(place, complex)[..., None]
-        return self.origin[link] + along
+        offset: Complex = self.axis[link] * np.asarray(point, complex)[..., None]
+        return self.origin[link] + offset
 
-    def seen(self, link: LinkRef, spot: Spot) -> Complex:
+    def in_frame(self, link: LinkRef, spot: Spot) -> Complex:
         """Places (n,) [m] of a spot of another link in a link's frame."""
         return (self.at(*spot) - self.origin[link]) * np.conj(self.axis[link])
 
@@ -106,25 +106,25 @@ class Motion:
         return {name: self._effort(name) for name in self.structure.elements}
 
     def _effort(self, element: str) -> tuple[Complex, ...] | None:
-        wanted = [
+        names = [
             f"{JointRef(element, name)}.{'force' if terminal.kind == 'point' else 'couple'}"
             for name, terminal in self.structure.elements[element].terminals.items()
         ]
         try:
-            outputs = self.result._inside(*wanted)
+            outputs = self.result._inside(*names)
         except RequestError:
             if self.time is not None:
                 raise
             return None
-        return tuple(np.asarray(outputs[name], dtype=complex)[self.samples] for name in wanted)
+        return tuple(np.asarray(outputs[name], dtype=complex)[self.samples] for name in names)
 
     @property
     def returns(self) -> bool:
         """Whether the last sample is the pose of the first, so that it can be played round."""
-        places = np.array([*self.origin.values()])
-        size = float(np.abs(places).max(initial=0.0)) or 1.0
+        origins = np.array([*self.origin.values()])
+        size = float(np.abs(origins).max(initial=0.0)) or 1.0
         axes = np.array([*self.axis.values()])
-        apart = [places[:, -1] - places[:, 0], size * (axes[:, -1] - axes[:, 0])]
+        apart = [origins[:, -1] - origins[:, 0], size * (axes[:, -1] - axes[:, 0])]
         return bool(np.abs(apart).max() <= SAME_PLACE * size)
 
 
@@ -142,8 +142,8 @@ def moves(mechanism: Compiled, at: Any = None, samples: int | None = None) -> Mo
         laws = mechanism.scene.drive.items()
         by_time = [d for d, law in laws if not law.by_coordinate and d in mechanism.drivers]
         rates = dict.fromkeys(by_time, 0.0) or None
-    how: Arguments = {"want": (), "on_gap": "mark", "friction": "none"}
-    return moves_of_result(mechanism.run(at=at, samples=samples, rates=rates, **how))
+    settings: Arguments = {"want": (), "on_gap": "mark", "friction": "none"}
+    return moves_of_result(mechanism.run(at=at, samples=samples, rates=rates, **settings))
 
 
 def moves_of_result(result: Result) -> Motion:
@@ -151,15 +151,17 @@ def moves_of_result(result: Result) -> Motion:
     structure = result.mechanism.structure
     fixed = structure.frame_link
     moving = [link for link in structure.links if link != fixed]
-    outputs = result._inside(*(f"{link}.{what}" for link in moving for what in ("p", "angle")))
+    outputs = result._inside(
+        *(f"{link}.{quantity}" for link in moving for quantity in ("p", "angle"))
+    )
     origin = {link: outputs[f"{link}.p"] for link in moving}
     axis = {link: np.exp(1j * outputs[f"{link}.angle"]) for link in moving}
     q, rate = (
         {
-            driver: np.asarray(result.samples.inputs[f"{what}_{i}"], dtype=float)
+            driver: np.asarray(result.samples.inputs[f"{quantity}_{i}"], dtype=float)
             for i, driver in enumerate(result.mechanism.drivers)
         }
-        for what in ("q", "qd")
+        for quantity in ("q", "qd")
     )
     n = result.n
     origin, axis = {fixed: np.zeros(n, complex), **origin}, {fixed: np.ones(n, complex), **axis}

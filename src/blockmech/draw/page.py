@@ -61,10 +61,10 @@ def columns_of(wide: bool) -> float:
     return 2 * ink.COLUMN + 14.0 if wide else ink.COLUMN
 
 
-def unit_of(places: Complex, wide: bool) -> float:
+def unit_of(points: Complex, wide: bool) -> float:
     """What a point of a page that places fill is on the ground [m/pt]."""
-    room = columns_of(wide) - SIZES.left - SIZES.right - 2 * SIZES.edge
-    x, y = float(np.ptp(places.real)), float(np.ptp(places.imag))
+    room = columns_of(wide) - SIZES.left_margin - SIZES.right - 2 * SIZES.edge
+    x, y = float(np.ptp(points.real)), float(np.ptp(points.imag))
     return max(x / room, y / (SIZES.heights[1] - 2 * SIZES.edge), (max(x, y) or 1.0) / room / 3)
 
 
@@ -75,31 +75,31 @@ class Page:
     the ground, and ``corner`` [m] the lower left one of the axes.
     """
 
-    def __init__(self, places: Complex, wide: bool, paths: Paths, captions: Iterable[str]) -> None:
+    def __init__(self, points: Complex, wide: bool, paths: Paths, captions: Iterable[str]) -> None:
         columns = columns_of(wide)
         self.wide = wide
-        self.width = columns - SIZES.left - SIZES.right
-        low = complex(places.real.min(), places.imag.min())
-        size = complex(places.real.max(), places.imag.max()) - low
-        self.unit = unit_of(places, wide)
+        self.width = columns - SIZES.left_margin - SIZES.right
+        low = complex(points.real.min(), points.imag.min())
+        size = complex(points.real.max(), points.imag.max()) - low
+        self.unit = unit_of(points, wide)
         self.height = float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
         self.corner = low + size / 2 - complex(self.width, self.height) * self.unit / 2
         rows = max((len(self.lines(text)) for text in captions), default=0)
         rows += math.ceil(len(paths) / (4 if wide else 2))
         total = SIZES.bottom + self.height + SIZES.top + ink.ROW * rows
-        left = SIZES.left / columns
+        left_edge = SIZES.left_margin / columns
         self.figure = new_figure(columns, total)
         self.axes = self.figure.add_axes(
-            (left, SIZES.bottom / total, self.width / columns, self.height / total)
+            (left_edge, SIZES.bottom / total, self.width / columns, self.height / total)
         )
         self._set_axes(paths)
         style = {"fontsize": ink.SMALL, "va": "top", "label": "caption", "linespacing": 1.35}
-        self.caption = self.figure.text(left, 1 - SIZES.top / 2 / total, "", **style)
+        self.caption = self.figure.text(left_edge, 1 - SIZES.top / 2 / total, "", **style)
 
     def _set_axes(self, paths: Paths) -> None:
-        axes, far = self.axes, self.metres(complex(self.width, self.height))
+        axes, corner = self.axes, self.metres(complex(self.width, self.height))
         axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", adjustable="box")
-        axes.set(xlim=(self.corner.real, far.real), ylim=(self.corner.imag, far.imag))
+        axes.set(xlim=(self.corner.real, corner.real), ylim=(self.corner.imag, corner.imag))
         axes.xaxis.labelpad, axes.yaxis.labelpad = 1.5, 1.0
         for axis in (axes.xaxis, axes.yaxis):
             axis.label.set_size(ink.SMALL)  # as all words beside a mechanism
@@ -150,25 +150,25 @@ class Page:
         move(artist, shape, k)
         return artist
 
-    def write(self, place: Place) -> Any:
+    def write(self, position: Place) -> Any:
         """Write a label at its place."""
-        z = self.metres(place.centre())
-        style = {"fontsize": ink.SMALL, "color": place.label.colour, "zorder": 9}
+        z = self.metres(position.centre())
+        style = {"fontsize": ink.SMALL, "color": position.label.colour, "zorder": 9}
         middle = {"ha": "center", "va": "center", "linespacing": 1.1}
-        return self.axes.text(z.real, z.imag, place.label.text, label="text", **middle, **style)
+        return self.axes.text(z.real, z.imag, position.label.text, label="text", **middle, **style)
 
-    def leader(self, place: Place, frames: int = 1) -> Shape:
+    def leader(self, position: Place, frames: int = 1) -> Shape:
         """The line from what a label names to the label, if that stands far off."""
-        ways = np.array([place.leader(k) for k in range(frames)], complex).T
-        return Shape("leader", "line", self.metres(ways), 8, place.label.colour, width=0.4)
+        ways = np.array([position.leader(k) for k in range(frames)], complex).T
+        return Shape("leader", "line", self.metres(ways), 8, position.label.colour, width=0.4)
 
-    def crowd(self, drawn: Iterable[Shape], paths: Paths, frames: Sequence[int] = (0,)) -> Crowd:
+    def crowd(self, shapes: Iterable[Shape], paths: Paths, frames: Sequence[int] = (0,)) -> Crowd:
         """What labels must spare: the shapes at some samples, and the paths."""
         crowd = Crowd(complex(self.width, self.height), frames)
         for k in frames:
             for path in paths.values():
                 crowd.add_line(self.points(path), 0.4, k)
-            for shape in drawn:
+            for shape in shapes:
                 z, weight = self.points(shape.at(k)), SOLID[shape.kind]
                 if shape.kind == "disc":
                     for centre in z:

@@ -45,9 +45,9 @@ class Climb:
         upward = self.end < self.start
         return (upward, self.start if upward else -self.start, self.leg, self.wire)
 
-    def left_of(self, other: Climb) -> bool:
+    def precedes(self, climb: Climb) -> bool:
         """Whether it must lie to the left of another climb, or their wires would overlap."""
-        return self.leg < other.leg if self.wire == other.wire else self.start == other.end
+        return self.leg < climb.leg if self.wire == climb.wire else self.start == climb.end
 
 
 @dataclass
@@ -74,39 +74,41 @@ class Placed:
         return (r.x + r.width, r.y + depth), self.port(target, port)
 
 
-def place(made: Layered) -> Placed:
+def lay_out(layout: Layered) -> Placed:
     """Rectangles [pt] of the boxes and ways of the wires, from rows to points."""
-    bottom = max((made.row[n] + made.height(n) for layer in made.layers for n in layer), default=0)
-    placed = Placed(made, height=(bottom + len(made.backward) + bool(made.backward)) * ROW)
-    climbs: dict[int, list[Point]] = {i: [] for i in range(len(made.wires))}
+    bottom = max(
+        (layout.row[n] + layout.height(n) for layer in layout.layers for n in layer), default=0
+    )
+    placed = Placed(layout, height=(bottom + len(layout.backward) + bool(layout.backward)) * ROW)
+    climbs: dict[int, list[Point]] = {i: [] for i in range(len(layout.wires))}
     sides: list[Point] = []  # left and right of each layer
-    for nodes in made.layers:
-        boxes = [made.boxes[n] for n in nodes if isinstance(n, str)]
-        left, width = placed.width, max((box.width for box in boxes), default=0.0)
-        sides.append((left, left + width))
+    for nodes in layout.layers:
+        boxes = [layout.boxes[n] for n in nodes if isinstance(n, str)]
+        left_edge, width = placed.width, max((box.width for box in boxes), default=0.0)
+        sides.append((left_edge, left_edge + width))
         for box in boxes:
-            top = (made.row[box.name] + box.above) * ROW
-            height = (made.height(box.name) - box.above) * ROW
-            x = left + (width - box.width) / 2
+            top = (layout.row[box.name] + box.above) * ROW
+            height = (layout.height(box.name) - box.above) * ROW
+            x = left_edge + (width - box.width) / 2
             placed.boxes[box.name] = Rectangle(x, top, box.width, height)
         tracks = in_tracks(
             Climb(step[2], start, end)
-            for step in made.steps.out_edges(nodes, keys=True)
-            for start, end in [made.ends(step)]
+            for step in layout.steps.out_edges(nodes, keys=True)
+            for start, end in [layout.ends(step)]
             if start != end
         )
         placed.width += width
-        if nodes is not made.layers[-1]:
+        if nodes is not layout.layers[-1]:
             for k, climb in enumerate(tracks):
                 x = placed.width + SIZES.stub + k * SIZES.track
                 climbs[climb.wire] += [(x, (row + 0.5) * ROW) for row in (climb.start, climb.end)]
             placed.width += 2 * SIZES.stub + max(len(tracks) - 1, 0) * SIZES.track
-    if made.backward:
+    if layout.backward:
         placed.corner, placed.width = (-SIZES.stub, 0.0), placed.width + 2 * SIZES.stub
-    for lane, i in enumerate(made.backward):  # down beside its source, up beside its target
-        beside, y = SIZES.stub / 2 - lane, (bottom + 1.5 + lane) * ROW
-        down = sides[made.layer[made.wires[i].source]][1] + beside
-        up = sides[made.layer[made.wires[i].target]][0] - beside
+    for lane, i in enumerate(layout.backward):  # down beside its source, up beside its target
+        offset, y = SIZES.stub / 2 - lane, (bottom + 1.5 + lane) * ROW
+        down = sides[layout.layer[layout.wires[i].source]][1] + offset
+        up = sides[layout.layer[layout.wires[i].target]][0] - offset
         start, end = placed.ends(i)
         climbs[i] = [(down, start[1]), (down, y), (up, y), (up, end[1])]
     for i, between in climbs.items():
@@ -123,16 +125,16 @@ def in_tracks(climbs: Iterable[Climb]) -> list[Climb]:
     """
     climbs = list(climbs)
     while True:
-        left = nx.DiGraph()
-        left.add_nodes_from(climbs)
-        left.add_edges_from((a, b) for a, b in permutations(climbs, 2) if a.left_of(b))
-        if nx.is_directed_acyclic_graph(left):
-            return list(nx.lexicographical_topological_sort(left, key=lambda c: c.preference))
-        circle = [a for a, _ in nx.find_cycle(left)]
+        order = nx.DiGraph()
+        order.add_nodes_from(climbs)
+        order.add_edges_from((a, b) for a, b in permutations(climbs, 2) if a.precedes(b))
+        if nx.is_directed_acyclic_graph(order):
+            return list(nx.lexicographical_topological_sort(order, key=lambda c: c.preference))
+        circle = [a for a, _ in nx.find_cycle(order)]
         cut = max(circle, key=lambda c: (abs(c.start - c.end), c.preference))
-        taken = {row for c in climbs for row in (c.start, c.end)}
+        used = {row for c in climbs for row in (c.start, c.end)}
         middle = (cut.start + cut.end) // 2 + 0.5  # a row that is nobody's
-        while middle in taken:
+        while middle in used:
             middle += 0.25
         climbs.remove(cut)
         climbs += [Climb(cut.wire, cut.start, middle, 1), Climb(cut.wire, middle, cut.end, 2)]
@@ -152,15 +154,15 @@ def honour(placed: Placed, view: Mapping[str, Point]) -> None:
         x, y = view.get(name, (r.x + x0, r.y - top + below + y0))
         placed.boxes[name] = r._replace(x=x - x0 + SIZES.stub, y=y - y0 + room)
     for i in placed.ways:
-        placed.ways[i] = way_between(*placed.ends(i), i, placed.boxes.values())
-    corners = [p for way in placed.ways.values() for p in way]
+        placed.ways[i] = path_between(*placed.ends(i), i, placed.boxes.values())
+    corners = [p for path in placed.ways.values() for p in path]
     corners += [(r.x + r.width, r.y + r.height) for r in placed.boxes.values()]
     placed.corner = (min(0.0, *(x - SIZES.stub / 2 for x, _ in corners)), 0.0)
     placed.width = max(x for x, _ in corners) - placed.corner[0] + SIZES.stub / 2
     placed.height = max(y for _, y in corners)
 
 
-def way_between(
+def path_between(
     start: Point, end: Point, k: int = 0, boxes: Iterable[Rectangle] = ()
 ) -> list[Point]:
     """A plain way between boxes that the user placed, through as few of them as it can.
@@ -174,16 +176,16 @@ def way_between(
         y = max((r.y + r.height for r in boxes), default=max(y1, y2)) + ROW + aside
         return [start, (out, y1), (out, y), (into, y), (into, y2), end]
     ways = [[start, (x, y1), (x, y2), end] for x in ((out + into) / 2, out, into)]
-    return min(ways, key=lambda way: sum(runs_through(way, r) for r in boxes))
+    return min(ways, key=lambda path: sum(runs_through(path, r) for r in boxes))
 
 
-def runs_through(way: Sequence[Point], r: Rectangle) -> bool:
+def runs_through(path: Sequence[Point], r: Rectangle) -> bool:
     """Whether a way runs through a box, or too near beside it."""
-    near = SIZES.stub / 3  # so that ports beside the wire stay free
+    clearance = SIZES.stub / 3  # so that ports beside the wire stay free
     return any(
-        min(xa, xb) < r.x + r.width + near
-        and max(xa, xb) > r.x - near
+        min(xa, xb) < r.x + r.width + clearance
+        and max(xa, xb) > r.x - clearance
         and min(ya, yb) < r.y + r.height
         and max(ya, yb) > r.y
-        for (xa, ya), (xb, yb) in pairwise(way)
+        for (xa, ya), (xb, yb) in pairwise(path)
     )

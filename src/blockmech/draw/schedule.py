@@ -28,17 +28,17 @@ def draw_schedule(plan: Plan) -> Any:
     from matplotlib.lines import Line2D
 
     graph = plan.graph()
-    at, tops, height = _places(graph)
-    right = max((x for x, _ in at.values()), default=0.0) + COLUMN / 2 + MARGIN
-    left = -COLUMN - MARGIN
+    at, tops, height = _cells(graph)
+    right_edge = max((x for x, _ in at.values()), default=0.0) + COLUMN / 2 + MARGIN
+    left_edge = -COLUMN - MARGIN
     with styled():
-        figure, axes = new_page(right - left, height + 2 * MARGIN, left, -2 * MARGIN)
+        figure, axes = new_page(right_edge - left_edge, height + 2 * MARGIN, left_edge, -2 * MARGIN)
         for block, y in tops.items():
             axes.axhline(y - LANE / 2, color=GREY, linewidth=0.3)
             axes.text(-COLUMN, y + ROW / 2, shown_name(block, 18), va="center", weight="bold")
-        seen = set()
+        kinds = set()
         for first, then, data in graph.edges(data=True):
-            seen.add(data["kind"])
+            kinds.add(data["kind"])
             _arrow(axes, at[first], at[then], len(then[1]), *ARROWS[data["kind"]])
         box = {"boxstyle": "round", "facecolor": "white", "edgecolor": INK, "linewidth": 0.7}
         for call, (x, y) in at.items():
@@ -47,29 +47,29 @@ def draw_schedule(plan: Plan) -> Any:
         keys = [
             Line2D([], [], color=colour, linestyle=dashes, label=kind)
             for kind, (colour, dashes) in ARROWS.items()
-            if kind in seen
+            if kind in kinds
         ]
         if keys:
             axes.legend(handles=keys, loc="upper left", ncols=3, fontsize=TEXT, borderaxespad=0.5)
     return figure
 
 
-def _places(graph: Any) -> tuple[dict[Node, tuple[float, float]], dict[str, float], float]:
+def _cells(graph: Any) -> tuple[dict[Node, tuple[float, float]], dict[str, float], float]:
     """Middle of each call, top of each block, and the whole height [pt]."""
     import networkx as nx
 
-    taken: dict[tuple[str, int], list[Node]] = {}
+    cells: dict[tuple[str, int], list[Node]] = {}
     for column, calls in enumerate(nx.topological_generations(graph)):
         for call in calls:
-            taken.setdefault((call[0], column), []).append(call)
+            cells.setdefault((call[0], column), []).append(call)
     tops: dict[str, float] = {}
     height = 0.0
     for block in dict.fromkeys(call[0] for call in graph):
         tops[block] = height
-        height += LANE + ROW * max(len(calls) for (b, _), calls in taken.items() if b == block)
+        height += LANE + ROW * max(len(calls) for (b, _), calls in cells.items() if b == block)
     at = {
         call: (COLUMN * (column + 0.5), tops[block] + ROW * (row + 0.5))
-        for (block, column), calls in taken.items()
+        for (block, column), calls in cells.items()
         for row, call in enumerate(calls)
     }
     return at, tops, height
@@ -77,14 +77,14 @@ def _places(graph: Any) -> tuple[dict[Node, tuple[float, float]], dict[str, floa
 
 def _arrow(axes: Any, start: Any, end: Any, letters: int, colour: str, dashes: str) -> None:
     """An arrow to a box with so many letters; it bends, so that what it passes stays readable."""
-    level, far = start[1] == end[1], end[0] - start[0] > COLUMN
+    level, is_long = start[1] == end[1], end[0] - start[0] > COLUMN
     style = {
         "arrowstyle": "-|>",
         "color": colour,
         "linestyle": dashes,
         "linewidth": 0.8,
         "shrinkA": TEXT,
-        "shrinkB": (0.5 + letters / 5 if level and not far else 2) * TEXT,  # half a box
-        "connectionstyle": f"arc3,rad={-0.15 if far and level else 0.0}",
+        "shrinkB": (0.5 + letters / 5 if level and not is_long else 2) * TEXT,  # half a box
+        "connectionstyle": f"arc3,rad={-0.15 if is_long and level else 0.0}",
     }
     axes.annotate("", end, start, arrowprops=style, zorder=1)

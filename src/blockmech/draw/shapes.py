@@ -44,7 +44,7 @@ class Stage:
         ]
         return max(sizes, default=0.0) or 1.0
 
-    def along(self, slider: Slider) -> Complex:
+    def guide_direction(self, slider: Slider) -> Complex:
         """Unit direction (n,) of a slider's guide on the ground."""
         return self.motion.axis[slider.guide.link] * slider.direction
 
@@ -62,8 +62,8 @@ def shapes_of(stage: Stage) -> list[Shape]:
         shapes.append(Shape(f"wheel:{wheel.name}", "line", points, 4.7, ink.GREY, **look))
     for load in stage.sketch.loads:
         shapes += _load(stage, load)
-    for name, way in drive_ways(stage).items():
-        shapes += _arrow(way, ink.DRIVE, f"drive:{name}", stage.unit)
+    for name, arc in drive_ways(stage).items():
+        shapes += _arrow(arc, ink.DRIVE, f"drive:{name}", stage.unit)
     return shapes
 
 
@@ -92,7 +92,7 @@ def sliders(stage: Stage, faint: bool = False) -> Iterator[Shape]:
     a, b = SIZES.slider
     corners = np.array([complex(a, b), complex(-a, b), complex(-a, -b), complex(a, -b)])
     for slider in (s for s in stage.sketch.sliders if not s.inside):
-        turned = stage.along(slider) * stage.unit
+        turned = stage.guide_direction(slider) * stage.unit
         points = stage.motion.at(*slider.point) + corners[:, None] * turned
         fill, edge = _colours(stage.motion.structure.links[slider.point.link], faint)
         name = f"{'faint' if faint else 'slider'}:{slider.name}"
@@ -127,7 +127,7 @@ def _ground(stage: Stage) -> Iterator[Shape]:
         yield Shape("ground", "area", legs, 3, fill=ink.FRAME_FILL)
         yield _hatched(z[0] - (9.5 + 9j) * unit, z[0] + (9.5 - 9j) * unit, unit)
     for slider in stage.sketch.sliders:
-        u = stage.along(slider)[0]
+        u = stage.guide_direction(slider)[0]
         below, beyond = -1j * u * (SIZES.slider[1] + 0.4) * unit, (SIZES.slider[0] + 3) * unit
         if slider.guide.link == frame:
             yield _hatched(slider.end(0, beyond) + below, slider.end(1, beyond) + below, unit)
@@ -161,11 +161,11 @@ def _mirrored(arc: Complex, sense: Any) -> Complex:
     return mirrored
 
 
-def _arrow(way: Complex, colour: str, name: str, unit: float) -> Iterator[Shape]:
+def _arrow(path: Complex, colour: str, name: str, unit: float) -> Iterator[Shape]:
     """A line (p, n) with an arrowhead at its end."""
-    z, last = way[-1], way[-1] - way[-2]
+    z, last = path[-1], path[-1] - path[-2]
     u = last * (unit / np.abs(last))
-    yield Shape(name, "line", np.array([*way[:-1], z - 3 * u]), 7, colour, width=1.3)
+    yield Shape(name, "line", np.array([*path[:-1], z - 3 * u]), 7, colour, width=1.3)
     head = z - u * np.array([0, 6 + 2.4j, 6 - 2.4j])[:, None]
     yield Shape("arrowhead", "area", head, 7.1, colour, colour, 0.0)
 
@@ -178,7 +178,7 @@ def load_ways(stage: Stage, load: LoadMark) -> list[Complex]:
     ways = []
     for spot, value in zip(load.spots, values, strict=True):
         if load.unit == "N":
-            ways.append(_way(stage, stage.motion.at(*spot), value, stage.largest))
+            ways.append(_force_arrow(stage, stage.motion.at(*spot), value, stage.largest))
         else:
             bodies = (b.middle for b in stage.sketch.bodies if b.link == spot.link)
             z = stage.motion.at(*next(bodies, spot))
@@ -192,19 +192,19 @@ def _size(value: Complex) -> Any:
     return np.where(np.isfinite(value) & (value != 0), np.abs(value), np.nan)
 
 
-def _way(stage: Stage, z: Complex, value: Complex, largest: float) -> Complex:
+def _force_arrow(stage: Stage, z: Complex, value: Complex, largest: float) -> Complex:
     """An arrow (2, n) from places; its length is that of the value (n,) beside the largest."""
     size = _size(value)
     length = np.maximum(SIZES.force[0], SIZES.force[1] * size / largest) * stage.unit
     return np.array([z, z + value * (length / size)])
 
 
-def vectors(stage: Stage, found: Mapping[str, Vector], colour: str) -> Iterator[Shape]:
+def vectors(stage: Stage, values: Mapping[str, Vector], colour: str) -> Iterator[Shape]:
     """Vectors (n,) of one quantity at their spots as arrows, by name, on one scale."""
-    sizes = [float(np.nanmax(np.abs(value), initial=0.0)) for _, value in found.values()]
-    for name, (spot, value) in found.items():
-        way = _way(stage, stage.motion.at(*spot), value, max(sizes) or 1.0)
-        yield from _arrow(way, colour, name, stage.unit)
+    sizes = [float(np.nanmax(np.abs(value), initial=0.0)) for _, value in values.values()]
+    for name, (spot, value) in values.items():
+        arrow = _force_arrow(stage, stage.motion.at(*spot), value, max(sizes) or 1.0)
+        yield from _arrow(arrow, colour, name, stage.unit)
 
 
 def friction_scale(stage: Stage, radii: Mapping[str, tuple[Spot, float]]) -> int:
@@ -226,8 +226,8 @@ def friction_circles(stage: Stage, radii: Mapping[str, tuple[Spot, float]]) -> I
 
 
 def _load(stage: Stage, load: LoadMark) -> Iterator[Shape]:
-    for way in load_ways(stage, load):
-        yield from _arrow(way, ink.LOAD, f"load:{load.name}", stage.unit)
+    for arrow in load_ways(stage, load):
+        yield from _arrow(arrow, ink.LOAD, f"load:{load.name}", stage.unit)
     if load.kind in ("spring", "strut"):
         a, b = (stage.motion.at(*spot) for spot in load.spots)
         spring = load.kind == "spring"
@@ -260,8 +260,8 @@ def drive_ways(stage: Stage) -> dict[str, Complex]:
         sense = np.where(motion.q_rate[name] * s.coordinate(name).sign < 0, -1, 1)
         if not s.joint(ref).rotary:
             z = motion.at(link, s.blocks[ref.block].slider_place(ref.name, link.link))
-            beside, half = z + 1j * e * (SIZES.slider[1] + 4), (SIZES.couple - 1) * sense * e
-            ways[name] = np.array([beside - half, beside + half])
+            middle, half = z + 1j * e * (SIZES.slider[1] + 4), (SIZES.couple - 1) * sense * e
+            ways[name] = np.array([middle - half, middle + half])
         elif spot is not None:
             arc = _mirrored(_arc(SIZES.couple + 3, 0.45, 1.2), sense)
             ways[name] = motion.at(*spot) + e * arc

@@ -74,7 +74,7 @@ def simulation_pictures(
         "energy.png": energy_panels(fine),
         "friction_power.png": friction_panels(fine),
     }
-    figures = {name: draw_panels(drawn, over) for name, drawn in panels.items() if drawn}
+    figures = {name: draw_panels(group, over) for name, group in panels.items() if group}
     figures |= phase_plots(fine, degrees)
     film = _film(result, degrees)
     with whole_folder(folder) as home:
@@ -88,7 +88,7 @@ def simulation_pictures(
 def _smooth(result: Result, motion: Motion, names: Iterable[str]) -> tuple[Result, Abscissa]:
     """Coordinates, rates and further outputs at times of a picture's own, and these times."""
     mechanism = result.mechanism
-    states = [mechanism._of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
+    states = [mechanism._of_driver(d, state) for d in mechanism.drivers for state in ("q", "rate")]
     t = motion.times(CURVE)
     marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
     fine = result_along(mechanism, motion, t, [*states, *names])
@@ -103,11 +103,11 @@ def motion_panels(result: Result, degrees: bool = IN_DEGREES) -> Panels:
 def state_panels(result: Result, degrees: bool = IN_DEGREES) -> Panels:
     """Coordinate and rate of each driver."""
     panels = []
-    for what, quantity in (("q", "coordinate"), ("rate", "rate")):
-        for unit, curves in by_unit(result, what, degrees).items():
-            (first, y), *others = curves.items()
+    for state, quantity in (("q", "coordinate"), ("rate", "rate")):
+        for unit, curves in by_unit(result, state, degrees).items():
+            (first, y), *rest = curves.items()
             alone = Panel(f"{quantity} of {shown_name(first)}", unit, {"": y})
-            panels.append(Panel(quantity, unit, curves) if others else alone)
+            panels.append(Panel(quantity, unit, curves) if rest else alone)
     return tuple(panels)
 
 
@@ -164,11 +164,11 @@ def screen_time(duration: float) -> float:
     >>> screen_time(2.0), screen_time(0.03), screen_time(40.0), screen_time(0.0)
     (2.0, 3.0, 8.0, 1.0)
     """
-    shown = duration or SHORTEST
-    while shown < SHORTEST:
-        shown *= 10
+    seconds = duration or SHORTEST
+    while seconds < SHORTEST:
+        seconds *= 10
     for share in (2, 5, 10):
-        if shown <= LONGEST:
+        if seconds <= LONGEST:
             break
-        shown = duration / share
-    return min(shown, LONGEST)
+        seconds = duration / share
+    return min(seconds, LONGEST)

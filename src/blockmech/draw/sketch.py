@@ -125,7 +125,7 @@ def sketch_of(motion: Motion) -> Sketch:
     for ref, spot in pins:
         points[spot.link].append(spot.at)
         for link in {s.earlier_link(ref), s.later_link(ref)} - {spot.link}:
-            points[link].append(complex(motion.seen(link, spot)[0]))
+            points[link].append(complex(motion.in_frame(link, spot)[0]))
     cylinders: dict[LinkRef, tuple[Outline, float]] = {}  # their barrels and rods
     sliders = []
     for ref in (r for r in refs if s.joint(r).kind == "P"):
@@ -142,8 +142,8 @@ def sketch_of(motion: Motion) -> Sketch:
     names = motion.mechanism.names
     links_of = {} if names is None else names.of_links
     bodies = tuple(
-        _body(s, link, places, links_of.get(link, ""), cylinders.get(link, ((), 1.0))[1])
-        for link, places in points.items()
+        _body(s, link, points_of_link, links_of.get(link, ""), cylinders.get(link, ((), 1.0))[1])
+        for link, points_of_link in points.items()
         if link != s.frame_link
     )
     loads = (_load(s, name) for name in s.elements)
@@ -166,7 +166,7 @@ def _wheels(motion: Motion, driver: str) -> Iterator[Wheel]:
         link, marker = links[curve.link], markers[curve.link]
         slides = curve.link != "carrier" and pair[curve.link == "driven"] == "P"
         centre = Spot(marker.on, marker_place(s, marker))
-        at = 0j if slides else complex(motion.seen(link, centre)[0])
+        at = 0j if slides else complex(motion.in_frame(link, centre)[0])
         turn = at_zero(s, link).e.conjugate() if curve.link == "carrier" else 1 + 0j
         points = tuple(at + z * turn for z in curve.points)
         yield Wheel(f"{follower.coupling}:{curve.link}", link, points, curve.chain)
@@ -186,12 +186,14 @@ def _name(motion: Motion, ref: JointRef, refs: Sequence[JointRef]) -> str:
 def _merged(motion: Motion, pins: Sequence[tuple[JointRef, Spot]]) -> tuple[Pin, ...]:
     """Pins that stay at one place become one; a name is short where that is clear."""
     s = motion.structure
-    places = np.array([motion.at(*spot) for _, spot in pins])
-    close = SAME_PLACE * np.abs(places).max(initial=0.0)
+    positions = np.array([motion.at(*spot) for _, spot in pins])
+    close = SAME_PLACE * np.abs(positions).max(initial=0.0)
     groups: dict[int, list[int]] = {}  # by the first pin of each
-    for i, row in enumerate(places):
-        near = np.flatnonzero(np.abs(places[:i, 0] - row[0]) <= close).tolist()
-        together = (j for j in near if j in groups and np.abs(places[j] - row).max() <= close)
+    for i, row in enumerate(positions):
+        candidates = np.flatnonzero(np.abs(positions[:i, 0] - row[0]) <= close).tolist()
+        together = (
+            j for j in candidates if j in groups and np.abs(positions[j] - row).max() <= close
+        )
         groups.setdefault(next(together, i), []).append(i)
     every = [ref for ref, _ in pins]
     merged = []
@@ -205,7 +207,7 @@ def _merged(motion: Motion, pins: Sequence[tuple[JointRef, Spot]]) -> tuple[Pin,
 
 def _slider(motion: Motion, ref: JointRef, name: str, inside: bool) -> Slider:
     point, guide, direction = guide_spots(motion.structure, ref)
-    travel = ((motion.seen(guide.link, point) - guide.at) * np.conj(direction)).real
+    travel = ((motion.in_frame(guide.link, point) - guide.at) * np.conj(direction)).real
     reach = (float(travel.min()), float(travel.max()))
     return Slider(name, point, guide, direction, reach, inside)
 
@@ -225,14 +227,14 @@ def _cylinder(
     if ref not in s.driven.values() or s.frame_link in (barrel, rod) or not hung:
         return {}
     foot, eye = pins[barrel][0], pins[rod][0]
-    line = motion.seen(barrel, Spot(rod, eye)) - foot
+    line = motion.in_frame(barrel, Spot(rod, eye)) - foot
     short, long = float(np.abs(line).min()), float(np.abs(line).max())
     if short == 0 or np.abs(line / np.abs(line) - line[0] / abs(line[0])).max() > SAME_PLACE:
         return {}  # through the foot, or off the line
-    along = line[0] / abs(line[0])
-    back = motion.seen(rod, Spot(barrel, foot))[0] - eye
+    axis = line[0] / abs(line[0])
+    back = motion.in_frame(rod, Spot(barrel, foot))[0] - eye
     stem = min(long - (TUBE - OVERLAP) * short, TUBE * short)
-    tube = (foot, complex(foot + along * TUBE * short))
+    tube = (foot, complex(foot + axis * TUBE * short))
     piston = (eye, complex(eye + back / abs(back) * stem))
     return {barrel: (tube, CYLINDER["barrel"]), rod: (piston, CYLINDER["rod"])}
 
@@ -259,34 +261,36 @@ def shown_markers(mechanism: Compiled) -> list[MarkerRef]:
     return list(dict.fromkeys(markers))
 
 
-def _body(s: Structure, link: LinkRef, places: list[complex], name: str, width: float) -> Body:
+def _body(s: Structure, link: LinkRef, points: list[complex], name: str, width: float) -> Body:
     properties = s.properties(link)
     cm = properties.cm.z if properties.mass > 0 else None
-    outline = hull(places)
+    outline = hull(points)
     if len(outline) == 1 and cm is not None:
         outline = hull([*outline, cm])
     return Body(link, outline or (0j,), cm, s.links[link], name, width)
 
 
-def hull(places: Iterable[complex]) -> Outline:
+def hull(vertices: Iterable[complex]) -> Outline:
     """Convex hull, counter-clockwise: one point, the ends of a bar, or a polygon.
 
     Andrew's monotone chain; what lies closer together than rounding is one point.
     """
-    corners = [complex(p) for p in places]
+    corners = [complex(p) for p in vertices]
     z: list[complex] = []
-    along = max((p - corners[0] for p in corners), key=abs, default=0j)  # so that a bar is sorted
-    for place in sorted(corners, key=lambda p: (p * along.conjugate()).real):
-        if all(abs(place - other) > SAME_PLACE**2 * abs(place) for other in z):
-            z.append(place)
+    direction = max(
+        (p - corners[0] for p in corners), key=abs, default=0j
+    )  # so that a bar is sorted
+    for corner in sorted(corners, key=lambda p: (p * direction.conjugate()).real):
+        if all(abs(corner - vertex) > SAME_PLACE**2 * abs(corner) for vertex in z):
+            z.append(corner)
 
     def chain(points: Sequence[complex]) -> list[complex]:
-        kept: list[complex] = []
+        corners: list[complex] = []
         for p in points:
-            while len(kept) > 1 and not _turns_left(kept[-2], kept[-1], p):
-                kept.pop()
-            kept.append(p)
-        return kept[:-1]
+            while len(corners) > 1 and not _turns_left(corners[-2], corners[-1], p):
+                corners.pop()
+            corners.append(p)
+        return corners[:-1]
 
     return tuple(chain(z) + chain(z[::-1]) or z)
 

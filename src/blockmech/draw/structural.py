@@ -92,15 +92,15 @@ def draw_structural_graph(mechanism: Compiled) -> Any:
 
 def _edge(axes: Any, start: Any, end: Any, word: str) -> None:
     """An arrow from vertex to vertex; one that passes others bends below them."""
-    far = end[0] - start[0] > COLUMN
+    is_long = end[0] - start[0] > COLUMN
     level = start[1] == end[1]
-    bend = BEND if far and level else 0.0
+    bend = BEND if is_long and level else 0.0
     style = {
         "arrowstyle": "-|>",
         "color": INK,
         "linewidth": 0.9,
-        "shrinkA": SIZE[1] if far else SIZE[0] / 2,
-        "shrinkB": SIZE[1] if far else SIZE[0] / 2,
+        "shrinkA": SIZE[1] if is_long else SIZE[0] / 2,
+        "shrinkB": SIZE[1] if is_long else SIZE[0] / 2,
         "connectionstyle": f"arc3,rad={bend}",
     }
     axes.annotate("", end, start, arrowprops=style, zorder=1)

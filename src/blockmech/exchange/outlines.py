@@ -11,10 +11,11 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
+from blockmech.draw.sketch import hull
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.standing import Standing
 from blockmech.ground.errors import printable, refused
@@ -74,45 +75,22 @@ def outlines(order: Order) -> dict[str, list[Shape]]:
     frame = str(s.frame_link)
     shapes: dict[str, list[Shape]] = {}
     for name, pins in positions.items():
-        outline: list[Shape] = [] if name == frame else list(_outline(_hull(pins), width / 2))
+        outline: list[Shape] = [] if name == frame else list(_outline(hull(pins), width / 2))
         shapes[name] = [*outline, *(Circle(z, hole / 2) for z in pins)]
     return shapes
 
 
-def _hull(points: list[complex]) -> list[complex]:
-    """The corners of the convex hull, counter-clockwise (Andrew's monotone chain)."""
-    ordered = sorted(points, key=lambda z: (z.real, z.imag))
-    if len(ordered) < 3:
-        return ordered
-
-    def chain(row: list[complex]) -> list[complex]:
-        corners: list[complex] = []
-        for z in row:
-            while len(corners) > 1 and _turn(corners[-2], corners[-1], z) <= 1e-9 * abs(
-                z - corners[-2]
-            ):
-                corners.pop()
-            corners.append(z)
-        return corners[:-1]
-
-    return chain(ordered) + chain(ordered[::-1])
-
-
-def _turn(a: complex, b: complex, c: complex) -> float:
-    return ((b - a).conjugate() * (c - b)).imag
-
-
-def _outline(hull: list[complex], radius: float) -> Iterator[Shape]:
-    """The hull wider by a radius: a line beside each edge, an arc about each corner."""
-    if len(hull) == 1:
-        yield Circle(hull[0], radius)
+def _outline(corners: Sequence[complex], radius: float) -> Iterator[Shape]:
+    """A hull wider by a radius: a line beside each edge, an arc about each corner."""
+    if len(corners) == 1:
+        yield Circle(corners[0], radius)
         return
-    edges = [cmath.phase(b - a) for a, b in zip(hull, [*hull[1:], hull[0]], strict=True)]
-    for k, corner in enumerate(hull):
+    edges = [cmath.phase(b - a) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    for k, corner in enumerate(corners):
         before, after = edges[k - 1] - math.pi / 2, edges[k] - math.pi / 2
         yield Arc(corner, radius, before, before + (after - before) % math.tau)
         offset = cmath.rect(radius, after)
-        yield Line(corner + offset, hull[(k + 1) % len(hull)] + offset)
+        yield Line(corner + offset, corners[(k + 1) % len(corners)] + offset)
 
 
 # -- DXF ----------------------------------------------------------------------------------

@@ -32,8 +32,8 @@ def bars_figure(
     if not bars:
         raise refused(shown_name(name), "there is no arc to draw", code="nothing-to-draw")
     scale, unit = angle_scale(unit, degrees)
-    more = len(bars) - ink.MOST
-    caption += f" {more} more are not drawn." if more > 0 else ""
+    omitted = len(bars) - ink.MOST
+    caption += f" {omitted} more are not drawn." if omitted > 0 else ""
     rows = 3 * len(bars[: ink.MOST]) + 4  # words, bar and air; axis
     with panelled(caption, rows * ink.ROW, ax=ax) as ((axes,),):
         axes.use_sticky_edges = False
@@ -47,8 +47,8 @@ def bars_figure(
     return axes.figure
 
 
-def _draw(axes: Any, y: int, bar: Bar, shown: tuple[float, float], scale: float) -> None:
-    start, end = (min(max(q, shown[0]), shown[1]) * scale for q in (bar.start, bar.end))
+def _draw(axes: Any, y: int, bar: Bar, span: tuple[float, float], scale: float) -> None:
+    start, end = (min(max(q, span[0]), span[1]) * scale for q in (bar.start, bar.end))
     fill = ink.LINK_FILLS[bar.colour % len(ink.LINK_FILLS)]
     axes.barh(y, end - start, THICK / 2, start, color=fill, edgecolor=ink.INK, lw=0.6)
     axes.plot([q * scale for q in bar.marks], [y] * len(bar.marks), "|", color=ink.ALARM)

@@ -68,10 +68,10 @@ def drive_panels(result: Result, twin: Result | None) -> Panels:
         drive = _alive({"": values(result, name)}) if name in result else {}
         if drive:
             unit = result.unit(name)
-            what = "driving force" if unit == "N" else "driving moment"
+            quantity = "driving force" if unit == "N" else "driving moment"
             of = f" of {shown_name(driver)}" if len(drivers) > 1 else ""
             bare = {} if twin is None else {"": values(twin, name)}
-            panels.append(Panel(what + of, unit, drive, bare))
+            panels.append(Panel(quantity + of, unit, drive, bare))
             if bare:  # often too small to be seen between the two
                 panels.append(Panel(f"due to friction{of}", unit, _differences(drive, bare)))
     return tuple(panels)
@@ -83,8 +83,8 @@ def friction_panels(result: Result) -> Panels:
     total = {"all joints": joints.pop("mechanism")} if "mechanism" in joints else {}
     if len(joints) > TOGETHER:
         return (Panel("friction power", "W", total), *_split("friction power", "W", joints))
-    shown = joints if len(joints) == 1 else {**total, **joints}
-    return (Panel("friction power", "W", shown),) if shown else ()
+    curves = joints if len(joints) == 1 else {**total, **joints}
+    return (Panel("friction power", "W", curves),) if curves else ()
 
 
 def reaction_panels(result: Result, twin: Result | None) -> Panels:
@@ -147,13 +147,13 @@ def plot(
     curves.
     """
     suffix = "" if path is None else suffix_of(path, "a plot", STILL)
-    along = abscissa(result, over, degrees)
+    x_axis = abscissa(result, over, degrees)
     if names is None and not components and len(result) == len(result.mechanism.outputs):
         panels = tuple(p for group in pictures_of(result, degrees).values() for p in group)
     else:
-        wanted = result if names is None else as_names("names", names)
-        panels = chosen_panels(result, wanted, degrees, components)
-    figure = draw_panels(panels, along, ax)
+        outputs = result if names is None else as_names("names", names)
+        panels = chosen_panels(result, outputs, degrees, components)
+    figure = draw_panels(panels, x_axis, ax)
     if path is not None:
         write_figure(figure, path, suffix)
     return figure
@@ -170,22 +170,22 @@ def chosen_panels(
     for name in names:
         output = result.output(name)
         if output.kind in ("real", "vector"):
-            shown, _, quantity = name.rpartition(".")
+            subject, _, quantity = name.rpartition(".")
             factor, unit = in_shown(result, output.unit, degrees)
-            drawn = {shown: factor * values(result, name)}
-            what = f"|{quantity}|" if output.kind == "vector" else quantity.replace("_", " ")
+            lines = {subject: factor * values(result, name)}
+            title = f"|{quantity}|" if output.kind == "vector" else quantity.replace("_", " ")
             if quantity == "p" or (components and output.kind == "vector"):
                 z = factor * np.asarray(result[name])  # of a place both coordinates matter
-                what, drawn = quantity, {f"{shown} x": z.real, f"{shown} y": z.imag}
+                title, lines = quantity, {f"{subject} x": z.real, f"{subject} y": z.imag}
             unit = unit.replace("s2", "s²").replace("m2", "m²")
-            groups.setdefault((what, unit), {}).update(drawn)
+            groups.setdefault((title, unit), {}).update(lines)
     count = sum(map(len, groups.values()))
     if not 0 < count <= MOST:
-        found = f"{count} outputs can be drawn over the samples"
+        message = f"{count} outputs can be drawn over the samples"
         valid = f"a picture holds 1 to {MOST} curves"
         code = "too-many-curves" if count else "nothing-to-draw"
-        raise refused("want", found, "name the outputs with want=", valid, code)
-    return tuple(Panel(what, unit, curves) for (what, unit), curves in groups.items())
+        raise refused("want", message, "name the outputs with want=", valid, code)
+    return tuple(Panel(title, unit, curves) for (title, unit), curves in groups.items())
 
 
 def in_shown(result: Result, unit: str, degrees: bool) -> tuple[float, str]:
@@ -276,26 +276,26 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) ->
     by_time |= any(d in laws and not laws[d].by_coordinate for d in drivers)
     if over == "time" or (over == "auto" and by_time and time is not None):
         if time is None:
-            found = "the run does not say times"
-            raise refused("over", found, "use times= in run", code="no-time")
+            message = "the run does not say times"
+            raise refused("over", message, "use times= in run", code="no-time")
         factor, unit = in_shown(result, "s", degrees)
         return Abscissa(f"time [{unit}]", factor * time)
     if len(moving) != 1:
         return Abscissa("sample", np.arange(result.n, dtype=float))
     (driver,) = moving
     unit = next(unit for unit, row in rows.items() if driver in row)
-    words = f"{shown_name(result.mechanism._of_driver(driver, 'q'))} [{unit}]"
-    return Abscissa(words, rows[unit][driver], turn=TURNS.get(unit, 0.0))
+    label = f"{shown_name(result.mechanism._of_driver(driver, 'q'))} [{unit}]"
+    return Abscissa(label, rows[unit][driver], turn=TURNS.get(unit, 0.0))
 
 
-def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Array]]:
+def by_unit(result: Result, state: str, degrees: bool) -> dict[str, dict[str, Array]]:
     """Coordinates ``"q"`` or rates ``"rate"`` of the drivers by their unit: driver -> (n,)."""
     rows: dict[str, dict[str, Array]] = {}
     for driver in result.mechanism.drivers:
-        name = result.mechanism._of_driver(driver, what)
+        name = result.mechanism._of_driver(driver, state)
         unit = result.mechanism.structure.driver_joint(driver).coordinate_unit
-        row = np.asarray(result.drivers[name] if what == "q" else result[name], dtype=float)
-        factor, unit = in_shown(result, unit if what == "q" else f"{unit}/s", degrees)
+        row = np.asarray(result.drivers[name] if state == "q" else result[name], dtype=float)
+        factor, unit = in_shown(result, unit if state == "q" else f"{unit}/s", degrees)
         row = factor * row
         rows.setdefault(unit, {})[driver] = row
     return rows

@@ -36,8 +36,8 @@ class Sizes:
     slider: tuple[float, float] = (8.0, 4.6)  # half length and half height
     force: tuple[float, float] = (12.0, 30.0)  # smallest that is shown, and largest
     couple: float = 10.0  # radius
-    beside: float = 5.0  # of a link's name from the middle of the link
-    left: float = 41.0  # of the axes
+    label_gap: float = 5.0  # of a link's name from the middle of the link
+    left_margin: float = 41.0  # of the axes
     right: float = 8.0
     bottom: float = 27.0
     top: float = 8.0

@@ -69,7 +69,7 @@ class Abscissa:
     events: tuple[tuple[float, str], ...] = ()
 
 
-def draw_panels(panels: Sequence[Panel], along: Abscissa, ax: Any = None) -> Any:
+def draw_panels(panels: Sequence[Panel], abscissa: Abscissa, ax: Any = None) -> Any:
     """A figure of panels below one another, a column wide, legends above their axes.
 
     Many panels stand in two columns. With ``ax`` they stand in its place.
@@ -81,11 +81,11 @@ def draw_panels(panels: Sequence[Panel], along: Abscissa, ax: Any = None) -> Any
         every = grid.T.ravel()
         lines = np.zeros(columns * rows, int)
         for k, (panel, axes) in enumerate(zip(panels, every, strict=False)):
-            _draw_panel(axes, panel, along)
+            _draw_panel(axes, panel, abscissa)
             lines[k] = legend_above(axes, ink.COLUMN)
             last = (k + 1) % rows == 0 or k == len(panels) - 1
             axes.tick_params(labelbottom=last)
-            axes.set_xlabel(along.words if last else "", labelpad=2)
+            axes.set_xlabel(abscissa.words if last else "", labelpad=2)
         grow(every[0], lines.reshape(columns, rows).max(axis=0).sum(), ax)
         for axes in every[len(panels) :]:
             axes.remove()
@@ -93,12 +93,12 @@ def draw_panels(panels: Sequence[Panel], along: Abscissa, ax: Any = None) -> Any
     return every[0].figure
 
 
-def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
+def _draw_panel(axes: Any, panel: Panel, abscissa: Abscissa) -> None:
     """Draw the curves of a panel, with labels for the legend."""
-    step = np.diff(along.values)
+    step = np.diff(abscissa.values)
     mixed = np.any(step > 0) and np.any(step < 0)
-    order = np.argsort(along.values, kind="stable") if mixed else slice(None)
-    x, (low, high) = along.values[order], panel.shown
+    order = np.argsort(abscissa.values, kind="stable") if mixed else slice(None)
+    x, (low, high) = abscissa.values[order], panel.shown
     factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
     pair = len(panel.curves) == len(panel.without) == 1
     for i, (name, y) in enumerate(panel.curves.items()):
@@ -116,14 +116,14 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
     bad = ~np.isfinite(panel.rows[:, order]).all(axis=0)
     edges = np.diff(np.pad(bad.astype(int), 1))
     for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
-        left, right = x[max(int(a) - 1, 0)], x[min(int(b), len(x) - 1)]
+        left_end, right_end = x[max(int(a) - 1, 0)], x[min(int(b), len(x) - 1)]
         style = {"facecolor": ink.FRAME_FILL, "edgecolor": ink.PALE, "hatch": "////", "lw": 0}
-        axes.axvspan(left, right, zorder=0.5, label="no answer", **style)
-    for at, words in along.events:
-        axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=words)
+        axes.axvspan(left_end, right_end, zorder=0.5, label="no answer", **style)
+    for at, event in abscissa.events:
+        axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=event)
     axes.set_ylabel(f"{panel.quantity} [{unit or '–'}]", labelpad=3)
     axes.margins(x=0.01 if len(x) > 1 else 0.5)
-    _set_ticks(axes, np.ptp(x) if len(x) else 0.0, along.turn)
+    _set_ticks(axes, np.ptp(x) if len(x) else 0.0, abscissa.turn)
     if panel.peak:
         scale, prefixed = scaled_unit(panel.unit, panel.peak)
         axes.plot([], [], " ", label=f"cut-off peaks up to {panel.peak * scale:.3g} {prefixed}")

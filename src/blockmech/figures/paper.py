@@ -51,21 +51,21 @@ def _any_script() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float, **more: Any) -> Any:
+def new_figure(width: float, height: float, **settings: Any) -> Any:
     """An empty figure of a size in points."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width / 72, height / 72), **more)
+    figure = Figure(figsize=(width / 72, height / 72), **settings)
     FigureCanvasAgg(figure)
     return figure
 
 
-def new_page(width: float, height: float, left: float, top: float) -> tuple[Any, Any]:
+def new_page(width: float, height: float, left_edge: float, top: float) -> tuple[Any, Any]:
     """A figure and axes that cover it from a corner on, one unit a point, y downward."""
     figure = new_figure(width, height)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_xlim(left, left + width)
+    axes.set_xlim(left_edge, left_edge + width)
     axes.set_ylim(top + height, top)
     axes.set_axis_off()
     return figure, axes
@@ -73,7 +73,7 @@ def new_page(width: float, height: float, left: float, top: float) -> tuple[Any,
 
 @contextlib.contextmanager
 def panelled(
-    said: str,
+    caption: str,
     height: float,
     rows: int = 1,
     columns: int = 1,
@@ -92,7 +92,7 @@ def panelled(
     shared = {"squeeze": False, "sharex": sharex, "sharey": sharey}
     with styled():
         if ax is None:
-            lines = wrapped(said, SMALL, width - 10) if said else []
+            lines = wrapped(caption, SMALL, width - 10) if caption else []
             figure = new_figure(width, height + ROW * len(lines), layout="constrained")
             if lines:
                 figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=SMALL)
@@ -154,11 +154,11 @@ def text_width(text: str, size: float, bold: bool = False) -> float:
     return float(width)
 
 
-def shown_name(name: str, most: int = 24) -> str:
+def shown_name(name: str, limit: int = 24) -> str:
     """A name as one line of printable text; long ones lose their middle."""
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in name)
-    if len(line) > most:
-        line = f"{line[: most - most // 3 - 1]}…{line[-(most // 3) :]}"
+    if len(line) > limit:
+        line = f"{line[: limit - limit // 3 - 1]}…{line[-(limit // 3) :]}"
     return line
 
 
@@ -196,14 +196,14 @@ def legend_above(axes: Any, width: float) -> int:
 
 def axis_label(name: str, unit: str, room: float) -> str:
     """A name and its unit, on two lines where one has not the room [pt]."""
-    whole = f"{name} [{unit or '–'}]"
-    if text_width(whole, TEXT) <= room:
-        return whole
-    breaks = [whole.rindex(" [") + 1, whole.find("(") + 1]
-    breaks += [k for k, sign in enumerate(whole) if sign == "."]
-    texts = [f"{whole[:k]}\n{whole[k:]}" for k in breaks if k]
-    fits = (t for t in texts if max(text_width(x, TEXT) for x in t.split("\n")) <= room)
-    return next(fits, texts[-1])
+    line = f"{name} [{unit or '–'}]"
+    if text_width(line, TEXT) <= room:
+        return line
+    breaks = [line.rindex(" [") + 1, line.find("(") + 1]
+    breaks += [k for k, sign in enumerate(line) if sign == "."]
+    texts = [f"{line[:k]}\n{line[k:]}" for k in breaks if k]
+    fitting = (t for t in texts if max(text_width(x, TEXT) for x in t.split("\n")) <= room)
+    return next(fitting, texts[-1])
 
 
 def scaled_unit(unit: str, largest: float) -> tuple[float, str]:
@@ -249,11 +249,13 @@ def write_figure(figure: Any, path: AnyPath, suffix: str = ".png") -> Path:
     return Path(path)
 
 
-def suffix_of(path: AnyPath, what: str = "a plot", valid: Sequence[str] = STILL) -> str:
+def suffix_of(path: AnyPath, subject: str = "a plot", valid: Sequence[str] = STILL) -> str:
     """The suffix of a picture's file; raises `RequestError` for one that is not valid."""
     suffix = Path(path).suffix.lower()
     if suffix not in valid:
-        found = f'{what} cannot be written as "{suffix}"' if suffix else "the name has no suffix"
-        known = f"suffixes for {what}: {listed(valid)}"
-        raise refused(str(path), found, "choose one of them", known, "unknown-suffix")
+        message = (
+            f'{subject} cannot be written as "{suffix}"' if suffix else "the name has no suffix"
+        )
+        choices = f"suffixes for {subject}: {listed(valid)}"
+        raise refused(str(path), message, "choose one of them", choices, "unknown-suffix")
     return suffix

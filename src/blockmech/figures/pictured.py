@@ -41,7 +41,7 @@ class Pictured(Report):
         return figure
 
     def _repr_html_(self) -> str:
-        shown = super()._repr_html_()
+        text = super()._repr_html_()
         with suppress(BlockmechError):
-            shown += rendered(self.figure(), ".svg").decode()
-        return shown
+            text += rendered(self.figure(), ".svg").decode()
+        return text

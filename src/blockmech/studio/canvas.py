@@ -13,7 +13,7 @@ from functools import lru_cache
 from blockmech.draw.boxes import Content, DrawnBlock
 from blockmech.draw.diagram import view_of
 from blockmech.draw.layout import Box, arrange
-from blockmech.draw.routing import Placed, Point, Rectangle, place, way_between
+from blockmech.draw.routing import Placed, Point, Rectangle, lay_out, path_between
 from blockmech.figures.palette import ROW, SIZES, SMALL, TEXT
 from blockmech.figures.paper import text_width, wrapped
 from blockmech.model.diagram import Ends
@@ -78,7 +78,7 @@ class Canvas:
             row = [handle["id"] for handle in self.handles[name][side]].index(pin) + 1.5
             at_ports.append((r.x + r.width * (side == "outputs"), r.y + ROW * row))
         begin, end = at_ports
-        route = self.ways.get(k) or way_between(begin, end, k, self.boxes.values())
+        route = self.ways.get(k) or path_between(begin, end, k, self.boxes.values())
         return {
             "id": str(ends),
             "from": [ends.source, ends.marker],
@@ -90,7 +90,7 @@ class Canvas:
 @lru_cache(8)  # an undo, or another length, leaves the diagram as one that was there before
 def _laid_out(boxes: tuple[Box, ...], wires: tuple[Ends, ...]) -> Placed:
     """Where blocks and wires are put that nobody has put anywhere; not to be changed."""
-    return place(arrange(boxes, wires))
+    return lay_out(arrange(boxes, wires))
 
 
 def _labels(block: DrawnBlock, wrong: str | None) -> tuple[list[str], float]:
