@@ -26,7 +26,7 @@ POSES = 1e-14  # [-] of size and radians, over the root of the margin: tens of r
 ENDS = 1e-10  # [rad or m]
 ENGINES = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 
-PLAIN = {"groups": (1, 1), "drivers": (1, 1), "kinds": ("group.general",), "least_margin": 1e-2}
+PLAIN = {"groups": (1, 1), "drivers": (1, 1), "kinds": ("group.general",), "min_margin": 1e-2}
 BARE = {"friction": False, "springs": False, "loads": False, "masses": False}
 TRIADS = Options(sizes=((4, 0),), **PLAIN, **BARE)
 BIGGER = Options(sizes=((6, 0), (3, 1), (4, 2), (5, 1)), **PLAIN, **BARE)

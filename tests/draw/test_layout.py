@@ -8,7 +8,7 @@ import random
 import pytest
 
 from blockmech.draw.layout import Box, arrange
-from blockmech.draw.routing import Placed, Point, place
+from blockmech.draw.routing import Placed, Point, lay_out
 from blockmech.model.diagram import Ends
 
 TOLERANCE = 1e-9  # [pt] rounding of sums of a few hundred points
@@ -69,13 +69,13 @@ def test_boxes_that_are_named_in_a_bad_order_are_sorted_until_no_wires_cross():
     boxes = boxes_of(*names, *(f"{n}2" for n in reversed(names)), ports=1)
     wires = [Ends("frame", n, n, "p0") for n in names]
     wires += [Ends(n, "C", f"{n}2", "p0") for n in names]
-    assert crossings(place(arrange(boxes, wires))) == 0
+    assert crossings(lay_out(arrange(boxes, wires))) == 0
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
     boxes, wires = random_diagram(seed)
-    placed = place(arrange(boxes, wires))
+    placed = lay_out(arrange(boxes, wires))
     for one, other in itertools.combinations(placed.boxes.values(), 2):
         apart_x = one.x + one.width < other.x or other.x + other.width < one.x
         apart_y = one.y + one.height < other.y or other.y + other.height < one.y

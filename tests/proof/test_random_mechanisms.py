@@ -22,7 +22,7 @@ from blockmech.testing.strategies import EVERY, Case, Options, Seeded, random_me
 from tests.blocks.twin import Comparison
 
 SEEDS = range(int(os.environ.get("BLOCKMECH_PROOF", "80")))
-OPTIONS = Options(groups=(0, 5), drivers=(1, 2), twists=True, least_margin=1e-3)
+OPTIONS = Options(groups=(0, 5), drivers=(1, 2), twists=True, min_margin=1e-3)
 GENERAL = replace(OPTIONS, groups=(1, 4), kinds=EVERY)
 GENERAL_SEEDS = range(len(SEEDS) // 4)
 MOTION = 1e-14  # of the largest of their kind, times the conditioning: measured 7e-16

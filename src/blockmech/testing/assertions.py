@@ -65,9 +65,9 @@ class GraphAssertion:
         graph = self._given if isinstance(self._given, Opened) else opened(self._given)
         return graph.compile()
 
-    def _fail(self, expected: str, found: str) -> NoReturn:
+    def _fail(self, expected: str, actual: str) -> NoReturn:
         __tracebackhide__ = True
-        raise AssertionError(f"{self._name}: expected {expected}, found {found}")
+        raise AssertionError(f"{self._name}: expected {expected}, found {actual}")
 
     # -- structure ---------------------------------------------------------------------------
 
@@ -94,10 +94,11 @@ class GraphAssertion:
         """The check of the graph or file names a problem with that code (at that address)."""
         __tracebackhide__ = True
         if not any(p.code == code and where in (None, p.where) for p in self._problems):
-            place = f" at {where}" if where is not None else ""
+            address = f" at {where}" if where is not None else ""
             valid = "no problem: the mechanism is valid"
             self._fail(
-                f'the problem "{code}"{place}', _lines(self._problems) if self._problems else valid
+                f'the problem "{code}"{address}',
+                _lines(self._problems) if self._problems else valid,
             )
         return self
 
@@ -114,10 +115,10 @@ class GraphAssertion:
         """
         __tracebackhide__ = True
         graph = self._mechanism.plan(want, **settings).graph()
-        made = [call for call in graph if call[1] != "reduction"]
-        if set(made) != set(calls):
-            self._fail(f"the calls {_calls(calls)}", _calls(made))
-        for first, then in graph.subgraph(made).edges:
+        computed = [call for call in graph if call[1] != "reduction"]
+        if set(computed) != set(calls):
+            self._fail(f"the calls {_calls(calls)}", _calls(computed))
+        for first, then in graph.subgraph(computed).edges:
             if calls.index(first) > calls.index(then):
                 self._fail(
                     f"the order {_calls(calls)}", f"{_calls([then])} needs {_calls([first])}"
@@ -212,8 +213,8 @@ def _listed(value: Any, kind: str) -> list[Any]:
         numbers = np.stack([numbers.real, numbers.imag], axis=-1)
     elif kind == "vector" and numbers.shape == (2,):
         numbers = numbers[None]
-    known = numbers.dtype.kind in "iuf" and bool(np.isfinite(numbers).all())
-    if not known or numbers.shape[1:] not in ((), (2,)):
+    is_finite = numbers.dtype.kind in "iuf" and bool(np.isfinite(numbers).all())
+    if not is_finite or numbers.shape[1:] not in ((), (2,)):
         remedy = "give finite numbers, of a vector complex or [x, y]"
         raise refused("has_output", f"value is {value!r}", remedy)
     values: list[Any] = numbers.tolist()

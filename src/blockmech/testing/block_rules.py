@@ -101,8 +101,8 @@ class BlockRules(Checks):
     def _closed(self, motions: Array) -> NDArray[np.bool_]:
         """Whether the block closes (n,)."""
         pose = leaves(self.subject.position(motions))
-        places = {n: x for n, x in pose.items() if n.split(".")[0] in self.block.link_names}
-        return np.broadcast_to(finite(places), motions.shape[-1:])
+        pose_of_links = {n: x for n, x in pose.items() if n.split(".")[0] in self.block.link_names}
+        return np.broadcast_to(finite(pose_of_links), motions.shape[-1:])
 
     # -- 1, 2, 7, 8, 9: how kernels are called ---------------------------------------------
 
@@ -132,10 +132,10 @@ class BlockRules(Checks):
     def outputs(self) -> Iterator[str]:
         """Calling again gives the same bits, and leaves the inputs alone."""
         for stage in STAGES:
-            given = self._arguments(stage)
-            before = leaves(tuple(given))
-            once, again = (leaves(self.subject.call(stage, *given)) for _ in range(2))
-            now = leaves(tuple(given))
+            arguments = self._arguments(stage)
+            before = leaves(tuple(arguments))
+            once, again = (leaves(self.subject.call(stage, *arguments)) for _ in range(2))
+            now = leaves(tuple(arguments))
             if not all(same_bits(before[name], now[name]) for name in now):
                 yield f"{stage} changes its inputs"
             if not all(same_bits(once[name], again[name]) for name in again):
@@ -145,41 +145,45 @@ class BlockRules(Checks):
         """Any batch shape gives the same numbers, for samples and for designs."""
         designs = type(self.subject.p)(*(np.full((3, 1), x) for x in self.subject.p))
         for stage in STAGES:
-            whole = leaves(self.subject.call(stage, *self._arguments(stage)))
+            batch = leaves(self.subject.call(stage, *self._arguments(stage)))
             for k in (0, SAMPLES // 2):
-                one = self._arguments(stage, slice(k, k + 1))
-                alone = leaves(self.subject.call(stage, *one))
+                arguments = self._arguments(stage, slice(k, k + 1))
+                alone = leaves(self.subject.call(stage, *arguments))
                 kernel = getattr(self.block.kernels, stage)
-                scalar = leaves(kernel(*map(as_number, one), self.subject.p))
-                for name, x in whole.items():
-                    here = np.broadcast_to(x, SAMPLES)[k]
-                    if not same_bits(here, np.broadcast_to(alone[name], 1)[0]):
+                scalar = leaves(kernel(*map(as_number, arguments), self.subject.p))
+                for name, x in batch.items():
+                    value = np.broadcast_to(x, SAMPLES)[k]
+                    if not same_bits(value, np.broadcast_to(alone[name], 1)[0]):
                         yield f"{stage} {name} of a sample alone is not the same as in a batch"
-                    what = f"scalar {stage} {name} against a batch"
-                    yield from self.same(what, scalar[name], here, float(np.max(abs(x))) or 1.0)
+                    label = f"scalar {stage} {name} against a batch"
+                    yield from self.same(label, scalar[name], value, float(np.max(abs(x))) or 1.0)
             many = leaves(self.subject.call(stage, *self._arguments(stage), p=designs))
             for name, x in many.items():
                 shape = np.broadcast_shapes(x.shape, (3, SAMPLES))
-                if shape != (3, SAMPLES) or not same_bits(x, whole[name]):
+                if shape != (3, SAMPLES) or not same_bits(x, batch[name]):
                     yield f"{stage} {name} of equal designs (3, 1) is not that of one design"
 
     def not_a_number(self) -> Iterator[str]:
         """What depends on a NaN is NaN."""
         p = self.subject.p
         for stage in STAGES:
-            given, names = self._arguments(stage), self._names(stage)
-            whole = leaves(self.subject.call(stage, *given))
+            inputs, names = self._arguments(stage), self._names(stage)
+            batch = leaves(self.subject.call(stage, *inputs))
             cases = [
-                (f"{names[k]}.{part}" if part else names[k], [*given[:k], bad, *given[k + 1 :]], p)
-                for k in range(STAGES[stage], len(given))
-                for bad, part in spoilt(given[k])
+                (
+                    f"{names[k]}.{part}" if part else names[k],
+                    [*inputs[:k], bad, *inputs[k + 1 :]],
+                    p,
+                )
+                for k in range(STAGES[stage], len(inputs))
+                for bad, part in spoilt(inputs[k])
             ]
-            cases += [(name, given, p._replace(**{name: np.nan})) for name in p._fields]
-            for what, arguments, numbers in cases:
+            cases += [(name, inputs, p._replace(**{name: np.nan})) for name in p._fields]
+            for label, arguments, numbers in cases:
                 values = leaves(self.subject.call(stage, *arguments, p=numbers))
                 for name, x in values.items():
-                    if not np.all(np.isnan(x)) and not same_bits(x, whole[name]):
-                        yield f"{stage} {name} depends on {what}, but is not NaN with it"
+                    if not np.all(np.isnan(x)) and not same_bits(x, batch[name]):
+                        yield f"{stage} {name} depends on {label}, but is not NaN with it"
 
     def impossible(self) -> Iterator[str]:
         """Impossible samples are NaN in both engines, and touch no neighbour."""
@@ -197,18 +201,18 @@ class BlockRules(Checks):
         scalar, batch, alone = run(every, "scalar"), run(every, "numpy"), run(self.motions, "numpy")
         yield from self.arithmetic(batch.plan.program)
         for name in batch:
-            one, other = np.asarray(scalar[name]), np.asarray(batch[name])
-            if one.shape and not np.array_equal(np.isnan(one), np.isnan(other)):
+            single, several = np.asarray(scalar[name]), np.asarray(batch[name])
+            if single.shape and not np.array_equal(np.isnan(single), np.isnan(several)):
                 yield f"the engines do not agree on where {name} exists"
-            if one.shape and not same_bits(other[:SAMPLES], np.asarray(alone[name])):
+            if single.shape and not same_bits(several[:SAMPLES], np.asarray(alone[name])):
                 yield f"{name} changes when impossible samples stand beside it"
 
     # -- 3 to 5: places, rates and accelerations -------------------------------------------
 
-    def _returned(self, stage: str, found: Any, kind: type) -> str:
+    def _returned(self, stage: str, returned: Any, kind: type) -> str:
         """What is missing from what a kernel returns."""
         for link in self.block.link_names:
-            if not isinstance(getattr(found, link, None), kind):
+            if not isinstance(getattr(returned, link, None), kind):
                 return f"{stage} returns no {kind.__name__} named {link}"
         return ""
 
@@ -221,8 +225,8 @@ class BlockRules(Checks):
             length = abs(vectors(getattr(self.pose, link).e))
             yield from self.same(f"length of the direction of link {link}", length, 1.0, 1.0)
         scale = self.size + largest(leaves(self.pose))
-        for what, gap, unit in self.subject.gaps(self.pose, self.motions):
-            yield from self.same(what, gap, 0.0, scale if unit == "m" else 1.0)
+        for label, gap, unit in self.subject.gaps(self.pose, self.motions):
+            yield from self.same(label, gap, 0.0, scale if unit == "m" else 1.0)
         if isinstance(self.block, AssurGroup):
             yield from self._margin()
 
@@ -269,7 +273,7 @@ class BlockRules(Checks):
             moved, e = getattr(vel, link), vectors(getattr(self.pose, link).e)
             rates |= {f"{link}.o": vectors(moved.v), f"{link}.e": 1j * np.asarray(moved.om) * e}
         speed = self.size + float(np.max(self._speeds(vel)))
-        yield from self._derivative("velocity", rates, self._places, speed)
+        yield from self._derivative("velocity", rates, self._coordinates, speed)
 
     def accelerations(self) -> Iterator[str]:
         """Acceleration is the derivative of velocity, and so affine in what it gets."""
@@ -288,14 +292,17 @@ class BlockRules(Checks):
             "acceleration", rates, lambda m: leaves(self.subject.velocity(m)), scale
         )
 
-    def _places(self, motions: Array) -> dict[str, Array]:
+    def _coordinates(self, motions: Array) -> dict[str, Array]:
         """What moves: origins and directions of links, strokes of prismatic pairs."""
         pose = self.subject.position(motions)
-        places = {j.name: self.subject.stroke(pose, j, motions) for j in self.subject.slides}
+        coordinates = {j.name: self.subject.stroke(pose, j, motions) for j in self.subject.slides}
         for link in self.block.link_names:
-            place = getattr(pose, link)
-            places |= {f"{link}.o": vectors(place.o), f"{link}.e": vectors(place.e)}
-        return places
+            link_pose = getattr(pose, link)
+            coordinates |= {
+                f"{link}.o": vectors(link_pose.o),
+                f"{link}.e": vectors(link_pose.e),
+            }
+        return coordinates
 
     def _derivative(
         self, stage: str, rates: Leaves, values: Callable[[Array], Leaves], scale: float
@@ -310,35 +317,36 @@ class BlockRules(Checks):
 
     def forces(self) -> Iterator[str]:
         """Reactions carry the joints' names, and are linear in the loads."""
-        one, two = (random_loads(self.block, SAMPLES, self.size, seed) for seed in (1, 2))
-        reactions = self.subject.call("reactions", self.pose, *one)
+        loads_1, loads_2 = (random_loads(self.block, SAMPLES, self.size, seed) for seed in (1, 2))
+        reactions = self.subject.call("reactions", self.pose, *loads_1)
         for joint in self.block.joints.values():
-            wanted = "Slide" if joint.kind == "P" else "force"
+            expected_type = "Slide" if joint.kind == "P" else "force"
             reaction = getattr(reactions, joint.name, None)
             if reaction is None or (joint.kind == "P") != isinstance(reaction, Slide):
-                yield f"reactions returns no {wanted} named {joint.name}"
+                yield f"reactions returns no {expected_type} named {joint.name}"
         for joint in self.block.driven:
             effort = self.block.effort_field(joint.name)
             if not hasattr(reactions, effort):
                 yield f"reactions returns no {effort} for the driven joint {joint.name}"
         both = [
             Load(planar(X * vectors(a.F) + Y * vectors(b.F)), X * a.M + Y * b.M)
-            for a, b in zip(one, two, strict=True)
+            for a, b in zip(loads_1, loads_2, strict=True)
         ]
         first, second, sum_ = (
-            leaves(self.subject.call("reactions", self.pose, *loads)) for loads in (one, two, both)
+            leaves(self.subject.call("reactions", self.pose, *loads))
+            for loads in (loads_1, loads_2, both)
         )
         for name, a in first.items():
             scale = float(np.max(abs(a)) + np.max(abs(second[name]))) or 1.0
-            what, combined = f"linearity of reactions {name}", X * a + Y * second[name]
-            yield from self.same(what, sum_[name], combined, scale)
+            label, combined = f"linearity of reactions {name}", X * a + Y * second[name]
+            yield from self.same(label, sum_[name], combined, scale)
 
     def balances(self) -> Iterator[str]:
         """Links balance, wires' powers balance, the two routes to each drive agree."""
         motion = request(self.subject, self.motions, self.size)
         for friction in (False, True):
-            how = " with friction" if friction else " without friction"
-            yield from self.verified(rig(self.block, self.size, friction).verify(**motion), how)
+            case = " with friction" if friction else " without friction"
+            yield from self.verified(rig(self.block, self.size, friction).verify(**motion), case)
 
     rules = (
         inputs,

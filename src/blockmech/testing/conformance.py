@@ -58,8 +58,8 @@ def conformance(
         cls = REGISTRY.get(block) or LAWS.get(block)
         if cls is None:
             raise RequestError(REGISTRY.unknown(block, "conformance"))
-        made: Block | FrictionLaw = cls(**(example or {}))
-        block = made
+        example_of_type: Block | FrictionLaw = cls(**(example or {}))
+        block = example_of_type
     name = block.type_name or type(block).__name__
     if isinstance(block, FrictionLaw):
         return LawRules(block).report(name)

@@ -43,17 +43,17 @@ class CouplingRules(Checks):
                 result = rig.run(times=TIMES + t, want=COORDINATE)
                 return {name: result[name] for name in COORDINATE}
 
-            here, slopes = run(0.0), derivative(run)
+            values, slopes = run(0.0), derivative(run)
             for value, rate in pairwise(COORDINATE):
-                scale = float(np.max(abs(here[rate]))) or 1.0
-                yield from self.same(rate, slopes[value], here[rate], scale, DERIVATIVE)
+                scale = float(np.max(abs(values[rate]))) or 1.0
+                yield from self.same(rate, slopes[value], values[rate], scale, DERIVATIVE)
 
     def contact(self) -> Iterator[str]:
         """Links balance, and what is taken from one link is given to the other."""
         for rig in self.rigs:
             for friction in ("none", "newton"):
-                how = f" with friction {friction!r}"
-                yield from self.verified(rig.verify(times=TIMES, friction=friction), how)
+                condition = f" with friction {friction!r}"
+                yield from self.verified(rig.verify(times=TIMES, friction=friction), condition)
 
     def touch(self) -> Iterator[str]:
         """The speed at a contact that rubs is differentiated."""
@@ -83,10 +83,10 @@ class CouplingRules(Checks):
 
 
 def _touching(kernel: Any, structure: Structure) -> Callable[[float], dict[str, Array]]:
-    here, p = sides(structure, "coupling"), coupling_numbers(structure, "coupling")
+    sides_at, p = sides(structure, "coupling"), coupling_numbers(structure, "coupling")
 
     def at(step: float) -> dict[str, Array]:
-        rows = [kernel(here(x + step), p) for x in TIMES]
+        rows = [kernel(sides_at(x + step), p) for x in TIMES]
         return {name: np.array([getattr(row, name) for row in rows]) for name in ("slip", "slope")}
 
     return at
@@ -95,8 +95,8 @@ def _touching(kernel: Any, structure: Structure) -> Callable[[float], dict[str, 
 def _rig(coupling: Coupling, lead: str, follow: str) -> Mechanism:
     """Two heavy drivers on the frame, with friction, the first one swinging."""
     graph = Graph("rig", gravity=Vector(-9.81j).z)
-    places = {"a": Marker(at=Place(0j), angle=0.3), "b": Marker(at=Place(1.3 + 0.4j), angle=1.1)}
-    graph.add("frame", Frame(markers=places))
+    markers = {"a": Marker(at=Place(0j), angle=0.3), "b": Marker(at=Place(1.3 + 0.4j), angle=1.1)}
+    graph.add("frame", Frame(markers=markers))
     for name, kind, at in (("first", lead, "a"), ("second", follow, "b")):
         cls, joint = (Crank, "A") if kind == "R" else (SlideDrive, "S")
         (link,) = cls.link_names

@@ -34,8 +34,8 @@ class ElementRules(Checks):
             for n, t in element.terminals.items()
         ]
 
-    def _run(self, times: Array, want: Any, **more: Any) -> Any:
-        return self.mechanism.run(times=times, want=want, on_gap="mark", **more)
+    def _run(self, times: Array, want: Any, **settings: Any) -> Any:
+        return self.mechanism.run(times=times, want=want, on_gap="mark", **settings)
 
     def terminals(self) -> Iterator[str]:
         """There is a finite force or couple at each terminal."""
@@ -46,10 +46,10 @@ class ElementRules(Checks):
 
     def readings(self) -> Iterator[str]:
         """What is read is declared at terminals that exist."""
-        known = {*self.element.terminals, "driver", "time"}
-        for terminal, what in self.element.reads().items():
-            if terminal not in known:
-                yield f"reads {what} at {terminal}, which is no terminal"
+        valid = {*self.element.terminals, "driver", "time"}
+        for terminal, quantities in self.element.reads().items():
+            if terminal not in valid:
+                yield f"reads {quantities} at {terminal}, which is no terminal"
 
     def kernel(self) -> Iterator[str]:
         """Engines agree, a sample does not depend on its neighbours, powers balance."""
@@ -65,7 +65,7 @@ class ElementRules(Checks):
 
     def energy(self) -> Iterator[str]:
         """What the load gives to the links comes out of the stored energy, or is damped."""
-        reads = {x for what in self.element.reads().values() for x in what}
+        reads = {x for quantities in self.element.reads().values() for x in quantities}
         if self.element.energy() is None:
             return
         stored, power = "mechanism.potential_energy", self._run(TIMES, "load.power")["load.power"]
@@ -86,11 +86,11 @@ def _rig(element: Element) -> Mechanism:
     for k, terminal in enumerate(element.terminals):
         table = Link(mass=1.0, markers={"hand": Marker(at=Place(0.3 + 0.1j))})
         add_turntable(graph, terminal, table)
-        for j, way in enumerate(("x", "y", "turn")):
+        for j, coordinate in enumerate(("x", "y", "turn")):
             law = Harmonic(
                 mean=2.0 * k * (j == 0), amplitude=0.5, frequency=0.2 + 0.05 * j, phase=k + j
             )
-            graph.drive(f"{way}_{terminal}", law)
+            graph.drive(f"{coordinate}_{terminal}", law)
     if isinstance(element, Following) and element.driver is not None:
         element = element.model_copy(update={"driver": f"turn_{next(iter(element.terminals))}"})
     graph.add("load", element)

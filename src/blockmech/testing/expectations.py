@@ -94,8 +94,8 @@ class Outcome(Facts):
         """The outcome as a JSON object; vectors are [x, y]."""
         drivers = {f"{d}.q": q for d, q in self.drivers.items()}
         data = super().to_dict() | {"drivers": drivers, "ok": self.ok}
-        left_out = {"entry"} if self.reason else {"entry", "reason"}
-        return {name: x for name, x in data.items() if name not in left_out}
+        omitted = {"entry"} if self.reason else {"entry", "reason"}
+        return {name: x for name, x in data.items() if name not in omitted}
 
 
 # -- running ---------------------------------------------------------------------------------
@@ -173,9 +173,9 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
     moving, want = expectation.simulate, tuple(expectation.want)
     if moving is None:
         return mechanism.run(expectation.at, friction=expectation.method, want=want, on_gap="mark")
-    more: Arguments = {"times": moving.times, "method": moving.method}
+    settings: Arguments = {"times": moving.times, "method": moving.method}
     friction: FrictionMethod | None = "none" if expectation.friction == "none" else None
-    result = mechanism.simulate(moving.until, want=want, friction=friction, **more)
+    result = mechanism.simulate(moving.until, want=want, friction=friction, **settings)
     if result.motion.end == "interrupted":
         raise KeyboardInterrupt
     return result
@@ -189,11 +189,11 @@ def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
     motion is not by coordinate, `SampleError` where a sample has no answer.
     """
     blocks = mechanism._of_blocks
-    begun = {d: mechanism.scene.begin(d) for d in mechanism.drivers}
+    starts = {d: mechanism.scene.begin(d) for d in mechanism.drivers}
     laws = all(d in mechanism.scene.drive for d in mechanism.drivers)
-    taken = blocks.samples(None, RECORDED, None, None, None) if laws else None
+    samples = blocks.samples(None, RECORDED, None, None, None) if laws else None
     rows = {
-        d: [float(begun[d] or 0.0)] if taken is None else taken.coordinate(i).tolist()
+        d: [float(starts[d] or 0.0)] if samples is None else samples.coordinate(i).tolist()
         for i, d in enumerate(mechanism.drivers)
     }
     result = mechanism.run(rows, want=want)
@@ -206,8 +206,8 @@ def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
         listed_ = [[z.real, z.imag] for z in values.tolist()] if pairs else values.tolist()
         size = float(np.abs(values).max(initial=0.0)) or 1.0
         source = "recorded from blockmech, checked by nothing else"
-        wanted, near = {name: listed_}, KEPT * size
-        expectations.append(Expectation(source=source, at=rows, want=wanted, rtol=KEPT, atol=near))
+        target, atol = {name: listed_}, KEPT * size
+        expectations.append(Expectation(source=source, at=rows, want=target, rtol=KEPT, atol=atol))
     return expectations
 
 
@@ -279,34 +279,34 @@ def compared(
     times : (n,) [s] asked of a motion; those after its end have no answer
     """
     output = result.output(name)
-    whole = output.kind == "number"
+    is_of_run = output.kind == "number"
     reached, motion = np.ones(len(expected), dtype=bool), result.motion
-    if motion is not None and times is not None and not whole:
+    if motion is not None and times is not None and not is_of_run:
         reached = ~np.isnan(motion.reached_times(times))
     got = np.full_like(expected, np.nan)
     got[reached] = result[name]
     margins = np.full(len(expected), np.inf)
-    margins[reached] = _least_margins(result).min() if whole else _least_margins(result)
+    margins[reached] = _smallest_margins(result).min() if is_of_run else _smallest_margins(result)
     error, size = _distances(name, got, expected), np.abs(expected)
     tolerance = np.maximum(rtol * np.where(size == 0, size.max(), size), atol)
     row = np.cumsum(reached) - 1  # of the result, for each sample
     for i in range(len(expected)):
-        known, drivers, reason = bool(np.isfinite(got[i])), {}, ""
-        if reached[i] and not whole:
+        finite, drivers, reason = bool(np.isfinite(got[i])), {}, ""
+        if reached[i] and not is_of_run:
             drivers = {d[:-2]: float(q[row[i]]) for d, q in result.drivers.items()}
         if motion is not None and not reached[i]:
             reason = f"the motion ended at {motion.t_end:.9g} s: {motion.end}"
-        elif not known:
-            reason = _why_not(result, None if whole else row[i])
+        elif not finite:
+            reason = _why_not(result, None if is_of_run else row[i])
         elif tolerance[i] == 0 and error[i] > 0 and rtol > 0:
             reason = NO_SIZE
         yield Outcome(
             name,
             output.unit,
             expected[i].item(),
-            got[i].item() if known else None,
+            got[i].item() if finite else None,
             float(tolerance[i]),
-            float(error[i]) if known else None,
+            float(error[i]) if finite else None,
             float(margins[i]) if np.isfinite(margins[i]) else None,
             i,
             drivers,
@@ -323,7 +323,7 @@ def _distances(name: str, got: NDArray[Any], expected: NDArray[Any]) -> NDArray[
     return distances
 
 
-def _least_margins(result: Result) -> NDArray[Any]:
+def _smallest_margins(result: Result) -> NDArray[Any]:
     """Smallest margin (n,) of the groups of each sample, infinite if no group is computed."""
     rows = list(result.quality.margin.values())
     if not rows:

@@ -27,8 +27,8 @@ def gallery() -> dict[str, Path]:
     """Mechanisms that come with the package, by name; of a folder ``"folder/name"``."""
     package = Path(blockmech.__file__).parent
     # A wheel carries the graphs inside the package, a checkout has them at its top.
-    for place in (package / "graphs", package.parents[1] / "graphs"):
-        if place.is_dir():
-            paths = graphs_of(place)
-            return {path.relative_to(place).with_suffix("").as_posix(): path for path in paths}
+    for folder in (package / "graphs", package.parents[1] / "graphs"):
+        if folder.is_dir():
+            paths = graphs_of(folder)
+            return {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
     return {}

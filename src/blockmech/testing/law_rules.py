@@ -32,7 +32,7 @@ class LawRules(Checks):
     def __init__(self, law: FrictionLaw) -> None:
         super().__init__()
         self.law = law
-        self.kinds = tuple(kind for kind in ("R", "P") if _fits(law, kind))
+        self.kinds = tuple(kind for kind in ("R", "P") if _is_for(law, kind))
         self.rigs = {kind: _rig(law, kind) for kind in self.kinds}
 
     def _at(self, speeds: Array) -> tuple[Array, Array]:
@@ -69,9 +69,9 @@ class LawRules(Checks):
 
     def at_rest(self) -> Iterator[str]:
         """At rest a pair holds no less than what it resists with as it begins to slip."""
-        held = np.array(self.law.at_rest(), float)
+        capacity = np.array(self.law.at_rest(), float)
         begins, usual = np.transpose(self._at(np.array([1e-12, 1.0])))
-        if (begins > held * (1 + 1e-6) + 1e-9 * usual).any():
+        if (begins > capacity * (1 + 1e-6) + 1e-9 * usual).any():
             yield "it slips with more friction than what holds it"
 
     def drags(self) -> Iterator[str]:
@@ -108,9 +108,9 @@ class LawRules(Checks):
                     "time=0.05", start={"crank": (0.7, rate)}, times=[0.0, 0.02], want=want
                 )
                 without = float(np.max(abs(moved["crank.drive_by_reduction"])))
-                left = moved["crank.drive"]
+                drive = moved["crank.drive"]
                 name = f"drive of the motion in {kind}"
-                yield from self.same(name, left, 0.0 * left, without or 1.0, IDLE)
+                yield from self.same(name, drive, 0.0 * drive, without or 1.0, IDLE)
 
     rules = (kernel, resists, at_rest, drags, state, balances, motion)
 
@@ -118,7 +118,7 @@ class LawRules(Checks):
 PAIRS = {"R": ("B", "C"), "P": ("S",)}
 
 
-def _fits(law: FrictionLaw, kind: str) -> bool:
+def _is_for(law: FrictionLaw, kind: str) -> bool:
     try:
         law.check_for(kind, "joint")
     except PydanticCustomError:
@@ -129,8 +129,8 @@ def _fits(law: FrictionLaw, kind: str) -> bool:
 def _rig(law: FrictionLaw, kind: str) -> Mechanism:
     """A slider-crank with weight, the law in its pins or in its guide."""
     graph = Graph("rig", gravity=Vector(-9.81j).z)
-    places = {"O": Marker(at=Place(0j)), "G": Marker(at=Place(0.05j), angle=0.1)}
-    graph.add("frame", Frame(markers=places))
+    markers = {"O": Marker(at=Place(0j)), "G": Marker(at=Place(0.05j), angle=0.1)}
+    graph.add("frame", Frame(markers=markers))
     crank = Link(mass=2.0, inertia=0.4, cm=Place(0.1 + 0.05j))
     pins = {"A": law} if kind == "R" else {}
     graph.add("crank", Crank(length=0.3, links={"crank": crank}, friction=pins))

@@ -52,8 +52,8 @@ def _runs_all(config: pytest.Config) -> bool:
     """Whether the run is of all test paths, named or not, and not of some tests."""
     if config.args_source is pytest.Config.ArgsSource.TESTPATHS:
         return True
-    whole = {_absolute(config.rootpath / p) for p in config.getini("testpaths")}
-    return (whole or {_absolute(config.rootpath)}) <= set(_named(config))
+    suite = {_absolute(config.rootpath / p) for p in config.getini("testpaths")}
+    return (suite or {_absolute(config.rootpath)}) <= set(_named(config))
 
 
 def _is_named(config: pytest.Config, folder: Path) -> bool:

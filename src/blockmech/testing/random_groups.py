@@ -1,6 +1,6 @@
 """Random groups: from the places of their ends to parameters and places of their links.
 
-A placer ``(chance, least_margin, end, end)`` gets the place and direction of what its outer
+A placer ``(chance, min_margin, end, end)`` gets the place and direction of what its outer
 joints are wired to, and gives the block's parameters, the pose of its links and the
 coordinates of its driven joints, or None where the ends leave no good one. A general group
 has a shape first, drawn until it is determinate, and then as many ends as that has.
@@ -30,7 +30,7 @@ class Placed(NamedTuple):
     """Parameters, place and direction of each link, coordinate [rad or m] of driven joints."""
 
     numbers: Data
-    places: dict[str, Spot]
+    poses: dict[str, Spot]
     drives: Mapping[str, float] = {}
 
 
@@ -44,54 +44,54 @@ def _sliders(chance: Random, *joints: str) -> Data:
     return numbers | {"slider": owners if len(joints) > 1 else owners[joints[0]]}
 
 
-def _crank(chance: Random, least: float, A: Spot) -> Placed:
+def _crank(chance: Random, min_margin: float, A: Spot) -> Placed:
     (p, u), q = A, chance.uniform(-math.pi, math.pi)
-    place = (p, u * cmath.rect(1.0, q))
-    return Placed({"length": chance.uniform(0.3, 1.5)}, {"crank": place}, {"A": q})
+    pose = (p, u * cmath.rect(1.0, q))
+    return Placed({"length": chance.uniform(0.3, 1.5)}, {"crank": pose}, {"A": q})
 
 
-def _slide(chance: Random, least: float, S: Spot) -> Placed:
+def _slide(chance: Random, min_margin: float, S: Spot) -> Placed:
     (p, u), q = S, chance.uniform(0.2, 1.5) * chance.choice((-1, 1))
     return Placed({}, {"slider": (p + q * u, u)}, {"S": q})
 
 
-def _rrr(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
+def _rrr(chance: Random, min_margin: float, B: Spot, D: Spot) -> Placed | None:
     b, d = B[0], D[0]
     side = chance.choice((-1, 1))
     c = b + (d - b) * complex(chance.uniform(-0.3, 1.3), side * chance.uniform(0.2, 2.0))
     u, w = c - b, c - d
-    if abs(d - b) < 0.1 or _sine2(u, w) < least:
+    if abs(d - b) < 0.1 or _sine2(u, w) < min_margin:
         return None
     numbers = {"l_i": abs(u), "l_j": abs(w), "branch": side}
     return Placed(numbers, {"i": (b, u / abs(u)), "j": (d, w / abs(w))})
 
 
-def _rrp(chance: Random, least: float, B: Spot, S: Spot) -> Placed | None:
+def _rrp(chance: Random, min_margin: float, B: Spot, S: Spot) -> Placed | None:
     b, (g, u) = B[0], S
     h, x = chance.uniform(-0.4, 0.4), chance.uniform(-1.5, 1.5)
     c = g + x * u - 1j * u * h
     w = c - b
-    along = dot(w, u)
-    if abs(w) < 0.1 or (along / abs(w)) ** 2 < least:
+    component = dot(w, u)
+    if abs(w) < 0.1 or (component / abs(w)) ** 2 < min_margin:
         return None
-    numbers = {"l": abs(w), "h": h, "branch": 1 if along > 0 else -1} | _sliders(chance, "S")
+    numbers = {"l": abs(w), "h": h, "branch": 1 if component > 0 else -1} | _sliders(chance, "S")
     return Placed(numbers, {"i": (b, w / abs(w)), "j": (c, u)})
 
 
-def _rpr(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
+def _rpr(chance: Random, min_margin: float, B: Spot, D: Spot) -> Placed | None:
     b, d = B[0], D[0]
     u = cmath.rect(1.0, chance.uniform(-math.pi, math.pi))
     s, h = dot(d - b, u), cross(u, d - b)
-    if abs(d - b) < 0.1 or (s / abs(d - b)) ** 2 < least:
+    if abs(d - b) < 0.1 or (s / abs(d - b)) ** 2 < min_margin:
         return None
     h_j = chance.uniform(-0.4, 0.4)
     numbers = {"h_i": h + h_j, "h_j": h_j, "branch": 1 if s > 0 else -1}
     return Placed(numbers | _sliders(chance, "S"), {"i": (b, u), "j": (d, u)})
 
 
-def _prp(chance: Random, least: float, S1: Spot, S2: Spot) -> Placed | None:
+def _prp(chance: Random, min_margin: float, S1: Spot, S2: Spot) -> Placed | None:
     (g1, u1), (g2, u2) = S1, S2
-    if _sine2(u1, u2) < least:
+    if _sine2(u1, u2) < min_margin:
         return None
     h1, h2 = chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4)
     base1, base2 = g1 - 1j * u1 * h1, g2 - 1j * u2 * h2
@@ -103,10 +103,10 @@ def _prp(chance: Random, least: float, S1: Spot, S2: Spot) -> Placed | None:
     return Placed(numbers, {"i": (c, u1), "j": (c, u2)})
 
 
-def _rpp(chance: Random, least: float, B: Spot, S: Spot) -> Placed | None:
+def _rpp(chance: Random, min_margin: float, B: Spot, S: Spot) -> Placed | None:
     b, (g, u2) = B[0], S
     beta = chance.uniform(0.3, 2.8) * chance.choice((-1, 1))
-    if math.sin(beta) ** 2 < least:
+    if math.sin(beta) ** 2 < min_margin:
         return None
     u1 = u2 * cmath.rect(1.0, beta)
     h_i, h_j = chance.uniform(-0.4, 0.4), chance.uniform(-0.4, 0.4)
@@ -116,14 +116,14 @@ def _rpp(chance: Random, least: float, B: Spot, S: Spot) -> Placed | None:
     return Placed(numbers, {"i": (b, u1), "j": (g + x * u2, u2)})
 
 
-def _cylinder(chance: Random, least: float, B: Spot, D: Spot) -> Placed | None:
-    made = _rrr(chance, least, B, D)
-    if made is None:
+def _cylinder(chance: Random, min_margin: float, B: Spot, D: Spot) -> Placed | None:
+    dyad = _rrr(chance, min_margin, B, D)
+    if dyad is None:
         return None
-    numbers, places, _ = made
+    numbers, poses, _ = dyad
     q = numbers.pop("l_i")
     numbers |= _sliders(chance, "S")
-    (b, e), j = places.values()
+    (b, e), j = poses.values()
     return Placed(numbers, {"barrel": (b, e), "rod": (b + q * e, e), "j": j}, {"S": q})
 
 
@@ -176,12 +176,12 @@ def is_determinate(links: Sequence[str], shape: Shape) -> bool:
     return rigidity(links, pairs, [" "], driven).determinate
 
 
-def place_group(
-    chance: Random, least: float, shape: Shape, supports: Mapping[str, Spot]
+def random_group(
+    chance: Random, min_margin: float, shape: Shape, supports: Mapping[str, Spot]
 ) -> Placed | None:
     """A general group of this shape on its supports: parameters without the home's drivers."""
     links = dict.fromkeys(x for tie in shape.values() for x in (tie.first, tie.second) if x)
-    places = {
+    spots = {
         link: (
             complex(chance.uniform(-2.0, 2.0), chance.uniform(-2.0, 2.0)),
             cmath.rect(1.0, chance.uniform(-math.pi, math.pi)),
@@ -190,23 +190,23 @@ def place_group(
     }
     pairs, drives = {}, {}
     for name, tie in shape.items():
-        pairs[name], q = _pair(chance, tie, places, supports.get(name))
+        pairs[name], q = _pair(chance, tie, spots, supports.get(name))
         if tie.driven:
             drives[name] = q
-    poses = {k: (o.real, o.imag, cmath.phase(e)) for k, (o, e) in places.items()}
+    poses = {k: (o.real, o.imag, cmath.phase(e)) for k, (o, e) in spots.items()}
     numbers: Data = {"pairs": pairs, "home": {"drivers": {}, "poses": poses}}
     group = GeneralGroup(links={link: Link() for link in links}, **numbers)
-    if _general_margin(group, places, supports) < least * SOFT:
+    if _general_margin(group, spots, supports) < min_margin * SOFT:
         return None
-    return Placed(numbers, places, drives)
+    return Placed(numbers, spots, drives)
 
 
 def _pair(
-    chance: Random, tie: Tie, places: Mapping[str, Spot], support: Spot | None
+    chance: Random, tie: Tie, poses: Mapping[str, Spot], support: Spot | None
 ) -> tuple[Data, float]:
     """A pair where its links are, and its coordinate there."""
     if support is None:
-        a = places[tie.first][0] + cmath.rect(chance.uniform(0.2, 1.5), chance.uniform(-3.0, 3.0))
+        a = poses[tie.first][0] + cmath.rect(chance.uniform(0.2, 1.5), chance.uniform(-3.0, 3.0))
         u = cmath.rect(1.0, chance.uniform(-math.pi, math.pi))
     else:
         a, u = support
@@ -215,34 +215,34 @@ def _pair(
     b, w = a + slid * u, u * cmath.rect(1.0, turned)
     sides = [(tie.second, b, w)] if support else [(tie.first, a, u), (tie.second, b, w)]
     at, angle = [], []
-    for link, place, direction in sides:
-        o, e = places[link]
-        z = (place - o) / e
+    for link, point, direction in sides:
+        o, e = poses[link]
+        z = (point - o) / e
         at.append((z.real, z.imag))
         angle.append(cmath.phase(direction / e))
-    made: Data = {"type": tie.kind, "driven": tie.driven}
+    data: Data = {"type": tie.kind, "driven": tie.driven}
     if support:
-        made |= {"link": tie.second, "at": at[0], "slider": chance.choice(OWNERS)}
+        data |= {"link": tie.second, "at": at[0], "slider": chance.choice(OWNERS)}
     else:
-        made |= {"links": (tie.first, tie.second), "at": tuple(at)}
-        made["slider"] = chance.choice(("i", "j"))
+        data |= {"links": (tie.first, tie.second), "at": tuple(at)}
+        data["slider"] = chance.choice(("i", "j"))
     if tie.guided:
-        made["angle"] = angle[0] if support else tuple(angle)
-    return made, turned if tie.kind == "R" else slid
+        data["angle"] = angle[0] if support else tuple(angle)
+    return data, turned if tie.kind == "R" else slid
 
 
 def _general_margin(
-    group: GeneralGroup, places: Mapping[str, Spot], supports: Mapping[str, Spot]
+    group: GeneralGroup, poses: Mapping[str, Spot], supports: Mapping[str, Spot]
 ) -> float:
     p = group.parameters()
-    pose = tuple(LinkPosition(*places[link]) for link in group.link_names)
+    pose = tuple(LinkPosition(*poses[link]) for link in group.link_names)
     read = {name: Guide(*spot) for name, spot in supports.items()}
-    given = tuple(
+    inputs = tuple(
         read[j.name] if j.reads == "guide" else read[j.name].p
         for j in group.joints.values()
         if j.outer
     )
-    at = tuple(ends(pair, pose, given, p) for pair in group.plans)
+    at = tuple(ends(pair, pose, inputs, p) for pair in group.plans)
     return float(spread(jacobian(group.plans, at, len(pose), p)) ** 2)
 
 

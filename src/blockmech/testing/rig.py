@@ -82,8 +82,8 @@ class Subject:
         """What the kernel of a stage gets of the motions, in the contract's order."""
         k, arguments_ = STAGES[stage], []
         for joint in self.outer:
-            place, turn = self.read(motions, joint)
-            z, angle = planar(place[k]), turn[k]
+            motion, turn = self.read(motions, joint)
+            z, angle = planar(motion[k]), turn[k]
             turned: Any = planar(np.exp(1j * angle)) if k == 0 else angle
             guide = (Guide, LinkVelocity, LinkAcceleration)[k](z, turned)
             arguments_.append(guide if joint.reads == "guide" else z)
@@ -114,9 +114,13 @@ class Subject:
         for joint in self.block.joints.values():
             if joint.kind == "P":
                 point, u = self._line(pose, joint, joint.later)
-                base, along = self._base(pose, joint, motions)
-                yield f"gap at joint {joint.name}", abs(((point - base) * np.conj(along)).imag), "m"
-                yield f"angle at joint {joint.name}", abs(u - along), ""
+                base, axis = self._base(pose, joint, motions)
+                yield (
+                    f"gap at joint {joint.name}",
+                    abs(((point - base) * np.conj(axis)).imag),
+                    "m",
+                )
+                yield f"angle at joint {joint.name}", abs(u - axis), ""
                 continue
             pins = self._pins(pose, joint)
             if not pins:
@@ -132,18 +136,18 @@ class Subject:
 
     def _line(self, pose: Any, joint: Joint, link: str) -> tuple[Array, Array]:
         """A point of a guide line on one of the block's links, and its direction."""
-        place, line = getattr(pose, link), joint.lines.get(link, Line())
-        e = vectors(place.e)
+        link_pose, line = getattr(pose, link), joint.lines.get(link, Line())
+        e = vectors(link_pose.e)
         turn = float(getattr(self.block, line.turn)) if line.turn else 0.0
         at = self.block.slider_place(joint.name, link)
-        return vectors(place.o) + e * at, e * np.exp(1j * turn)
+        return vectors(link_pose.o) + e * at, e * np.exp(1j * turn)
 
     def _base(self, pose: Any, joint: Joint, motions: Array) -> tuple[Array, Array]:
         """A point of the guide line on the earlier link, and its direction."""
         if not joint.outer:
             return self._line(pose, joint, joint.links[0])
-        place, angle = self.read(motions, joint)
-        return place[0], np.exp(1j * angle[0])
+        motion, angle = self.read(motions, joint)
+        return motion[0], np.exp(1j * angle[0])
 
     def _pins(self, pose: Any, joint: Joint) -> list[Array]:
         """Places of the built-in markers that stand for a revolute joint."""
@@ -151,9 +155,9 @@ class Subject:
         for name in (joint.name, f"{joint.name}j"):
             marker = self.block.built_in.get(name)
             if marker and marker.link in (joint.link, *joint.links):
-                along = (getattr(self.block, marker.along) or 0.0) if marker.along else 0.0
-                place = getattr(pose, marker.link)
-                pins.append(vectors(place.o) + vectors(place.e) * along)
+                distance = (getattr(self.block, marker.along) or 0.0) if marker.along else 0.0
+                link_pose = getattr(pose, marker.link)
+                pins.append(vectors(link_pose.o) + vectors(link_pose.e) * distance)
         return pins
 
 
@@ -197,8 +201,8 @@ def rig(block: Moving, size: float, friction: bool) -> Mechanism:
         "R": Coulomb(coefficient=0.1, radius=0.02 * size),
         "P": Coulomb(coefficient=0.05, guide_length=size),
     }
-    own = {name: laws[j.kind] for name, j in block.joints.items()} if friction else {}
-    graph.add("block", block.model_copy(update={"links": links, "friction": own}))
+    friction_laws = {name: laws[j.kind] for name, j in block.joints.items()} if friction else {}
+    graph.add("block", block.model_copy(update={"links": links, "friction": friction_laws}))
     for joint in outer:
         graph.connect(f"turn_{joint}.hand", f"block.{joint}")
     for k, name in enumerate(block.link_names):
@@ -227,10 +231,10 @@ def request(subject: Subject, motions: Array, size: float) -> Data:
     """Driver coordinates, rates and accelerations that make the motions in the rig."""
     rows = {"block": motions[-1].real} if subject.block.driven else {}
     for joint in subject.outer:
-        place, turn = subject.read(motions, joint)
+        motion, turn = subject.read(motions, joint)
         phi, om, al = turn
         arm = size * ARM * np.exp(1j * (phi - TURN))
-        z = place - np.array([arm, 1j * om * arm, (1j * al - om**2) * arm])
+        z = motion - np.array([arm, 1j * om * arm, (1j * al - om**2) * arm])
         rows |= {f"x_{joint.name}": z.real, f"y_{joint.name}": z.imag}
         # The y slide has turned the table by a quarter.
         rows[f"turn_{joint.name}"] = turn - np.array([[TURN + np.pi / 2], [0.0], [0.0]])

@@ -39,7 +39,7 @@ class Conformance(Report):
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """What was measured, one a line."""
         yield f"{self.name} keeps its contract"
-        yield from (f"  {what:<60} {error:.1e}" for what, error in self.measured.items())
+        yield from (f"  {label:<60} {error:.1e}" for label, error in self.measured.items())
 
 
 class Checks:
@@ -56,7 +56,7 @@ class Checks:
         for number, rule in enumerate(self.rules, start=1):
             title = f"rule {number} ({(rule.__doc__ or '').rstrip('.')})"
             try:
-                failed += [f"{title}: {what}" for what in rule(self)]
+                failed += [f"{title}: {fault}" for fault in rule(self)]
             except Exception as error:  # a broken kernel may fail in any way
                 failed.append(f"{title}: raised {type(error).__name__}: {error}")
         if failed:
@@ -64,41 +64,41 @@ class Checks:
         return Conformance(name, self.measured)
 
     def same(
-        self, what: str, found: Any, wanted: Any, scale: float, allowed: float = ROUNDING
+        self, label: str, actual: Any, expected: Any, scale: float, allowed: float = ROUNDING
     ) -> Iterator[str]:
         """Compare two batches relative to a scale."""
-        error = np.abs(np.asarray(found) - np.asarray(wanted))
+        error = np.abs(np.asarray(actual) - np.asarray(expected))
         worst = float(np.max(error)) / scale if error.size and scale else float(np.max(error))
-        self.measured[what] = max(self.measured.get(what, 0.0), worst)
+        self.measured[label] = max(self.measured.get(label, 0.0), worst)
         if not worst <= allowed:
-            yield f"{what} is off by {worst:.1e} of its size (allowed {allowed:.0e})"
+            yield f"{label} is off by {worst:.1e} of its size (allowed {allowed:.0e})"
 
-    def arithmetic(self, program: Program, how: str = "") -> Iterator[str]:
+    def arithmetic(self, program: Program, condition: str = "") -> Iterator[str]:
         """Kernels are of the primitives alone: else machine code and C cannot have them."""
         try:
             Trace(program)
         except AsksPython:
             return  # which is no kernel
         except Untraceable as why:
-            yield f"machine code and C cannot have it{how}: {why}"
+            yield f"machine code and C cannot have it{condition}: {why}"
 
-    def verified(self, found: Any, how: str = "") -> Iterator[str]:
+    def verified(self, report: Any, condition: str = "") -> Iterator[str]:
         """The balances of a mechanism, as `Mechanism.verify` found them."""
-        if not found.samples:
-            yield f"no sample has an answer{how}"
-        for row in found.rows:
-            self.measured[f"{row.name}{how}"] = row.value
+        if not report.samples:
+            yield f"no sample has an answer{condition}"
+        for row in report.rows:
+            self.measured[f"{row.name}{condition}"] = row.value
             if not row.ok:
-                yield f"{row.name}{how} is off by {row.value:.1e} of its terms"
+                yield f"{row.name}{condition} is off by {row.value:.1e} of its terms"
 
 
 def derivative(values: Callable[[float], Record]) -> Data:
     """Derivative at t = 0 of values of time [s], by differences of order 8."""
     total: Data = {}
     for k, weight in enumerate(WEIGHTS, start=1):
-        ahead, behind = values(k * STEP), values(-k * STEP)
-        for name in ahead:
-            total[name] = total.get(name, 0.0) + weight * (ahead[name] - behind[name]) / STEP
+        later, earlier = values(k * STEP), values(-k * STEP)
+        for name in later:
+            total[name] = total.get(name, 0.0) + weight * (later[name] - earlier[name]) / STEP
     return total
 
 
@@ -141,9 +141,9 @@ def largest(values: Leaves) -> float:
     return max((float(np.max(abs(x))) for x in values.values()), default=0.0)
 
 
-def same_bits(one: Any, other: Any) -> bool:
+def same_bits(first: Any, second: Any) -> bool:
     """Whether two batches are the same to the last bit, after broadcasting."""
-    a, b = np.broadcast_arrays(one, other)
+    a, b = np.broadcast_arrays(first, second)
     return bool(np.array_equal(a, b, equal_nan=True))
 
 
@@ -164,7 +164,7 @@ def spoilt(value: Any, name: str = "") -> Iterator[tuple[Any, str]]:
         yield Planar(nan, nan), name
     elif isinstance(value, tuple):
         for field_, part in value._asdict().items():  # type: ignore[attr-defined]
-            for bad, what in spoilt(part, field_):
-                yield value._replace(**{field_: bad}), what  # type: ignore[attr-defined]
+            for bad, part_name in spoilt(part, field_):
+                yield value._replace(**{field_: bad}), part_name  # type: ignore[attr-defined]
     else:
         yield np.full(np.shape(value), np.nan), name

@@ -36,15 +36,15 @@ class SignalRules(Checks):
     def names(self) -> Iterator[str]:
         """Kernels read inputs, states and the time."""
         block = self.block
-        known = {*block.inputs, *(f"x_{x}" for x in block.own_states), "t", "inputs", "states"}
+        valid = {*block.inputs, *(f"x_{x}" for x in block.own_states), "t", "inputs", "states"}
         kink, count = block.kinks()
         kernels = [block.output(), *([kink] if count else [])]
         if block.own_states:
             kernels.append(block.update() if block.discrete else block.rates())
         for kernel in kernels:
             for name in arguments(kernel):
-                if name not in known:
-                    yield f"{kernel.__name__} reads {name!r}, which is none of {sorted(known)}"
+                if name not in valid:
+                    yield f"{kernel.__name__} reads {name!r}, which is none of {sorted(valid)}"
 
     def values(self) -> Iterator[str]:
         """There is a number for each output, state and kink, alike in all engines."""
@@ -57,16 +57,16 @@ class SignalRules(Checks):
         program = s.program(values.values())
         yield from self.arithmetic(program)
         chance = np.random.default_rng(1)
-        given = {name: chance.uniform(0.1, 0.9, SAMPLES) for name in program.inputs}
-        batch, scalar = (e(program).run(given, SAMPLES) for e in (NumpyEngine, ScalarEngine))
-        one = {name: x[4:5] for name, x in given.items()}
-        alone = NumpyEngine(program).run(one, 1)
-        for what, b, c, a in zip(values, batch, scalar, alone, strict=True):
+        inputs = {name: chance.uniform(0.1, 0.9, SAMPLES) for name in program.inputs}
+        batch, scalar = (e(program).run(inputs, SAMPLES) for e in (NumpyEngine, ScalarEngine))
+        single = {name: x[4:5] for name, x in inputs.items()}
+        alone = NumpyEngine(program).run(single, 1)
+        for label, b, c, a in zip(values, batch, scalar, alone, strict=True):
             wide = np.broadcast_to(np.asarray(b, dtype=float), SAMPLES)
             scale = float(np.max(np.abs(wide))) or 1.0
-            yield from self.same(f"scalar {what}", c, wide, scale)
+            yield from self.same(f"scalar {label}", c, wide, scale)
             if not same_bits(np.broadcast_to(np.asarray(a, dtype=float), 1), wide[4:5]):
-                yield f"{what} of a sample alone is not the same as in a batch"
+                yield f"{label} of a sample alone is not the same as in a batch"
 
     rules = (names, values)
 

@@ -2,7 +2,7 @@
 
 A mechanism is made pose first: links are placed at random, joints are put on them,
 and lengths, offsets and branches follow, so it closes in that pose with a margin of
-at least ``least_margin``. Nothing here solves a mechanism.
+at least ``min_margin``. Nothing here solves a mechanism.
 
     from hypothesis import given
     from blockmech.testing.strategies import mechanisms
@@ -29,8 +29,7 @@ from blockmech.friction.laws import Coulomb
 from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.structure import LinkRef
-from blockmech.testing.random_groups import PLACERS, SIZES, Placed, place_group, random_shape
-from blockmech.typing import Arguments, Data
+from blockmech.testing.random_groups import PLACERS, SIZES, Placed, random_group, random_shape
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -63,7 +62,7 @@ class Options:
     sizes : numbers of links and of driven pairs that a general group may have
     masses, loads, springs, friction, gravity : whether they occur
     twists : whether torsion springs occur
-    least_margin : smallest margin [-] of a dyad in the pose
+    min_margin : smallest margin [-] of a dyad in the pose
     """
 
     groups: tuple[int, int] = (1, 5)
@@ -76,7 +75,7 @@ class Options:
     twists: bool = False
     friction: bool = True
     gravity: bool = True
-    least_margin: float = 0.02
+    min_margin: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ class _Draft:
 
     type: str
     numbers: Data
-    places: dict[str, tuple[complex, complex]]  # link -> origin, direction
+    poses: dict[str, tuple[complex, complex]]  # link -> origin, direction
     feeds: dict[str, str]  # joint -> "block.marker"
     drives: dict[str, float] = field(default_factory=dict)  # driver -> coordinate
     markers: dict[str, dict[str, Marker]] = field(default_factory=dict)
@@ -160,7 +159,7 @@ class _Maker:
     # -- places and markers -------------------------------------------------------
 
     def _links(self) -> list[LinkRef]:
-        return [LinkRef(name, link) for name, d in self.drafts.items() for link in d.places]
+        return [LinkRef(name, link) for name, d in self.drafts.items() for link in d.poses]
 
     def _two_links(self) -> tuple[LinkRef, LinkRef]:
         links = self._links()
@@ -172,9 +171,9 @@ class _Maker:
 
         Every third pin, where there is one, goes on a place that others use already.
         """
-        taken = [] if guide else self._points(link)
-        if taken and self.chance.randint(0, 2) == 0:
-            return self.chance.choice(taken)
+        shared = [] if guide else self._points(link)
+        if shared and self.chance.randint(0, 2) == 0:
+            return self.chance.choice(shared)
         return self._new_marker(link, guide)
 
     def _new_marker(self, link: LinkRef, guide: bool = False) -> tuple[str, complex, complex]:
@@ -186,7 +185,7 @@ class _Maker:
         marker = Marker(at=Place(at), angle=angle)
         draft = self.drafts[link.block]
         draft.markers.setdefault(link.link, {})[name] = marker
-        o, e = draft.places[link.link]
+        o, e = draft.poses[link.link]
         return f"{link.block}.{name}", o + e * at, e * marker.direction
 
     def _points(self, link: LinkRef) -> list[tuple[str, complex, complex]]:
@@ -196,15 +195,15 @@ class _Maker:
         that carries it would be a rigid part of that link.
         """
         draft = self.drafts[link.block]
-        cls, (o, e) = REGISTRY[draft.type], draft.places[link.link]
-        places = {
+        cls, (o, e) = REGISTRY[draft.type], draft.poses[link.link]
+        positions = {
             name: complex(draft.numbers[m.along] if m.along else 0.0)
             for name, m in cls.built_in.items()
             if m.link == link.link and not (name in cls.joints and cls.joints[name].outer)
         }
-        given = draft.markers.get(link.link, {})
-        places |= {n: m.at.z for n, m in given.items() if m.angle is None and m.dir is None}
-        return [(f"{link.block}.{name}", o + e * at, e) for name, at in places.items()]
+        markers = draft.markers.get(link.link, {})
+        positions |= {n: m.at.z for n, m in markers.items() if m.angle is None and m.dir is None}
+        return [(f"{link.block}.{name}", o + e * at, e) for name, at in positions.items()]
 
     def _signed(self, low: float, high: float) -> float:
         return self.chance.uniform(low, high) * self.chance.choice((-1, 1))
@@ -217,28 +216,28 @@ class _Maker:
         slide = self.chance.randint(0, 2) == 0
         kind, joint = ("driver.slide", "S") if slide else ("driver.crank", "A")
         source, *spot = self._marker(link, guide=slide or bool(self.chance.randint(0, 1)))
-        made = PLACERS[kind](self.chance, 0.0, spot)
-        assert made is not None
-        self._add(f"drive{len(self.at) + 1}", kind, made, {joint: source})
+        placed = PLACERS[kind](self.chance, 0.0, spot)
+        assert placed is not None
+        self._add(f"drive{len(self.at) + 1}", kind, placed, {joint: source})
 
     def _group(self) -> None:
         kind = self.chance.choice([k for k in self.options.kinds if k in REGISTRY])
         make = self._general if kind == "group.general" else self._dyad
         for _ in range(20):  # places that cannot close well enough are drawn again
-            made, feeds = make(kind)
-            if made is not None:
+            placed, feeds = make(kind)
+            if placed is not None:
                 name = f"group{len(self.drafts)}"
-                self._add(name, kind, made, feeds)
+                self._add(name, kind, placed, feeds)
                 if kind == "group.general":
-                    made.numbers["home"]["drivers"] = self._upstream(name)
+                    placed.numbers["home"]["drivers"] = self._upstream(name)
                 return
             self._forget(feeds.values())
 
-    def _add(self, name: str, kind: str, made: Placed, feeds: dict[str, str]) -> None:
+    def _add(self, name: str, kind: str, placed: Placed, feeds: dict[str, str]) -> None:
         cls = REGISTRY[kind]
         assert issubclass(cls, Moving)
-        drives = {f"{name}.{j}" if cls.own_form else name: q for j, q in made.drives.items()}
-        self.drafts[name] = _Draft(kind, made.numbers, made.places, feeds, drives)
+        drives = {f"{name}.{j}" if cls.own_form else name: q for j, q in placed.drives.items()}
+        self.drafts[name] = _Draft(kind, placed.numbers, placed.poses, feeds, drives)
         self.at |= drives
 
     def _dyad(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
@@ -247,8 +246,8 @@ class _Maker:
             (j.name, *self._marker(link, j.kind == "P"))
             for j, link in zip(joints, self._two_links(), strict=True)
         ]
-        made = PLACERS[kind](self.chance, self.options.least_margin, *(e[2:] for e in ends))
-        return made, {e[0]: e[1] for e in ends}
+        placed = PLACERS[kind](self.chance, self.options.min_margin, *(e[2:] for e in ends))
+        return placed, {e[0]: e[1] for e in ends}
 
     def _general(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
         shape = random_shape(self.chance, self.options.sizes)
@@ -259,8 +258,8 @@ class _Maker:
             if not tie.first
         }
         spots = {name: (p, u) for name, (_, p, u) in ends.items()}
-        made = place_group(self.chance, self.options.least_margin, shape, spots)
-        return made, {name: address for name, (address, _, _) in ends.items()}
+        placed = random_group(self.chance, self.options.min_margin, shape, spots)
+        return placed, {name: address for name, (address, _, _) in ends.items()}
 
     def _upstream(self, name: str) -> dict[str, float]:
         """Coordinates of all drivers on which a block's pose depends."""
@@ -283,7 +282,7 @@ class _Maker:
         if not issubclass(cls, Moving):
             return Frame(markers=draft.markers.get(name, {}))
         links = {}
-        for link in draft.places:
+        for link in draft.poses:
             properties: Data = {"markers": draft.markers.get(link, {})}
             if self.options.masses and self.chance.randint(0, 3):
                 properties["mass"] = self.chance.uniform(0.1, 5.0)
@@ -302,16 +301,16 @@ class _Maker:
         return block.model_copy(update={"friction": friction})
 
     def _elements(self) -> dict[str, tuple[Block, dict[str, str]]]:
-        found: dict[str, tuple[Block, dict[str, str]]] = {}
+        elements: dict[str, tuple[Block, dict[str, str]]] = {}
         links = self._links()
         for i in range(self.chance.randint(0, 2) if self.options.loads else 0):
             where = self._marker(self.chance.choice(links[1:]), guide=False)[0]
             force = Vector(complex(self._signed(1.0, 500.0), self._signed(1.0, 500.0)))
             axes = self.chance.choice(AXES)
-            found[f"force{i}"] = (Force(force=force, axes=axes), {"at": where})
+            elements[f"force{i}"] = (Force(force=force, axes=axes), {"at": where})
         if self.options.loads and self.chance.randint(0, 1):
             where = self._marker(self.chance.choice(links[1:]), guide=False)[0]
-            found["couple"] = (Couple(moment=self._signed(1.0, 200.0)), {"on": where})
+            elements["couple"] = (Couple(moment=self._signed(1.0, 200.0)), {"on": where})
         if self.options.springs and self.chance.randint(0, 1):
             a, b = self._two_links()
             spring = Spring(
@@ -321,7 +320,7 @@ class _Maker:
             )
             # Ends at new places: a spring without length has no direction.
             ends = {"a": self._new_marker(a)[0], "b": self._new_marker(b)[0]}
-            found["spring"] = (spring, ends)
+            elements["spring"] = (spring, ends)
         if self.options.twists and self.chance.randint(0, 1):
             a, b = self._two_links()
             twist = TorsionSpring(
@@ -330,5 +329,5 @@ class _Maker:
                 damping=self.chance.choice((0.0, 2.0)),
             )
             ends = {name: f"{link.block}.{link.link}" for name, link in (("a", a), ("b", b))}
-            found["twist"] = (twist, ends)
-        return found
+            elements["twist"] = (twist, ends)
+        return elements

@@ -20,7 +20,7 @@ from tests.independent import multibody as mb
 
 SIZES = ((4, 0), (4, 0), (6, 0), (3, 1), (5, 1))  # links and driven pairs of general groups
 WHOLE = Options(
-    groups=(2, 4), kinds=(*EVERY, *5 * EVERY[-1:]), sizes=SIZES, twists=True, least_margin=0.1
+    groups=(2, 4), kinds=(*EVERY, *5 * EVERY[-1:]), sizes=SIZES, twists=True, min_margin=0.1
 )
 LOADS = {kind: name for name, kind in mb.KINDS.items()}
 
