@@ -30,6 +30,7 @@ from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.structure import LinkRef
 from blockmech.testing.random_groups import PLACERS, SIZES, Placed, random_group, random_shape
+from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
