@@ -89,7 +89,6 @@ class _Reading:
         drawing = Drawing(self.name or "assembly", source="FreeCAD assembly")
         self.assembly = Assembly(where, drawing)
         self.markers: dict[str, tuple[str, Pose]] = {}  # path -> body, where it is
-        self.joints: dict[str, int] = {}  # its place among those of the assembly
         times = root.first("SimulationParameters")
         self.end = (times.number("tend", 0.0) - times.number("tstart", 0.0)) or 1.0
         root.get("Position3D")
@@ -114,10 +113,7 @@ class _Reading:
             self._force(record)
         if root.all("ConstantGravity"):
             assembly.gravity = np.array(root.numbers("ConstantGravity", 3))
-        drawing = assembly.project()
-        for sentence in root.unread(LOOKS):
-            drawing.note(sentence)
-        return drawing
+        return assembly.project(root, LOOKS)
 
     def _markers(self, owner: Record, path: str, body: str, base: Pose) -> None:
         for point in owner.below("RefPoints"):
@@ -142,10 +138,9 @@ class _Reading:
 
     def _ends(self, record: Record) -> list[tuple[str, Pose]]:
         if joint := record.get("MotionJoint"):
-            index = self.joints.get(joint.rpartition("/")[2])
-            if index is None:
+            match = self.assembly.joints.get(joint.rpartition("/")[2])
+            if match is None:
                 return []
-            match = self.assembly.joints[index]
             return [(match.first, match.pose), (match.second, match.second_pose)]
         names = [record.get("MarkerI"), record.get("MarkerJ")]
         for name in names:
@@ -174,9 +169,8 @@ class _Reading:
                 pose = Pose(pose.origin + offset, pose.axes)
             elif kind in ("bar", "rod"):
                 record.number("distanceIJ", 0.0)
-            self.joints[name] = len(assembly.joints)
             zero = _angle(pose, second_pose)
-            assembly.joints.append(Joint(name, kind, first, second, pose, second_pose, zero))
+            assembly.join(Joint(name, kind, first, second, pose, second_pose, zero))
             record.get("constantIJ")
 
     def _couple(self, record: Record, name: str) -> None:
@@ -190,7 +184,8 @@ class _Reading:
                 assembly.sense(pose, record.where)
             assembly.drawing.wheels.append(Wheels(name, first[0], second[0], sizes))
             return
-        turning = {x for j in assembly.joints if j.kind == "pin" for x in (j.first, j.second)}
+        pins = (j for j in assembly.joints.values() if j.kind == "pin")
+        turning = {x for j in pins for x in (j.first, j.second)}
         rack, pinion = (
             (second, first) if first[0] in turning and second[0] not in turning else (first, second)
         )
@@ -210,12 +205,10 @@ class _Reading:
             record.skip()
             return
         text = record.get("RotationZ" if turns else "TranslationZ")
-        index = self._moved(record)
-        if index is None:
+        if joint := self._moved(record):
+            self.assembly.change(joint, law=self._law(record, text, turns))
+        else:
             drawing.note(f"{name} moves no joint that there is: left out")
-            return
-        law = self._law(record, text, turns)
-        self.assembly.joints[index] = self.assembly.joints[index]._replace(law=law)
 
     def _law(self, record: Record, text: str, turns: bool) -> Data:
         """The law of motion of a formula, none where it is none of time."""
@@ -246,33 +239,30 @@ class _Reading:
             start, end = Pose(origin, basis), Pose(origin + offset[axes[2]] * basis[:, 2], basis)
             assembly.masses[slider] = []
             slide = Joint(slider, "slide", body, slider, start, end, law=law)
-            assembly.joints.append(slide)
+            assembly.join(slide)
             body, origin = slider, end.origin
         start, end = (Pose(marker.origin, x.axes[:, order]) for x in (base, marker))
         law = self._law(record, record.get(f"angIJJ{turning + 1}"), True)
         pin = Joint(f"{name}_turn", "pin", body, last, start, end, _angle(start, end), law)
-        assembly.joints.append(pin)
+        assembly.join(pin)
 
-    def _moved(self, record: Record) -> int | None:
-        """The joint that a record names, or the one between its markers."""
+    def _moved(self, record: Record) -> str:
+        """The joint between the ends of a record, "" where there is none."""
         record.get("MarkerI"), record.get("MarkerJ")
-        if joint := record.get("MotionJoint"):
-            return self.joints.get(joint.rpartition("/")[2])
+        named, joints = record.get("MotionJoint").rpartition("/")[2], self.assembly.joints
         ends = {body for body, _ in self._ends(record)}
-        joints = enumerate(self.assembly.joints)
-        return next((k for k, j in joints if {j.first, j.second} == ends), None)
+        between = (name for name, j in joints.items() if {j.first, j.second} == ends)
+        return named if named in joints else next(between, "")
 
     def _limit(self, record: Record) -> None:
         name, sign = record.get("Name"), record.get("Type").strip()
-        index = self._moved(record)
+        joint = self._moved(record)
         value = Formula(record.get("Limit"), f"{record.where}, {name}")()
-        if index is None or sign not in ("=>", ">=", "=<", "<="):
+        if not joint or sign not in ("=>", ">=", "=<", "<="):
             self.assembly.drawing.note(f"limit {name} of {record.get('MotionJoint')}: left out")
             return
-        joint = self.assembly.joints[index]
-        low, high = joint.limits
-        limits = (value, high) if ">" in sign else (low, value)
-        self.assembly.joints[index] = joint._replace(limits=limits)
+        low, high = self.assembly.joints[joint].limits
+        self.assembly.change(joint, limits=(value, high) if ">" in sign else (low, value))
 
     def _force(self, record: Record) -> None:
         """A force along the line of two markers that is a spring and damper."""

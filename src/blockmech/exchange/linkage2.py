@@ -27,17 +27,9 @@ from blockmech.ground.values import numbered_name
 RPM = math.tau / 60
 ROOM = 9e-4  # by which Linkage keeps the diameter of an arc above the distance of its limits
 LOOKS = {"zoom", "xoffset", "yoffset", "draw", "drawcircle", "name", "layer", "color", "linesize"}
-LOOKS |= {
-    "measurement",
-    "selected",
-    "solid",
-    "locked",
-    "fillcolor",
-    "usercolor",
-    "labels",
-    "showlabels",
-}
-LOOKS |= {"viewlayers", "editlayers", "smoothdrawing", "showdata", "showdimensions", "background"}
+LOOKS |= {"measurement", "selected", "solid", "locked", "fillcolor", "usercolor", "labels"}
+LOOKS |= {"showlabels", "viewlayers", "editlayers", "smoothdrawing", "showdata", "showdimensions"}
+LOOKS |= {"background"}
 UNITS = {"millimeters": "mm", "inches": "in"}
 
 

@@ -104,10 +104,7 @@ class _Reading:
             if self.links[body] != FRAME and name not in assembly.drawing.points:
                 assembly.drawing.points[name] = assembly.flat(pose.origin)
                 assembly.drawing.links.setdefault(self.links[body], []).append(name)
-        drawing = assembly.project()
-        for sentence in root.unread(LOOKS):
-            drawing.note(sentence)
-        return drawing
+        return assembly.project(root, LOOKS)
 
     # -- places -------------------------------------------------------------------
 
@@ -198,7 +195,7 @@ class _Reading:
         kinds = {"hinge": "pin", "slide": "slide", "ball": "ball"}
         joint = Joint(key, kinds[kind], base, link, at, at, limits=limits)
         joint = joint._replace(stiffness=stiffness, rest=rest, damping=damping)
-        self.assembly.joints.append(joint)
+        self.assembly.join(joint)
 
     def _masses(self, record: Record, pose: Pose, inherited: str) -> list[Mass]:
         inertial = record.all("inertial")
@@ -279,7 +276,7 @@ class _Reading:
         if record.tag == "weld":
             record.consumed |= {"relpose", "torquescale", "anchor"}
         kind = "ball" if record.tag == "connect" else "weld"
-        assembly.joints.append(Joint(name, kind, *ends, at, second_at or at))
+        assembly.join(Joint(name, kind, *ends, at, second_at or at))
 
     def _ratio(self, record: Record, name: str) -> None:
         driven, leading = record.get("joint1"), record.get("joint2")
@@ -293,7 +290,7 @@ class _Reading:
             self.assembly.ratios.append(Ratio(name, leading, driven, coefficients))
         else:
             law = {"law": "constant_rate", "rate": 0.0, "from": coefficients[0]}
-            self._moved(driven, law=law | {"to": coefficients[0]})
+            self.assembly.change(driven, law=law | {"to": coefficients[0]})
 
     def _actuator(self, record: Record) -> None:
         joint = record.get("joint") or record.get("jointinparent")
@@ -302,7 +299,7 @@ class _Reading:
             self.assembly.drawing.note(f"actuator {name}: left out")
             record.skip()
             return
-        self._moved(joint, law={})
+        self.assembly.change(joint, law={})
 
     def _scale(self, total: float) -> None:
         """Scale all masses so that they sum up to a total [kg], if that is positive."""
@@ -311,12 +308,6 @@ class _Reading:
         if total > 0:
             for several in masses.values():
                 several[:] = [Mass(m.mass * factor, m.centre, m.inertia * factor) for m in several]
-
-    def _moved(self, name: str, **motion: object) -> None:
-        joints = self.assembly.joints
-        for k, joint in enumerate(joints):
-            if joint.name == name:
-                joints[k] = joint._replace(**motion)  # type: ignore[arg-type]
 
 
 READER = Reader(

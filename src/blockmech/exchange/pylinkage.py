@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
 from typing import Any
 
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, direction
@@ -21,17 +20,17 @@ from blockmech.ground.values import free_name
 from blockmech.typing import Record
 
 STEP = "rates of pylinkage are radians a step: a step was taken as a second"
-LOOKS: tuple[str, ...] = (
-    "name",
-    "version",
-    "ground",
-    "distance",
-    "angle",
-    "radius",
-    "length",
-    "slide_distance",
-)
+LOOKS: tuple[str, ...] = ("name", "version", "ground", "distance", "angle", "radius", "length")
 LOOKS += ("line_point", "initial_angle", "ref_joint1_id", "ref_joint2_id", "color", "order")
+LOOKS += ("slide_distance",)
+DRIVEN = ("Crank", "ArcCrank", "LinearActuator")
+RIGID = ("FixedDyad", "PointTracker")
+DYADS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "RRRDyad": (("anchor1", "anchor2"), ()),
+    "RRPDyad": (("revolute_anchor",), ("line",)),
+    "PPDyad": ((), ("line1", "line2")),
+}
+"""Dyad of components -> its anchors at the ends of bars, and the lines on which it slides."""
 LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
 
 
@@ -150,30 +149,19 @@ class _Components:
         self.where = where
         self.drawing = Drawing(str(linkage.name), source="pylinkage object")
         self.names: dict[int, str] = {}
-        kinds: dict[str, Callable[[Any, str], None]] = {
-            "Ground": self._ground,
-            "Crank": self._crank,
-            "ArcCrank": self._crank,
-            "LinearActuator": self._actuator,
-            "RRRDyad": self._rrr,
-            "RRPDyad": self._rrp,
-            "PPDyad": self._pp,
-            "FixedDyad": self._fixed,
-            "PointTracker": self._fixed,
-        }
         for i, part in enumerate(linkage.components):
             kind = type(part).__name__
             name = str(part.name) if not str(part.name).isdigit() else f"{kind}_{i}"
             name = free_name(name, self.drawing.points)
             self.names[id(part)] = name
-            if kind not in kinds:
+            if kind not in ("Ground", *DRIVEN, *RIGID, *DYADS):
                 self.drawing.note(f"{name} is a {kind}: left out")
                 continue
             if part.x is None or part.y is None:
                 raise wrong(where, f"{name} has no position yet", "", "run one step of it first")
             coordinates = (number(v, f"{where}, {name}") for v in (part.x, part.y))
             self.drawing.points[name] = complex(*coordinates)
-            kinds[kind](part, name)
+            self._part(part, kind, name)
 
     def _of(self, anchor: Any) -> str:
         part = getattr(anchor, "_parent", anchor)
@@ -185,8 +173,22 @@ class _Components:
         if self.drawing.link_of(points) in (None, FRAME):
             self.drawing.links["_".join(points)] = list(points)
 
-    def _ground(self, part: Any, name: str) -> None:
-        self.drawing.fixed.add(name)
+    def _part(self, part: Any, kind: str, name: str) -> None:
+        if kind == "Ground":
+            self.drawing.fixed.add(name)
+        elif kind == "LinearActuator":
+            self._actuator(part, name)
+        elif kind in DRIVEN:
+            self._crank(part, name)
+        elif kind in RIGID:
+            anchors = [self._of(part.anchor1), self._of(part.anchor2)]
+            _rigid(self.drawing, name, anchors, self.where)
+        else:
+            bars, lines = DYADS[kind]
+            for anchor in bars:
+                self._bar(self._of(getattr(part, anchor)), name)
+            for line in lines:
+                self._line([self._of(getattr(part, f"{line}_anchor{k}")) for k in (1, 2)], name)
 
     def _crank(self, part: Any, name: str) -> None:
         anchor = self._of(part.anchor)
@@ -212,29 +214,13 @@ class _Components:
         position = self.drawing.points[name]
         self.drawing.pairs.append(Pair(FRAME, slider, at, angle, drive, position))
 
-    def _rrr(self, part: Any, name: str) -> None:
-        for anchor in (part.anchor1, part.anchor2):
-            self._bar(self._of(anchor), name)
-
-    def _line(self, anchors: tuple[Any, Any], name: str) -> None:
-        ends = [self._of(anchor) for anchor in anchors]
+    def _line(self, ends: list[str], name: str) -> None:
         on = self.drawing.link_of(ends)
         if on is None:
             on = "_".join(ends)
             raise wrong(self.where, f"{name} slides between {on}, points of two links")
         angle = direction(self.drawing.points[ends[0]], self.drawing.points[ends[1]], self.where)
         self.drawing.slots.setdefault(name, []).append(Slot(angle, on))
-
-    def _rrp(self, part: Any, name: str) -> None:
-        self._bar(self._of(part.revolute_anchor), name)
-        self._line((part.line_anchor1, part.line_anchor2), name)
-
-    def _pp(self, part: Any, name: str) -> None:
-        self._line((part.line1_anchor1, part.line1_anchor2), name)
-        self._line((part.line2_anchor1, part.line2_anchor2), name)
-
-    def _fixed(self, part: Any, name: str) -> None:
-        _rigid(self.drawing, name, [self._of(part.anchor1), self._of(part.anchor2)], self.where)
 
 
 def recognises(text: str) -> bool:

@@ -41,21 +41,12 @@ KINDS = {
     "gearbox": "gearbox",
 }
 WORLD = "world"
-LOOKS = {
-    "visual",
-    "collision",
-    "material",
-    "sensor",
-    "plugin",
-    "name",
-    "version",
-    "safety_controller",
-}
-LOOKS |= {"calibration", "self_collide", "light", "scene", "physics", "gui", "effort", "velocity"}
-LOOKS |= {"audio_source", "projector", "wind", "enable_wind", "allow_auto_disable", "stiffness"}
-LOOKS |= {"dissipation", "xmlns", "provide_feedback", "kinematic", "gravity", "canonical_link"}
-LOOKS |= {"magnetic_field", "atmosphere", "spherical_coordinates", "state", "hardwareInterface"}
-LOOKS |= {"type"}
+LOOKS = {"visual", "collision", "material", "sensor", "plugin", "name", "version"}
+LOOKS |= {"safety_controller", "calibration", "self_collide", "light", "scene", "physics", "gui"}
+LOOKS |= {"effort", "velocity", "audio_source", "projector", "wind", "enable_wind", "stiffness"}
+LOOKS |= {"allow_auto_disable", "dissipation", "provide_feedback", "kinematic", "gravity"}
+LOOKS |= {"canonical_link", "magnetic_field", "atmosphere", "spherical_coordinates", "state"}
+LOOKS |= {"hardwareInterface", "actuator", "type"}
 
 
 class _Tree:
@@ -116,7 +107,7 @@ class _Tree:
             self.assembly.drawing.wheels.append(Wheels(name, *ends, sizes))
             return
         joint = Joint(name, KINDS[kind], *ends, *poses, limits=limits, stiffness=stiffness)
-        self.assembly.joints.append(joint._replace(rest=rest, damping=damping))
+        self.assembly.join(joint._replace(rest=rest, damping=damping))
 
     def mimic(self, record: Record, name: str, leading: str) -> None:
         """A coordinate that follows another one in proportion."""
@@ -124,14 +115,6 @@ class _Tree:
         factor = record.number("multiplier", 1.0)
         law = (offset - factor * reference, factor)
         self.assembly.ratios.append(Ratio(f"mimic_{name}", leading, name, law))
-
-    def project(self, root: Record, gravity: list[float]) -> Drawing:
-        """The drawing, with what was not read among its notes."""
-        self.assembly.gravity = np.array(gravity)
-        drawing = self.assembly.project()
-        for sentence in root.unread(LOOKS):
-            drawing.note(sentence)
-        return drawing
 
 
 def _bound(limit: Record, key: str, default: float) -> float:
@@ -191,7 +174,8 @@ def read_urdf(text: str, where: str) -> Drawing:
         _sdf_joint(name, scopes)
     for record in root.all("transmission", "ros2_control"):
         _drive(record, tree)
-    return tree.project(root, [0.0, 0.0, -9.81])
+    tree.assembly.gravity = np.array([0.0, 0.0, -9.81])
+    return tree.assembly.project(root, LOOKS)
 
 
 def _origin(record: Record, outer: Pose) -> Pose:
@@ -220,11 +204,10 @@ def _drive(record: Record, tree: _Tree) -> None:
     joints = record.all("joint")
     if record.tag == "ros2_control":
         joints = [joint for joint in joints if joint.all("command_interface")]
-    driven = {joint.get("name") for joint in joints}
     record.skip()
-    for k, joint in enumerate(tree.assembly.joints):
-        if joint.name in driven and joint.kind in ("pin", "slide"):
-            tree.assembly.joints[k] = joint._replace(law={})
+    for name in {joint.get("name") for joint in joints} & tree.assembly.joints.keys():
+        if tree.assembly.joints[name].kind in ("pin", "slide"):
+            tree.assembly.change(name, law={})
 
 
 # -- SDF -----------------------------------------------------------------------------------
@@ -253,7 +236,8 @@ def read_sdf(text: str, where: str) -> Drawing:
     for name in scopes.joints:
         _sdf_joint(name, scopes)
     gravity = next((w.numbers("gravity", 3) for w in worlds if w.get("gravity")), None)
-    return tree.project(root, gravity or [0.0, 0.0, -9.8])
+    tree.assembly.gravity = np.array(gravity or [0.0, 0.0, -9.8])
+    return tree.assembly.project(root, LOOKS)
 
 
 class _Scopes:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,9 @@ from blockmech.exchange.drawing import (
     scaled,
     together,
 )
-from blockmech.exchange.parsing import wrong
-from blockmech.typing import Data, Record
+from blockmech.exchange.parsing import Record, wrong
+from blockmech.ground.values import numbered_name
+from blockmech.typing import Data
 
 Array = NDArray[np.float64]
 FLAT = 1e-6  # [-] what an axis may lean
@@ -124,7 +125,7 @@ class Joint(NamedTuple):
     pose: Pose
     second_pose: Pose
     zero: float = 0.0
-    law: Record | None = None
+    law: Data | None = None
     limits: tuple[float, float] = FREE
     stiffness: float = 0.0
     rest: float = 0.0
@@ -138,12 +139,23 @@ class Assembly:
     where: str
     drawing: Drawing
     masses: dict[str, list[Mass]] = field(default_factory=dict)
-    joints: list[Joint] = field(default_factory=list)
+    joints: dict[str, Joint] = field(default_factory=dict)
     ratios: list[Ratio] = field(default_factory=list)
     gravity: Array = field(default_factory=lambda: np.zeros(3))
 
-    def project(self) -> Drawing:
-        """The drawing of it all in its plane. Raises `FormatError` for what leaves the plane."""
+    def join(self, joint: Joint) -> None:
+        """Add a joint, under a name of its own."""
+        self.joints[numbered_name(joint.name, self.joints)] = joint
+
+    def change(self, joint: str, **fields: Any) -> None:
+        """Replace some fields of a joint."""
+        self.joints[joint] = self.joints[joint]._replace(**fields)
+
+    def project(self, root: Record, looks: Iterable[str]) -> Drawing:
+        """The drawing of it all in its plane, with notes of what was not read, but for looks.
+
+        Raises `FormatError` for what leaves the plane.
+        """
         drawing = self.drawing
         drawing.free = True
         for body, masses in self.masses.items():
@@ -151,13 +163,13 @@ class Assembly:
                 drawing.links.setdefault(body, [])
             if body != FRAME and masses:
                 drawing.inertias[body] = together(map(self._flat_mass, masses))
-        senses = {joint.name: self._joint(joint) for joint in list(self.joints)}
+        senses = {joint.name: self._joint(joint) for joint in list(self.joints.values())}
         for ratio in self.ratios:
             leading, driven = senses.get(ratio.leading, 1), senses.get(ratio.driven, 1)
             signed = tuple(driven * c * leading**k for k, c in enumerate(ratio.coefficients))
             drawing.ratios.append(ratio._replace(coefficients=signed))
         gone: dict[str, str] = {}  # welded body -> what it belongs to
-        for joint in self.joints:
+        for joint in self.joints.values():
             first, second = (_last(body, gone) for body in (joint.first, joint.second))
             if joint.kind == "weld" and first != second:
                 first, second = (second, first) if second == FRAME else (first, second)
@@ -165,13 +177,16 @@ class Assembly:
                 drawing.weld(first, second)
         self._tidy()
         drawing.gravity = self.flat(self.gravity)
+        for sentence in root.unread(looks):
+            drawing.note(sentence)
         return drawing
 
     @cached_property
     def plane(self) -> tuple[Array, Array, Array]:
         """Normal, x and y of the plane across the axis that most pins have, or along all slides."""
         kinds = ("pin", "cylinder", "flat", "rod", "slide")
-        several = {k: [j.pose.axes[:, 2] for j in self.joints if j.kind == k] for k in kinds}
+        joints = self.joints.values()
+        several = {k: [j.pose.axes[:, 2] for j in joints if j.kind == k] for k in kinds}
         kind, axes = next(((k, x) for k, x in several.items() if x), ("", []))
         if not axes:
             raise wrong(self.where, "it has no joint that turns or slides", "a planar mechanism")
@@ -251,14 +266,14 @@ class Assembly:
 
         Raises `FormatError` where it does.
         """
-        ends = [x for j in self.joints for x in (j.first, j.second)]
+        ends = [x for j in self.joints.values() for x in (j.first, j.second)]
         alone = next((x for x in (joint.second, joint.first) if ends.count(x) == 1), None)
         if alone in (None, FRAME):
             message = "its axis is not parallel to the others"
             slid = "it slides out of the plane"
             raise wrong(at, message if joint.kind == "pin" else slid, "a planar mechanism")
         self.drawing.note(f"{alone} moves out of the plane at {joint.name}: it is held as drawn")
-        self.joints.append(joint._replace(name=f"{joint.name}, held", kind="weld"))
+        self.join(joint._replace(name=f"{joint.name}, held", kind="weld"))
 
     def _turning(self, pair: Pair, joint: Joint, sense: float) -> Pair:
         """A pin with what counts along its coordinate, from the drawn pose."""
@@ -308,7 +323,7 @@ def _same(first: Pair, second: Pair, size: float) -> bool:
     return abs(math.sin(first.angle - second.angle)) < FLAT
 
 
-def _counted(law: Record, zero: float, sense: float) -> Data:
+def _counted(law: Data, zero: float, sense: float) -> Data:
     """A law of motion less the coordinate of the drawn pose, counted in a sense.
 
     Turns are taken off so that it begins near the drawn pose.
@@ -319,6 +334,6 @@ def _counted(law: Record, zero: float, sense: float) -> Data:
     key = starts.get(law["law"], "from")
     start = law[key][0] if key == "values" else law[key]
     zero += math.tau * round((start - zero) / math.tau)
-    moved = {x: law[x] for x in ("from", "to", "mean", "values") if x in law}
+    moved: Data = {x: law[x] for x in ("from", "to", "mean", "values") if x in law}
     less = {k: [x - zero for x in v] if k == "values" else v - zero for k, v in moved.items()}
     return scaled({**law, **less}, sense)
