@@ -83,11 +83,8 @@ def rubbed(law, mu, slipping, t_end, z0=0.0, stop=-math.inf, restitution=0.0):
     struck.terminal, struck.direction = True, -1
     t, y, watch = 0.0, np.array([2.0, 0.0, z0]), struck if stop > -math.inf else None
     while t < t_end:
-        solution = solve_ivp(slope, (t, t_end), y, "Radau", rtol=1e-11, atol=1e-14, events=watch)
-        t, y = (
-            solution.t[-1],
-            solution.y[:, -1] * (1.0, -restitution if solution.status else 1.0, 1.0),
-        )
+        found = solve_ivp(slope, (t, t_end), y, "Radau", rtol=1e-11, atol=1e-14, events=watch)
+        t, y = found.t[-1], found.y[:, -1] * (1.0, -restitution if found.status else 1.0, 1.0)
     return y
 
 
