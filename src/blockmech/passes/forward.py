@@ -243,7 +243,7 @@ def _user_marker(structure: Structure, marker: MarkerRef) -> Marker:
 
 def arm_of(s: Schedule, link: LinkRef, at: Formula, name: str) -> Value:
     """Arm of a place given in a link's frame."""
-    z: complex = s.here(at)
+    z: complex = s.planned(at)
     if z == 0:
         return ZERO
     if link == s.structure.frame_link:
@@ -281,7 +281,7 @@ def marker_direction(s: Schedule, marker: MarkerRef) -> Value:
 def _turned(s: Schedule, link: LinkRef, u: Formula, key: tuple[Any, ...], name: str) -> Value:
     """A direction given in a link's frame, in ground axes."""
     e = s.ask(link_position, link).scalar
-    if s.here(u) == 1:
+    if s.planned(u) == 1:
         return e
     slot = s.parameter(key, u, f"dir_{name}")
     return slot if e == ONE else s.line(e * slot, f"{name}_u")

@@ -143,7 +143,7 @@ class Prismatic(Statics):
         if owner.block != ref.block:
             arm = s.ask(slider_arm, ref, later)
             couple -= own.N * dot(arm, s.ask(guide_direction, ref))
-        elif s.here(along := _along(ref, owner)):
+        elif s.planned(along := _along(ref, owner)):
             couple -= own.N * s.parameter(("along", ref), along, f"along_{ref}_S")
         return s.line(planar(own.N, couple), f"{ref}_slide")
 

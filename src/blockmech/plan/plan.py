@@ -223,10 +223,11 @@ class Schedule:
 
     def copied(self) -> Schedule:
         """The same so far; what is asked of one is not known to the other."""
-        other = copy.copy(self)
-        own = {k: v.copy() for k, v in vars(self).items() if isinstance(v, list | dict | set)}
-        vars(other).update(own)
-        return other
+        schedule = copy.copy(self)
+        for name, x in vars(self).items():
+            if isinstance(x, list | dict | set):
+                setattr(schedule, name, x.copy())
+        return schedule
 
     def under(self, load: UnitLoad) -> Schedule:
         """The same program, asked about the mechanism at rest under a unit load alone.
@@ -234,10 +235,10 @@ class Schedule:
         No friction acts, and drivers are held. Poses are those of this schedule, and what leans
         on one side or the other in it (teeth, chains) does so there.
         """
-        other = copy.copy(self)
-        other.unit_load, other.static, other.friction = load, True, Friction("none")
-        other._answers, other._loaded = {}, self.loaded
-        return other
+        schedule = copy.copy(self)
+        schedule.unit_load, schedule.static, schedule.friction = load, True, Friction("none")
+        schedule._answers, schedule._loaded = {}, self.loaded
+        return schedule
 
     @property
     def loaded(self) -> Schedule:
@@ -249,7 +250,7 @@ class Schedule:
         rule: Callable[..., Any],
         block: str,
         neighbours: Callable[[str], Iterable[str]],
-        *more: Hashable,
+        *key: Hashable,
     ) -> None:
         """Ask the same of everything a block waits for, nearest to the answered ones first.
 
@@ -259,17 +260,17 @@ class Schedule:
         order = self._order
         waiting, stack = {block}, [block]
         while stack:
-            for other in neighbours(stack.pop()):
-                if other in order and other not in waiting:
-                    if (rule, other, *more) in self._answers:
+            for neighbour in neighbours(stack.pop()):
+                if neighbour in order and neighbour not in waiting:
+                    if (rule, neighbour, *key) in self._answers:
                         continue
-                    waiting.add(other)
-                    stack.append(other)
+                    waiting.add(neighbour)
+                    stack.append(neighbour)
         waiting.discard(block)
         upstream = sorted(waiting, key=lambda b: order[b])
         down = bool(upstream) and order[upstream[0]] > order[block]
-        for other in reversed(upstream) if down else upstream:
-            self.ask(rule, other, *more)
+        for name in reversed(upstream) if down else upstream:
+            self.ask(rule, name, *key)
 
     def emit(self, function: Callable[..., Any], *args: Value, name: str) -> Value:
         """Emit a call of a pure function; the same call twice is one line."""
@@ -291,12 +292,12 @@ class Schedule:
 
     def sum(self, terms: Iterable[Value], name: str, nothing: Value = NOUGHT) -> Value:
         """Emit a sum in the order given, without zeros; ``nothing`` is the sum of no terms."""
-        kept = [x for x in terms if not x.zero]
-        if not kept:
+        nonzero = [x for x in terms if not x.zero]
+        if not nonzero:
             return nothing
-        total = kept[0]
-        for start in range(1, len(kept), LONGEST_SUM):
-            parts = (total, *kept[start : start + LONGEST_SUM])
+        total = nonzero[0]
+        for start in range(1, len(nonzero), LONGEST_SUM):
+            parts = (total, *nonzero[start : start + LONGEST_SUM])
             total = self._add(" + ".join([x.text for x in parts]), name)
         return total
 
@@ -323,8 +324,8 @@ class Schedule:
             self.formulas[self._slots[key].text] = formula
         return self._slots[key]
 
-    def here(self, formula: Formula) -> Any:
-        """What a formula says of the planned design: rules leave out what is zero there."""
+    def planned(self, formula: Formula) -> Any:
+        """A parameter of the planned design: rules leave out what is zero there."""
         return formula(self.structure, self.scene)
 
     def input(self, quantity: str, driver: str) -> Value:
@@ -348,15 +349,15 @@ class Schedule:
 
     def program(self, outputs: Iterable[Value]) -> Program:
         """The finished program that returns these values."""
-        wanted = tuple(map(str, outputs))
+        names = tuple(map(str, outputs))
         inputs = tuple(sorted(self.inputs))
         body = [f"    {name} = {text}" for name, text in self.lines]
         head = [f"def program({', '.join((*inputs, 'P'))}):"]
         if self.formulas:
             head.append(f"    {', '.join(self.formulas)}, = P")
-        result = f"    return ({', '.join(wanted)}{',' if wanted else ''})"
+        result = f"    return ({', '.join(names)}{',' if names else ''})"
         source = "\n".join([*head, *body, result]) + "\n"
-        parameters = {name: self.here(formula) for name, formula in self.formulas.items()}
+        parameters = {name: self.planned(formula) for name, formula in self.formulas.items()}
         return Program(
             source,
             inputs,
@@ -364,7 +365,7 @@ class Schedule:
             dict(self.functions),
             dict(self.formulas),
             parameters,
-            wanted,
+            names,
             self.kernel_calls,
         )
 
@@ -401,9 +402,9 @@ class Undefined(float):
     why: str
 
     def __new__(cls, why: str) -> Undefined:
-        made = super().__new__(cls, "nan")
-        made.why = why
-        return made
+        number = super().__new__(cls, "nan")
+        number.why = why
+        return number
 
 
 class Output(NamedTuple):
@@ -444,8 +445,8 @@ def _identifier(name: str) -> str:
     return f"_{word}" if not word or word[0].isdigit() else word
 
 
-def _counted(n: int, what: str) -> str:
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+def _counted(n: int, noun: str) -> str:
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 @dataclass(frozen=True, repr=False)
@@ -505,11 +506,11 @@ class Plan:
 
         def add(call: Node, needed: Iterable[Node]) -> None:
             graph.add_node(call, block=call[0], stage=call[1])
-            for other in needed:
-                if other != call:
-                    kind = TRAVELS[other[1]]
-                    way = "back" if kind in BACK else "forward"
-                    graph.add_edge(other, call, kind=kind, way=way)
+            for source in needed:
+                if source != call:
+                    kind = TRAVELS[source[1]]
+                    direction = "back" if kind in BACK else "forward"
+                    graph.add_edge(source, call, kind=kind, way=direction)
 
         lines, calls = self.steps
         start = 0
@@ -530,9 +531,9 @@ class Plan:
         calls, outputs = _counted(self.calls, "kernel call"), _counted(len(self.want), "output")
         rows = [f"{calls} for {outputs}"]
         for stage in STAGES:
-            what = "load at" if stage == "force" else "rate of"
+            unit = "unit load at" if stage == "force" else "unit rate of"
             blocks = [
-                e.block + (f" (unit {what} {e.driver})" if e.driver else "")
+                e.block + (f" ({unit} {e.driver})" if e.driver else "")
                 for e in self.entries
                 if e.stage == stage
             ]

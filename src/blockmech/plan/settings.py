@@ -19,18 +19,18 @@ def friction_asked(method: FrictionMethod | None) -> Friction:
     if not isinstance(method, Successive):
         method = "newton" if method is None else method
         if not isinstance(method, str) or method not in METHODS:
-            found = f"no friction method {shown(method)}"
+            message = f"no friction method {shown(method)}"
             valid = f"methods: {listed(METHODS)}, bm.friction.Successive(...)"
-            raise refused("friction", found, valid=valid, code="unknown-method")
+            raise refused("friction", message, valid=valid, code="unknown-method")
         return Friction(method)
     problems = []
     tolerance, iterations = method.tolerance, method.iterations
     if tolerance is not None and not (is_number(tolerance) and tolerance >= 0):
-        found = f"must be >= 0 N, got {tolerance!r}"
-        problems.append(Problem("bad-value", "tolerance", found, "", ""))
+        message = f"must be >= 0 N, got {tolerance!r}"
+        problems.append(Problem("bad-value", "tolerance", message, "", ""))
     if iterations is not None and not is_count(iterations):
-        found = f"must be a whole number, at least 1, got {iterations!r}"
-        problems.append(Problem("bad-value", "iterations", found, "", ""))
+        message = f"must be a whole number, at least 1, got {iterations!r}"
+        problems.append(Problem("bad-value", "iterations", message, "", ""))
     if problems:
         raise RequestError(problems)
     return Friction(
@@ -43,12 +43,12 @@ def friction_asked(method: FrictionMethod | None) -> Friction:
 def check_chunk(chunk: int | None) -> None:
     """Raise `RequestError` for a number of samples at once that is none."""
     if chunk is not None and not is_count(chunk):
-        found = f"must be a whole number, at least 1 sample, got {chunk!r}"
-        raise refused("chunk", found, code="bad-value")
+        message = f"must be a whole number, at least 1 sample, got {chunk!r}"
+        raise refused("chunk", message, code="bad-value")
 
 
 def check_switch(name: str, value: object) -> None:
     """Raise `RequestError` for a switch that is neither on nor off."""
     if not isinstance(value, bool | np.bool_):
-        found = f"must be True or False, got {value!r}"
-        raise refused(name, found, code="bad-value")
+        message = f"must be True or False, got {value!r}"
+        raise refused(name, message, code="bad-value")

@@ -36,8 +36,8 @@ class Value:
     def __repr__(self) -> str:
         return f"Value({self.text})"
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Value) and self.text == other.text
+    def __eq__(self, value: object) -> bool:
+        return isinstance(value, Value) and self.text == value.text
 
     def __hash__(self) -> int:
         return hash(self.text)
