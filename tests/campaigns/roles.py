@@ -92,7 +92,7 @@ def compared(seed: int, accuracy: float) -> tuple[float, float, list[str], Any]:
         )
     linkage = bm.Linkage.from_data(data)
     if stop is not None:
-        linkage.stop(stop[0], low=stop[1], high=stop[2], restitution=stop[3])
+        linkage.add_stop(stop[0], low=stop[1], high=stop[2], restitution=stop[3])
     request = {"accuracy": accuracy, "roles": roles, "want": ()}
     motion = linkage.compile().simulate(f"time={SPAN}", **request).motion
     drivers, drives = list(case["drivers"]), dict[int, driven.Drive]()

@@ -144,8 +144,8 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
         remedy = "add a frame with a marker for each pivot and guide"
         yield Problem("no-frame", "blocks", "no block of type frame", one, remedy)
     for name in frames[1:]:
-        found = f"a second frame beside {frames[0]}"
-        yield Problem("two-frames", name, found, one, f"move its markers to {frames[0]}")
+        message = f"a second frame beside {frames[0]}"
+        yield Problem("two-frames", name, message, one, f"move its markers to {frames[0]}")
     for name, block in blocks.items():
         if isinstance(block, UnknownBlock):
             yield REGISTRY.unknown(block.type, name)
@@ -162,11 +162,11 @@ def _branch_problems(blocks: Blocks, ends: Iterable[Ends]) -> Iterator[Problem]:
         drivers = list(driven_joints({n: b for n, b in blocks.items() if n in above}))
         named = list(block.home.drivers)  # type: ignore[attr-defined]
         if len(drivers) != 1:
-            found = f"it is moved by {len(drivers)} drivers, not by one that leads from home"
-            yield Problem("many-drivers", f"{name}.branch", found, "", "give the branch -1 or 1")
+            message = f"it is moved by {len(drivers)} drivers, not by one that leads from home"
+            yield Problem("many-drivers", f"{name}.branch", message, "", "give the branch -1 or 1")
         elif named != drivers:
-            where, found = f"{name}.home.drivers", f"it names {listed(named)}"
-            yield Problem("wrong-home", where, found, f"the dyad is moved by {drivers[0]}")
+            where, message = f"{name}.home.drivers", f"it names {listed(named)}"
+            yield Problem("wrong-home", where, message, f"the dyad is moved by {drivers[0]}")
 
 
 def _group_problems(blocks: Blocks) -> Iterator[Problem]:
@@ -180,8 +180,8 @@ def _group_problems(blocks: Blocks) -> Iterator[Problem]:
             try:
                 findings = diagnose(block.link_names, block.structural, {SUPPORTS}, driven)
             except TooTangledError:
-                found = f"{len(block.link_names)} links stand in too many loops to be judged"
-                yield Problem("too-tangled", where, found, "", "take the group apart")
+                message = f"{len(block.link_names)} links stand in too many loops to be judged"
+                yield Problem("too-tangled", where, message, "", "take the group apart")
                 continue
             for finding in findings:
                 remedy = "move a pair from an over-constrained link to a loose one"

@@ -35,7 +35,7 @@ def cycle_problem(
     blocks: Mapping[str, AnyBlock], wires: Iterable[Wire], names: Sequence[str], told: bool
 ) -> Problem:
     """The problem that names blocks in a cycle and, if it is to be ``told``, what they are."""
-    found = "the blocks wait for each other"
+    message = "the blocks wait for each other"
     remedy = "re-wire a joint of one of them to an earlier block"
     if told:
         sources = {wire.target: wire.source for wire in wires}
@@ -44,7 +44,7 @@ def cycle_problem(
             for target, source in sources.items()
             if all(split_address(end, blocks)[0] in names for end in (source, target))
         ]
-        found += f": {listed(inside)}"
+        message += f": {listed(inside)}"
         ring = {name: b for name in names if isinstance(b := blocks[name], Moving)}
         links = {f"{name}.{link}" for name, block in ring.items() for link in block.link_names}
         pairs = _pairs(blocks, ring, sources)
@@ -52,8 +52,8 @@ def cycle_problem(
         try:
             what, text = waiting(links, pairs, {p.first for p in pairs} - links, drivers)
         except TooTangledError:
-            return Problem("cycle", listed(names), found, RULE, remedy)
-        found += f"; {text}"
+            return Problem("cycle", listed(names), message, RULE, remedy)
+        message += f"; {text}"
         remedy = "wire the links as separate groups in that order"
         if not what.complete:
             remedy = "re-wire a joint of an over-constrained link to a loose or an earlier link"
@@ -61,7 +61,7 @@ def cycle_problem(
             group = f"group.general block of class {roman(what.units[0].number)}"
             remedy = f"replace {listed(names)} by one {group}, "
             remedy += "or re-wire a joint to a link that already moves"
-    return Problem("cycle", listed(names), found, RULE, remedy)
+    return Problem("cycle", listed(names), message, RULE, remedy)
 
 
 def waiting(

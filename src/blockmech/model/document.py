@@ -234,11 +234,11 @@ def _attributes(cls: type) -> tuple[str, ...]:
 def _unknown_attribute(cls: type, name: str, known: tuple[str, ...]) -> Problem:
     """The problem of an attribute that cannot be set."""
     methods = [n for n, m in inspect.getmembers(cls, callable) if not n.startswith("_")]
-    found = f'there is no attribute "{name}" to set'
+    message = f'there is no attribute "{name}" to set'
     if name in methods:
-        found = f"{name}() is called, not set"
+        message = f"{name}() is called, not set"
     elif hasattr(cls, name):
-        found = f"{name} follows from the rest, and is not set"
+        message = f"{name} follows from the rest, and is not set"
     remedy = "" if hasattr(cls, name) else close_match(name, [*known, *methods])
     valid = f"attributes: {listed(sorted(known), len(known))}"
-    return Problem("unknown-attribute", f"{cls.__name__}.{name}", found, valid, remedy)
+    return Problem("unknown-attribute", f"{cls.__name__}.{name}", message, valid, remedy)

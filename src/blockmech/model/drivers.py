@@ -55,9 +55,9 @@ def driver_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
             yield unknown_name("unknown-driver", "driver", driver, where, drivers)
     for driver, role in scene.motion.items():
         if role == "prescribed" and driver not in scene.drive and driver in drivers:
-            found, where = f"{driver} has no law of motion", scene.address("motion", driver)
+            message, where = f"{driver} has no law of motion", scene.address("motion", driver)
             remedy = f"give it one in {scene.address('drive', driver)}, or lock it"
-            yield Problem("no-law", where, found, "", remedy)
+            yield Problem("no-law", where, message, "", remedy)
 
 
 def _is_coordinate(blocks: Blocks, name: str) -> bool:
@@ -78,22 +78,22 @@ def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
                 yield unknown_name("unknown-driver", "driver", driver, f"{name}.{key}", drivers)
             elif key == "driven":
                 wrong = unknown_name("unknown-driver", "driver", driver, f"{name}.{key}", drivers)
-                found = f"{driver} is a place on a link, not a driver"
+                message = f"{driver} is a place on a link, not a driver"
                 remedy = "a wheel that is fixed leads: name it as the driver"
-                yield replace(wrong, found=found, remedy=remedy)
+                yield replace(wrong, found=message, remedy=remedy)
         if coupling.driven in led:
-            found = f"{coupling.driven} follows already by {led[coupling.driven]}"
+            message = f"{coupling.driven} follows already by {led[coupling.driven]}"
             valid, remedy = (
                 "a driver follows one coupling",
                 "let one of them drive the other's driver",
             )
-            yield Problem("coupled-twice", f"{name}.driven", found, valid, remedy)
+            yield Problem("coupled-twice", f"{name}.driven", message, valid, remedy)
         led.setdefault(coupling.driven, name)
     for section, driver in scene.drivers():
         if driver in led:
-            found = f"{driver} follows by {led[driver]}, and has no motion of its own"
+            message = f"{driver} follows by {led[driver]}, and has no motion of its own"
             remedy = f"give it to the driver that leads: {blocks[led[driver]].driver}"  # type: ignore[union-attr]
-            yield Problem("coupled-driver", scene.address(section, driver), found, "", remedy)
+            yield Problem("coupled-driver", scene.address(section, driver), message, "", remedy)
 
 
 def _misfits(blocks: Blocks, drivers: Drivers, name: str, key: str) -> Iterator[Problem]:
@@ -104,16 +104,16 @@ def _misfits(blocks: Blocks, drivers: Drivers, name: str, key: str) -> Iterator[
     _, other = drivers.get(coupling.driver if side else coupling.driven, ("", None))
     pairs = {p for p in coupling.pairs if p[side] == joint.kind}
     if not pairs or (side and other and f"{other.kind}{joint.kind}" not in pairs):
-        found = f"{driver} is {joint.pair.word}: {coupling.type_name} does not couple it"
+        message = f"{driver} is {joint.pair.word}: {coupling.type_name} does not couple it"
         if pairs and other:
-            found += f" with {coupling.driver}, which is {other.pair.word}"
+            message += f" with {coupling.driver}, which is {other.pair.word}"
         known = (" with ".join(PAIRS[k].word for k in p) for p in coupling.pairs)
         words = f"it couples {', or '.join(known)}"
-        yield Problem("coupling-mismatch", f"{name}.{key}", found, words)
+        yield Problem("coupling-mismatch", f"{name}.{key}", message, words)
     elif coupling.meshes and not isinstance(blocks[block], DrivingLink):
-        found = f"{driver} is a driven pair inside the group {block}"
+        message = f"{driver} is a driven pair inside the group {block}"
         valid = "cranks and slide drives mesh; coupling.ratio couples any drivers"
-        yield Problem("coupling-mismatch", f"{name}.{key}", found, valid)
+        yield Problem("coupling-mismatch", f"{name}.{key}", message, valid)
 
 
 def _is_marker(blocks: Blocks, address: str) -> bool:
@@ -146,7 +146,7 @@ def loop_problems(dag: nx.DiGraph, blocks: Blocks) -> Iterator[Problem]:
         if source == target or nx.has_path(dag, target, source):
             way = [target] if source == target else nx.shortest_path(dag, target, source)
             driven = couplings_of(blocks)[name].driven
-            found = f"{driven} leads back to itself: {' -> '.join([*way, way[0]])}"
+            message = f"{driven} leads back to itself: {' -> '.join([*way, way[0]])}"
             valid, remedy = "couplings lead one way", "take a coupling out, or turn one round"
-            yield Problem("coupling-loop", f"{name}.driven", found, valid, remedy)
+            yield Problem("coupling-loop", f"{name}.driven", message, valid, remedy)
             return

@@ -162,9 +162,9 @@ def _place_frames(graph: Content, flat: Flat, frames: dict[str, Frame]) -> None:
                 break
         else:
             names = list(waiting)
-            found = f"the frames stand on each other: {listed(names)}"
+            message = f"the frames stand on each other: {listed(names)}"
             valid = "a frame stands on a link that moves without it, or on the outer frame"
-            flat.problems.append(Problem("cycle", names[0], found, valid))
+            flat.problems.append(Problem("cycle", names[0], message, valid))
             full = names[0]
             name, on = full.partition(".")[0], ""
         frame = waiting.pop(full)

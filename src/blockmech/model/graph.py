@@ -137,9 +137,9 @@ class Graph(Document):
                 if isinstance(block, Subgraph) and block.content is None:
                     self.blocks[name] = self._opened(name, block)
             if self.size > files.blocks:
-                found = f"{self.size:.6g} blocks with those of graphs inside"
+                message = f"{self.size:.6g} blocks with those of graphs inside"
                 valid = f"a mechanism has at most {files.blocks}"
-                raise GraphError(Problem("too-large", "blocks", found, valid))
+                raise GraphError(Problem("too-large", "blocks", message, valid))
         return flattened(self)
 
     def _opened(self, name: str, block: Subgraph) -> Subgraph:
@@ -178,8 +178,8 @@ class Graph(Document):
     def scene(self, scene: Scene) -> None:
         """Replace the scene. Raises `GraphError` for what is none."""
         if not isinstance(scene, Scene):
-            found = f"{type(scene).__name__} is no scene"
-            raise GraphError(Problem("wrong-type", "Graph.scene", found, "", Scene.remade))
+            message = f"{type(scene).__name__} is no scene"
+            raise GraphError(Problem("wrong-type", "Graph.scene", message, "", Scene.remade))
         self.__dict__["_scene"] = scene
 
     @property
@@ -210,8 +210,8 @@ class Graph(Document):
                 raise GraphError(REGISTRY.unknown(block, name))
             block = REGISTRY[block](**keys)
         elif keys:
-            found, remedy = f"{listed(keys)} beside a block", "give them to the block"
-            raise GraphError(Problem("wrong-value", name, found, "", remedy))
+            message, remedy = f"{listed(keys)} beside a block", "give them to the block"
+            raise GraphError(Problem("wrong-value", name, message, "", remedy))
         if isinstance(block, Graph):
             block = Subgraph(graph=block)  # type: ignore[arg-type]
         problem = checks.name_problem(self.blocks, name, block)
@@ -266,9 +266,9 @@ class Graph(Document):
         Raises `GraphError` for what is not a law.
         """
         if not isinstance(law, LawOfMotion):
-            where, found = f"scene.drive.{driver}", f"{type(law).__name__} is not a law of motion"
+            where, message = f"scene.drive.{driver}", f"{type(law).__name__} is not a law of motion"
             remedy = f'e.g. drive("{driver}", bm.motion.ConstantRate(rate=10.0))'
-            raise GraphError(Problem("not-a-law", where, found, "", remedy))
+            raise GraphError(Problem("not-a-law", where, message, "", remedy))
         self._give("drive", driver, law)
 
     @declared
@@ -347,9 +347,9 @@ def _unfit(content: Graph) -> Iterator[Problem]:
     """What is wrong with a graph as a part of another one."""
     frames = [n for n, b in content.blocks.items() if isinstance(b, Frame)]
     if len(frames) > 1:
-        found = f"it has two frames: {frames[0]} and {frames[1]}"
+        message = f"it has two frames: {frames[0]} and {frames[1]}"
         valid = "a graph has one fixed link"
-        yield Problem("two-frames", "", found, valid, f"move the markers to {frames[0]}")
+        yield Problem("two-frames", "", message, valid, f"move the markers to {frames[0]}")
     yield from content._flattened().problems
     if content.parameters:
         try:

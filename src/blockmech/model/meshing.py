@@ -46,9 +46,9 @@ def _changing_distance(s: Structure, name: str) -> Iterator[Problem]:
         place = _guide(s, pivot).p
         one = abs(place - about) <= ROUNDED * (abs(place) + abs(about))
         if not (one and s.driver_joint(driver).rotary):
-            found = f"{near.on} carries the one wheel about {pivot}, not about the other "
-            found += f"wheel's centre {far}, so their distance changes"
-            yield Problem("coupling-mismatch", name, found, "", SAME_CARRIER)
+            message = f"{near.on} carries the one wheel about {pivot}, not about the other "
+            message += f"wheel's centre {far}, so their distance changes"
+            yield Problem("coupling-mismatch", name, message, "", SAME_CARRIER)
             return
         link = pivot.on
 

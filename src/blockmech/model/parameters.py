@@ -224,12 +224,12 @@ def _spellings(path: Path) -> Iterator[str]:
 
 
 def _unknown(address: object, known: Mapping[str, Parameter]) -> Problem:
-    found = "no number of the mechanism has that address"
+    message = "no number of the mechanism has that address"
     head = str(address).split(".")[0]
     near = [a for a in known if a.split(".")[0] == head]
     valid = f"addresses there: {listed(near or known, 16)}"
     remedy = close_match(str(address), list(known))
-    return Problem("unknown-parameter", str(address), found, valid, remedy)
+    return Problem("unknown-parameter", str(address), message, valid, remedy)
 
 
 def number_at(data: Any, path: Path) -> Any:

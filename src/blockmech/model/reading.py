@@ -55,20 +55,20 @@ def decoded(raw: bytes, shown: str) -> str:
     UTF-8 with the mark that some editors put in front is read as well.
     """
     if len(raw) > LARGEST:
-        found = f"too large: more than {LARGEST / 1e6:.0f} MB"
+        message = f"too large: more than {LARGEST / 1e6:.0f} MB"
         valid, remedy = "a graph file is shorter", "check that it is a graph file"
-        raise _refused(shown, "too-large", "", found, valid, remedy)
+        raise _refused(shown, "too-large", "", message, valid, remedy)
     encoding = json.detect_encoding(raw)
-    found, where = f"the text is {encoding[:6].upper()}", "line 1, column 1"
+    message, where = f"the text is {encoding[:6].upper()}", "line 1, column 1"
     try:
         if encoding.startswith("utf-8"):
             return raw.removeprefix(codecs.BOM_UTF8).decode()
     except UnicodeDecodeError as error:
         before = raw[: error.start].decode(errors="replace")
-        found = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
+        message = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
         where = place(before, len(before))
     valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
-    raise _refused(shown, "wrong-encoding", where, found, valid, remedy)
+    raise _refused(shown, "wrong-encoding", where, message, valid, remedy)
 
 
 def _refused(shown: str, *problem: str) -> FormatError:

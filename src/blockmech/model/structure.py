@@ -195,18 +195,18 @@ class Structure:
         if coupling.fixed and support != own:
             carriers = []
         if not carriers:
-            found = f"the centres of {coupling.driver} and {coupling.driven} are on {support} "
-            found += f"and {own}"
-            found += "" if coupling.fixed else ", and neither hangs on the other by driven pairs"
+            message = f"the centres of {coupling.driver} and {coupling.driven} are on {support} "
+            message += f"and {own}"
+            message += "" if coupling.fixed else ", and neither hangs on the other by driven pairs"
             groups = [k for k in (support, own) if k.block in self.blocks]
             free = [str(k) for k in groups if self.blocks[k.block].closes]
             remedy = f"couple drivers on one link: none counts how {listed(free)} turns"
             remedy = remedy if free else SAME_CARRIER
-            raise GraphError(Problem("coupling-mismatch", name, found, "", remedy))
+            raise GraphError(Problem("coupling-mismatch", name, message, "", remedy))
         if leader is not None and not self.joint(leader).rotary:
             if support != own:
-                found = f"{coupling.driver} slides on {support}, {coupling.driven} turns on {own}"
-                raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
+                message = f"{coupling.driver} slides on {support}, {coupling.driven} turns on {own}"
+                raise GraphError(Problem("coupling-mismatch", name, message, "", SAME_CARRIER))
             return follower
         terms = self._between(name, link, carriers[0])
         return follower._replace(terms=terms, added=self._between(name, carriers[0], own))
@@ -215,9 +215,9 @@ class Structure:
         """Drivers whose coordinates add up to the angle of a link against another one."""
         over, under = self.turning(link), self.turning(base)
         if next(reversed(over)) != next(reversed(under)):
-            found = f"no driver turns {next(reversed(over))} by itself, so its turns do not count"
+            message = f"no driver turns {next(reversed(over))} by itself, so its turns do not count"
             valid = "wheels and their carrier hang on the frame by driven pairs alone"
-            raise GraphError(Problem("coupling-mismatch", name, found, valid))
+            raise GraphError(Problem("coupling-mismatch", name, message, valid))
         mine, others = (set(filter(None, x.values())) for x in (over, under))
         terms = [(d, 1) for d in over.values() if d and d not in others]
         return (*terms, *((d, -1) for d in under.values() if d and d not in mine))

@@ -133,8 +133,8 @@ class Resolver:
     def inside(self, document: str) -> Iterator[None]:
         """Inside, graphs are parts of a document. Raises `FormatError` for too many in a row."""
         if len(self.documents) == self.depth:
-            found = f"graphs are nested more than {self.depth} deep"
-            raise FormatError(Problem("too-deep", "blocks", found, "", "write some of them out"))
+            message = f"graphs are nested more than {self.depth} deep"
+            raise FormatError(Problem("too-deep", "blocks", message, "", "write some of them out"))
         self.documents.append(os.path.abspath(document) if document else "")
         try:
             yield
@@ -150,8 +150,8 @@ class Resolver:
         same = _one_file(path)
         if same in map(_one_file, filter(None, self.documents)):
             files = (*dict.fromkeys(filter(None, self.documents)), path)
-            found = f"it holds itself: {' -> '.join(map(os.path.basename, files))}"
-            raise FormatError(Problem("cycle", where, found, "a graph is no part of itself"))
+            message = f"it holds itself: {' -> '.join(map(os.path.basename, files))}"
+            raise FormatError(Problem("cycle", where, message, "a graph is no part of itself"))
         if same not in self.graphs:
             try:
                 self.graphs[same] = self._loaded(path, file, where, load)
@@ -164,17 +164,17 @@ class Resolver:
     def _loaded(self, path: str, file: str, where: str, load: Callable[[str], Content]) -> Content:
         self.size -= os.path.getsize(path)
         if self.size < 0:
-            found = "the files of graphs inside are too large together"
-            raise FormatError(Problem("too-large", "blocks", found))
+            message = "the files of graphs inside are too large together"
+            raise FormatError(Problem("too-large", "blocks", message))
         try:
             return load(path)
         except FormatError as error:
             if NO_GRAPH.isdisjoint(p.code for p in error.problems):
                 raise
-            place, found = error.problems[0].where, f'"{file}" is no graph'
-            found += f" ({place})" if place.startswith("line") else ""
+            place, message = error.problems[0].where, f'"{file}" is no graph'
+            message += f" ({place})" if place.startswith("line") else ""
             remedy = "open it by itself to see what is wrong"
-            raise FormatError(Problem("no-graph", where, found, "", remedy)) from None
+            raise FormatError(Problem("no-graph", where, message, "", remedy)) from None
 
     def _path(self, file: str, folder: str, where: str) -> str:
         """Path of a graph's file. Raises `FormatError` with the places where it was looked for.
@@ -185,16 +185,18 @@ class Resolver:
         places = [folder, *filter(None, os.environ.get(FOLDERS, "").split(os.pathsep))]
         beside = os.path.realpath(os.path.join(folder, file))
         if self.root and not Path(beside).is_relative_to(os.path.realpath(self.root)):
-            found = f'"{file}" is outside of the folder whose files are read'
+            message = f'"{file}" is outside of the folder whose files are read'
             remedy = "put the file into the folder"
-            raise FormatError(Problem("not-inside", where, found, "", remedy))
+            raise FormatError(Problem("not-inside", where, message, "", remedy))
         for path in chain((os.path.join(place, file) for place in places), _in_packages(file)):
             if os.path.isfile(path):
                 return os.path.normpath(path)
-        found = f'there is no file "{file}"'
+        message = f'there is no file "{file}"'
         nearby = "beside the document" if folder else "in the working folder"
         valid = f"looked for {nearby}, in the folders of {FOLDERS} and in installed libraries"
-        raise FormatError(Problem("no-file", where, found, valid, "check the name and the folder"))
+        raise FormatError(
+            Problem("no-file", where, message, valid, "check the name and the folder")
+        )
 
 
 _CURRENT: ContextVar[Resolver | None] = ContextVar("resolver", default=None)
@@ -225,8 +227,8 @@ def _in_packages(file: str) -> Iterator[str]:
         try:
             yield os.fspath(files(point.value).joinpath(rest))  # type: ignore[call-overload]
         except (ImportError, TypeError) as error:
-            found = f"the library {point.value} failed to load: {error}"
-            wrong = Problem("broken-plugin", library, found, "", "repair or uninstall it")
+            message = f"the library {point.value} failed to load: {error}"
+            wrong = Problem("broken-plugin", library, message, "", "repair or uninstall it")
             raise FormatError(wrong) from error
 
 

@@ -51,8 +51,8 @@ def unwired(blocks: Blocks, fed: Container[str]) -> Iterator[Problem]:
         for port, takes in inlets(block).items():
             if (end := f"{name}.{port}") not in fed:
                 one, source = ("input", "output") if takes == SIGNAL else ("joint", "marker")
-                found, remedy = "nothing is wired to it", f'connect("block.{source}", "{end}")'
-                yield Problem("unwired-joint", end, found, f"every {one} is fed once", remedy)
+                message, remedy = "nothing is wired to it", f'connect("block.{source}", "{end}")'
+                yield Problem("unwired-joint", end, message, f"every {one} is fed once", remedy)
 
 
 def checked_wires(
@@ -86,9 +86,9 @@ def wire_problems(
     elif problems[0].code == "not-a-marker":
         yield problems[0]
     else:
-        found, valid = "a wire does not end there", "a wire runs from a marker to a joint"
+        message, valid = "a wire does not end there", "a wire runs from a marker to a joint"
         remedy = f"turn the wire round: {wire.turned}"
-        yield Problem(problems[0].code, wire.target, found, valid, remedy)
+        yield Problem(problems[0].code, wire.target, message, valid, remedy)
 
 
 def _joins(blocks: Blocks, ends: Ends) -> bool:
@@ -124,12 +124,12 @@ def _source_problems(blocks: Blocks, wire: Wire, sensed: Sensed) -> Any:
     elif not isinstance(block, Block) or sensed:
         return None
     elif isinstance(block, Coupling | Element):
-        found, remedy = f"{block.type_name} has no markers", f"turn the wire round: {wire.turned}"
+        message, remedy = f"{block.type_name} has no markers", f"turn the wire round: {wire.turned}"
         valid = "a wire starts at a marker of a link and ends at the element"
         if isinstance(block, Coupling):
-            found = "a coupling has no markers"
+            message = "a coupling has no markers"
             valid, remedy = "a coupling names its drivers, and takes no wires", "remove the wire"
-        yield Problem("not-a-marker", wire.source, found, valid, remedy)
+        yield Problem("not-a-marker", wire.source, message, valid, remedy)
     elif name not in block.all_markers:
         add = "add the marker to a link of the block"
         yield unknown_name(
@@ -148,32 +148,32 @@ def _target_problems(
         return
     ports = [port for port, x in inlets(block).items() if (x == SIGNAL) == bool(sensed)]
     if name not in ports:
-        found, remedy = f'no joint "{name}"', close_match(name, ports)
+        message, remedy = f'no joint "{name}"', close_match(name, ports)
         valid = f"joints that take a wire: {listed(ports)}" if ports else "it takes no wires"
         if sensed:
-            found, valid = f'no input "{name}" for signals', f"inputs there: {listed(ports)}"
+            message, valid = f'no input "{name}" for signals', f"inputs there: {listed(ports)}"
             valid = valid if ports else OF_SIGNALS
             if isinstance(block, Following) and not ports:
-                found, remedy = "its law is no signal", 'give it the law {"kind": "signal"}'
+                message, remedy = "its law is no signal", 'give it the law {"kind": "signal"}'
         elif name in block.joints:
-            found = "an inner joint takes no wire"
-        yield Problem("unknown-joint", wire.target, found, valid, remedy)
+            message = "an inner joint takes no wire"
+        yield Problem("unknown-joint", wire.target, message, valid, remedy)
         return
     if fed is not None:
-        found = f"already fed by {fed.source}, cannot also take {wire.source}"
+        message = f"already fed by {fed.source}, cannot also take {wire.source}"
         valid, remedy = "has one source", f"remove one of: {fed}; {wire}"
         valid = f"an input {valid}" if sensed else f"a joint {valid}"
-        yield Problem("double-wire", wire.target, found, valid, remedy)
+        yield Problem("double-wire", wire.target, message, valid, remedy)
     ends = wire.apart(blocks)
     if not sensed and ends.source == ends.target:
-        found = f"fed by {wire.source} of the same block"
+        message = f"fed by {wire.source} of the same block"
         valid = "a joint is fed by an earlier block"
-        yield Problem("self-wire", wire.target, found, valid, "wire it to another block")
+        yield Problem("self-wire", wire.target, message, valid, "wire it to another block")
     if inlets(block)[name] == "guide" and _pointlike(marker):
-        found = f"a prismatic joint needs a guide, {wire.source} is a point"
+        message = f"a prismatic joint needs a guide, {wire.source} is a point"
         valid = "a guide is a marker with a direction"
         remedy = f'give {wire.source} an "angle" [rad] or a "dir" [dx, dy]'
-        yield Problem("pair-mismatch", wire.target, found, valid, remedy)
+        yield Problem("pair-mismatch", wire.target, message, valid, remedy)
 
 
 def _end(blocks: Blocks, wire: Wire, end: str, sensed: Sensed) -> Any:
@@ -185,8 +185,8 @@ def _end(blocks: Blocks, wire: Wire, end: str, sensed: Sensed) -> Any:
     carried = port in getattr(blocks.get(name), "all_markers", ())
     if not (name and port) or ("." in port and not sensed and not carried):
         kinds = '"block.output" or "block.input"' if sensed else '"block.joint" or "block.marker"'
-        found, valid = f'not an address, in wire "{wire}"', f"an address is {kinds}"
-        yield Problem("bad-address", str(end) or '""', found, valid)
+        message, valid = f'not an address, in wire "{wire}"', f"an address is {kinds}"
+        yield Problem("bad-address", str(end) or '""', message, valid)
     elif name in blocks:
         return blocks[name], port
     elif end == wire.target or name not in (sensed or ()):

@@ -1,4 +1,4 @@
-"""Outputs: every name that can be wanted, its unit and its rule; and the plan for some.
+"""Outputs block by block: every name that can be wanted, its unit and its rule.
 
 Names are those of the graph, so the outputs of a mechanism are derived from its
 blocks, joints and markers. An output asks rules for the values that it needs and
@@ -38,16 +38,7 @@ from blockmech.passes import (
     signals,
 )
 from blockmech.plan.plan import REPORTS, STAGES, Friction, Output, Plan, Reader, Schedule
-from blockmech.plan.values import (
-    NOUGHT,
-    ONE,
-    UNIT,
-    ZERO,
-    Value,
-    angle,
-    minimum,
-    planar,
-)
+from blockmech.plan.values import NOUGHT, ONE, UNIT, ZERO, Value, angle, minimum, planar
 from blockmech.result.quality import at_most_one
 from blockmech.signals.contract import Signal
 from blockmech.typing import Load
@@ -72,13 +63,17 @@ def _ratio_angle(sine: Any, cosine: Any) -> Any:
     return np.arctan2(sine, cosine)
 
 
-def _real(name: str, unit: str, rule: Callable[..., Value], *key: Any, **more: str) -> Output:
+def _real(
+    name: str, unit: str, rule: Callable[..., Value], *key: Any, **declaration: str
+) -> Output:
     """An output whose only value is the answer of one rule."""
-    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _same, **more)
+    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _same, **declaration)
 
 
-def _vector(name: str, unit: str, rule: Callable[..., Value], *key: Any, **more: str) -> Output:
-    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _same, **more)
+def _vector(
+    name: str, unit: str, rule: Callable[..., Value], *key: Any, **declaration: str
+) -> Output:
+    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _same, **declaration)
 
 
 IN_PROGRAMS: Mapping[Reader, Callable[..., Value]] = {
@@ -92,14 +87,14 @@ IN_PROGRAMS: Mapping[Reader, Callable[..., Value]] = {
 
 def in_program(output: Output) -> Callable[..., Value] | None:
     """How a program reads an output: (schedule, *values) -> a value; None where it cannot."""
-    whole, part = output.read, ""
-    if isinstance(whole, partial) and whole.func is _part:
-        whole, part = whole.args
-    if output.kind != "real" or whole not in IN_PROGRAMS:
+    reader, part = output.read, ""
+    if isinstance(reader, partial) and reader.func is _part:
+        reader, part = reader.args
+    if output.kind != "real" or reader not in IN_PROGRAMS:
         return None
 
     def reading(s: Schedule, *values: Value) -> Value:
-        value = IN_PROGRAMS[whole](*values)
+        value = IN_PROGRAMS[reader](*values)
         return s.line(getattr(value, part) if part else value, output.name)
 
     return reading
@@ -137,9 +132,9 @@ def outputs_of(structure: Structure) -> Iterator[Part[Output]]:
 
 def _signal_outputs(name: str, signal: Signal) -> Iterator[Output]:
     for port in signal.ports:
-        words = f"{'output' if port in signal.outputs else 'state'} of the signal block"
+        label = f"{'output' if port in signal.outputs else 'state'} of the signal block"
         unit = signal.port_unit(port)
-        yield _real(f"{name}.{port}", unit, signals.output, name, port, words=words)
+        yield _real(f"{name}.{port}", unit, signals.output, name, port, words=label)
 
 
 def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
@@ -165,9 +160,16 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
         yield _vector(f"{name}.force", "N", lambda s: load(s).F, **ends)
         yield _real(f"{name}.moment", "N m", lambda s: load(s).M, **ends)
         readings = structure.couplings[name].readings(structure.coupled_pair(name))
-        for what, read in readings.items():
-            more = {**ends, "words": read.about}
-            yield _real(f"{name}.{what}", read.unit, forces.coupling_reading, driver, read, **more)
+        for quantity, read in readings.items():
+            declaration = {**ends, "words": read.about}
+            yield _real(
+                f"{name}.{quantity}",
+                read.unit,
+                forces.coupling_reading,
+                driver,
+                read,
+                **declaration,
+            )
 
 
 def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
@@ -194,13 +196,11 @@ def _driver_outputs(structure: Structure, name: str) -> Iterator[Output]:
         return
     yield _real(f"{name}.drive", effort, forces.drive, name, **ends)
     yield _real(f"{name}.drive_by_reduction", effort, reduction.drive_by_reduction, name)
-    yield Output(
-        f"{name}.power",
-        "W",
-        "real",
-        lambda s: (s.ask(forces.drive, name), s.input("qd", name)),
-        lambda a, b: a * b,
-    )
+
+    def effort_and_rate(s: Schedule) -> tuple[Value, Value]:
+        return s.ask(forces.drive, name), s.input("qd", name)
+
+    yield Output(f"{name}.power", "W", "real", effort_and_rate, lambda a, b: a * b)
     yield _real(f"{name}.J_red", inertia, reduction.inertia, name, name)
     yield _real(f"{name}.tau_red", effort, reduction.reduced_load, name)
     if len(structure.drivers) == 1:
@@ -265,28 +265,23 @@ def _coordinate(structure: Structure, ref: JointRef, by: str, on: str) -> Output
 
     def directions(s: Schedule) -> tuple[Value, Value]:
         ends = structure.earlier_link(ref), structure.later_link(ref)
-        one, other = (s.ask(forward.link_position, link).scalar for link in ends)
-        return one, other
+        earlier, later = (s.ask(forward.link_position, link).scalar for link in ends)
+        return earlier, later
 
     return Output(name, "rad", "real", directions, _between, by, on)
 
 
-def _between(one: Any, other: Any) -> Any:
+def _between(first: Any, second: Any) -> Any:
     """Angle [rad] from one direction to the other, between -pi and pi."""
-    cross = one.real * other.imag - one.imag * other.real
-    return np.arctan2(cross, one.real * other.real + one.imag * other.imag)
+    cross = first.real * second.imag - first.imag * second.real
+    return np.arctan2(cross, first.real * second.real + first.imag * second.imag)
 
 
 def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     yield _real(f"{name}.margin", "", forward.margin, name)._replace(read=at_most_one)
     if structure.blocks[name].kernels.transmission is not None:
-        yield Output(
-            f"{name}.transmission_angle",
-            "rad",
-            "real",
-            lambda s: energy.transmission(s, name),
-            _ratio_angle,
-        )
+        angle = f"{name}.transmission_angle"
+        yield Output(angle, "rad", "real", lambda s: energy.transmission(s, name), _ratio_angle)
     joints = [JointRef(name, joint) for joint in structure.blocks[name].joints]
     rubbing = tuple(ref for ref in joints if friction.rubs(structure, ref))
     if friction.knows_existence(structure, name, rubbing):
@@ -296,29 +291,16 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     driver = structure.drivers[0]
     head = structure.driver_joint(driver)
     inertia = "kg m2" if head.rotary else "kg"
-    words = f"share of this block in {driver}.{{}}; those of all blocks add up to it"
-    yield _real(
-        f"{name}.J_red",
-        inertia,
-        reduction.share_of_inertia,
-        name,
-        driver,
-        driver,
-        words=words.format("J_red"),
-    )
-    yield _real(
-        f"{name}.tau_red",
-        head.effort_unit,
-        reduction.share_of_load,
-        name,
-        driver,
-        words=words.format("tau_red"),
-    )
+    label = f"share of this block in {driver}.{{}}; those of all blocks add up to it"
+    share = reduction.share_of_inertia, name, driver, driver
+    yield _real(f"{name}.J_red", inertia, *share, words=label.format("J_red"))
+    load = reduction.share_of_load, name, driver
+    yield _real(f"{name}.tau_red", head.effort_unit, *load, words=label.format("tau_red"))
 
 
 def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
-    def of(what: str, unit: str, kind: Any, ask: Any, read: Reader) -> Output:
-        return Output(f"mechanism.{what}", unit, kind, ask, read)
+    def of(quantity: str, unit: str, kind: Any, ask: Any, read: Reader) -> Output:
+        return Output(f"mechanism.{quantity}", unit, kind, ask, read)
 
     yield _real("mechanism.kinetic_energy", "J", energy.kinetic)
     yield _real("mechanism.potential_energy", "J", energy.potential)
@@ -380,10 +362,10 @@ class Catalogue(Mapping[str, Output]):
         return output
 
     def _output(self, name: str) -> Output:
-        if (known := self.by_owner.get(name)) is not None:
-            return known if self._of_document is None else self._of_document(known)
-        whole, _, end = name.rpartition(".")
-        if end not in PARTS or (of := self[whole]).kind != "vector":
+        if (item := self.by_owner.get(name)) is not None:
+            return item if self._of_document is None else self._of_document(item)
+        vector, _, end = name.rpartition(".")
+        if end not in PARTS or (of := self[vector]).kind != "vector":
             raise KeyError(name)
         return of._replace(name=name, kind="real", read=partial(_part, of.read, PARTS[end]))
 
@@ -396,11 +378,11 @@ class Catalogue(Mapping[str, Output]):
     def __repr__(self) -> str:
         return f"<outputs {listed(self, 8)}>"
 
-    def extended(self, more: Iterable[Output]) -> Catalogue:
+    def extended(self, extra: Iterable[Output]) -> Catalogue:
         """The catalogue with more outputs behind its own."""
-        other = copy.copy(self)
-        other._more = {**self._more, **{output.name: output for output in more}}
-        return other
+        catalogue = copy.copy(self)
+        catalogue._more = {**self._more, **{output.name: output for output in extra}}
+        return catalogue
 
     def match(self, want: Iterable[str]) -> tuple[str, ...]:
         """Names that the patterns ask for, in their order, those of one in the catalogue's.
@@ -413,10 +395,12 @@ class Catalogue(Mapping[str, Output]):
             if pattern in self:
                 matched[pattern] = None
                 continue
-            fits = re.compile(fnmatch.translate(pattern)).match
+            matches = re.compile(fnmatch.translate(pattern)).match
             start, last = WILD.split(pattern, maxsplit=1)[0], pattern.rpartition(".")[2]
             last = "" if WILD.search(last) else last
-            names = [n for n in chain(self.by_owner.beginning(start, last), self._more) if fits(n)]
+            names = [
+                n for n in chain(self.by_owner.beginning(start, last), self._more) if matches(n)
+            ]
             if not names:
                 problems.append(unknown_output(pattern, self, self))
             matched.update(dict.fromkeys(names))
@@ -495,18 +479,16 @@ def _contact_quality(s: Schedule, block: str) -> Iterator[Report]:
 def _friction_quality(s: Schedule, block: str) -> Iterator[Report]:
     """How the friction of a block was solved, and which of its pairs rest."""
     structure, joints = s.structure, s.ask(friction.friction_joints, block)
-    pairs_here = [
-        (ref, *at) for ref in joints if (at := s.ask(forces.friction_at, ref)) is not None
-    ]
-    if not pairs_here:
+    contacts = [(ref, *at) for ref in joints if (at := s.ask(forces.friction_at, ref)) is not None]
+    if not contacts:
         return
-    solved = s.ask(forces.solution, block) or pairs_here[0][1]
-    what = ("iterations", "residual", "contraction", "outcome", "limit")
-    yield "friction", block, tuple(getattr(solved, x) for x in what)
+    solved = s.ask(forces.solution, block) or contacts[0][1]
+    numbers = ("iterations", "residual", "contraction", "outcome", "limit")
+    yield "friction", block, tuple(getattr(solved, x) for x in numbers)
     if (c := s.ask(forces.existence, block)) is not None:
         yield "existence", block, (c,)
-    for ref, by, i in pairs_here:
+    for ref, by, i in contacts:
         if structure.separates(ref):
             continue
-        held = s.ask(friction.held, ref, by.g[i])
-        yield "rest", structure.pair_name(ref), (s.ask(friction.rest, ref), held)
+        capacity = s.ask(friction.held, ref, by.g[i])
+        yield "rest", structure.pair_name(ref), (s.ask(friction.rest, ref), capacity)

@@ -62,7 +62,7 @@ class Reading(NamedTuple):
 
 
 def outputs_by_link(
-    structure: Structure, names: Names, known: Mapping[str, Output]
+    structure: Structure, names: Names, of_blocks: Mapping[str, Output]
 ) -> Callable[[Reading], Output]:
     """What makes the outputs of a joint-based document of their `readings`.
 
@@ -70,13 +70,13 @@ def outputs_by_link(
     ----------
     structure : of the graph that was made of the document
     names : where links and joints of the document are in the graph
-    known : the graph's outputs by name
+    of_blocks : the graph's outputs by name
     """
     link_names = {str(ref): link for ref, link in names.of_links.items()}
     link_names[str(structure.frame_link)] = "frame"
 
     def made(reading: Reading) -> Output:
-        parts = [(known[name], sign) for name, sign in reading.parts]
+        parts = [(of_blocks[name], sign) for name, sign in reading.parts]
         output = _sum(parts) if len(parts) > 1 or parts[0][1] < 0 else parts[0][0]
         if reading.turn or reading.wrapped:
             output = _rotated(output, reading.turn)
@@ -88,74 +88,80 @@ def outputs_by_link(
     return made
 
 
-def readings(structure: Structure, names: Names, known: ByOwner[Output]) -> Iterator[Part[Reading]]:
+def readings(
+    structure: Structure, names: Names, outputs: ByOwner[Output]
+) -> Iterator[Part[Reading]]:
     """The name table of a document: drivers, links, joints, loads, signals, the whole."""
     pairs = {pair.joint: pair.links for pair in names.joints.values()}
     driven = {ref: driver for driver, ref in structure.driven.items()}
 
-    def of(owner: str, make: Callable[..., Iterator[Reading]], *more: Any) -> Part[Reading]:
+    def of(owner: str, make: Callable[..., Iterator[Reading]], *arguments: Any) -> Part[Reading]:
         """An owner's readings, without outputs of the graph that there are not."""
-        return owner, _present, (known, make, more)
+        return owner, _present, (outputs, make, arguments)
 
     for ref, driver in driven.items():
         yield of(f"driver.{driver}", _of_driver, driver, pairs.get(ref))
     for link, at in names.links.items():
         yield of(f"link.{link}", _of_link, link, at, at.link == structure.frame_link)
     for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
-        yield of(f"joint.{pin}", _of_pin, pin, dict(entries), structure, names, known, driven)
+        yield of(f"joint.{pin}", _of_pin, pin, dict(entries), structure, names, outputs, driven)
     of_blocks = {f"coupling.{name}": block for name, block in names.couplings.items()}
     for name, block in {**of_blocks, **names.signals}.items():
-        yield of(name, _of_blocks, name, (block,), known)
+        yield of(name, _of_blocks, name, (block,), outputs)
     for load, elements in names.loads.items():
-        yield of(load, _of_blocks, load, elements, known, (load, ""))
-    yield of("mechanism", _of_blocks, "mechanism", ("mechanism",), known)
+        yield of(load, _of_blocks, load, elements, outputs, (load, ""))
+    yield of("mechanism", _of_blocks, "mechanism", ("mechanism",), outputs)
 
 
 def _present(
-    known: Mapping[str, Output],
+    outputs: Mapping[str, Output],
     make: Callable[..., Iterator[Reading]],
-    more: tuple[Any, ...],
+    arguments: tuple[Any, ...],
     last: str,
 ) -> Iterator[Reading]:
     """The readings there are, among them all with this last word; "" for any."""
-    for reading in make(last, *more):
-        if parts := tuple(part for part in reading.parts if part[0] in known):
+    for reading in make(last, *arguments):
+        if parts := tuple(part for part in reading.parts if part[0] in outputs):
             yield reading if parts == reading.parts else reading._replace(parts=parts)
 
 
-def _among(words: Iterable[str], last: str) -> list[str]:
-    return [word for word in words if last in ("", word)]
+def _among(quantities: Iterable[str], last: str) -> list[str]:
+    return [quantity for quantity in quantities if last in ("", quantity)]
 
 
 def _of_driver(last: str, driver: str, between: tuple[str, str] | None) -> Iterator[Reading]:
-    for what in _among(OF_DRIVERS, last):
-        yield Reading(f"driver.{driver}.{what}", ((f"{driver}.{what}", 1),), between=between)
+    for quantity in _among(OF_DRIVERS, last):
+        yield Reading(
+            f"driver.{driver}.{quantity}", ((f"{driver}.{quantity}", 1),), between=between
+        )
 
 
 def _of_link(last: str, link: str, at: LinkName, fixed: bool) -> Iterator[Reading]:
     if not fixed:
-        for what in OF_PLAY:
-            yield Reading(f"link.{link}.{what}", ((f"{at.marker}.{what}", 1),))
+        for quantity in OF_PLAY:
+            yield Reading(f"link.{link}.{quantity}", ((f"{at.marker}.{quantity}", 1),))
         for point, turn in zip(OF_POINTS, OF_LINKS, strict=True):
             yield Reading(f"link.{link}.{point}", ((f"{at.marker}.{point}", 1),))
-            more = at.turn if turn == "angle" else 0.0
-            yield Reading(f"link.{link}.{turn}", ((f"{at.link}.{turn}", 1),), more)
+            offset = at.turn if turn == "angle" else 0.0
+            yield Reading(f"link.{link}.{turn}", ((f"{at.link}.{turn}", 1),), offset)
     for marker, ref in at.markers.items():
-        for what in _among((*OF_POINTS, *OF_PLAY), last):
-            yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
+        for quantity in _among((*OF_POINTS, *OF_PLAY), last):
+            yield Reading(f"link.{link}.{marker}.{quantity}", ((f"{ref}.{quantity}", 1),))
 
 
 def _of_blocks(
     last: str,
     name: str,
     blocks: Sequence[str],
-    known: ByOwner[Output],
+    outputs: ByOwner[Output],
     between: tuple[str, str] | None = None,
 ) -> Iterator[Reading]:
     """What blocks give together: of a load at its terminals, and its power."""
-    for whole in (x for x in known.of(blocks[0]) if x.endswith(last)):
-        what = whole.removeprefix(blocks[0])
-        yield Reading(f"{name}{what}", tuple((f"{b}{what}", 1) for b in blocks), between=between)
+    for output in (x for x in outputs.of(blocks[0]) if x.endswith(last)):
+        quantity = output.removeprefix(blocks[0])
+        yield Reading(
+            f"{name}{quantity}", tuple((f"{b}{quantity}", 1) for b in blocks), between=between
+        )
 
 
 def _of_pin(
@@ -164,25 +170,25 @@ def _of_pin(
     pairs: Mapping[str, JointName],
     structure: Structure,
     names: Names,
-    known: Mapping[str, Output],
+    outputs: Mapping[str, Output],
     driven: Mapping[JointRef, str],
 ) -> Iterator[Reading]:
     """The place of a pin, what each of its pairs does, and the angles of dyads with it inside."""
-    place = next(iter(pairs.values())).joint
-    points = OF_POINTS if structure.joint(place).rotary else ()  # a guide is at no one place
-    for what in _among(points, last):
-        yield Reading(f"joint.{pin}.{what}", ((f"{place}.{what}", 1),))
+    first = next(iter(pairs.values())).joint
+    points = OF_POINTS if structure.joint(first).rotary else ()  # a guide is at no one place
+    for quantity in _among(points, last):
+        yield Reading(f"joint.{pin}.{quantity}", ((f"{first}.{quantity}", 1),))
     for name, pair in pairs.items():
-        for what in _among(OF_JOINTS, last):
-            if what == "coordinate" and structure.joint(pair.joint).rotary:
+        for quantity in _among(OF_JOINTS, last):
+            if quantity == "coordinate" and structure.joint(pair.joint).rotary:
                 yield _coordinate(name, pair, driven.get(pair.joint), names)
-            elif f"{pair.joint}.{what}" in known:
-                own = _of_joint(what, pair, structure, names)
-                yield Reading(f"joint.{name}.{what}", own, between=pair.links)
-    each = {ref for pair in pairs.values() for ref, _ in ((pair.joint, False), *pair.others)}
-    for ref in sorted(each) if last in ("", "transmission_angle") else ():
+            elif f"{pair.joint}.{quantity}" in outputs:
+                parts = _of_joint(quantity, pair, structure, names)
+                yield Reading(f"joint.{name}.{quantity}", parts, between=pair.links)
+    members = {ref for pair in pairs.values() for ref, _ in ((pair.joint, False), *pair.others)}
+    for ref in sorted(members) if last in ("", "transmission_angle") else ():
         angle, joint = f"{ref.block}.transmission_angle", structure.joint(ref)
-        if angle in known and not (joint.outer or joint.driven):
+        if angle in outputs and not (joint.outer or joint.driven):
             two = sorted(names.of_links[LinkRef(ref.block, link)] for link in joint.links)
             name = pin if len(pairs) == 1 else ".".join([pin, *two])
             yield Reading(f"joint.{name}.transmission_angle", ((angle, 1),))
@@ -190,35 +196,35 @@ def _of_pin(
 
 def _coordinate(name: str, pair: JointName, driver: str | None, names: Names) -> Reading:
     """Angle of the second link's axes against the first's; of a driven pin the driver's."""
-    what = f"joint.{name}.coordinate"
+    output = f"joint.{name}.coordinate"
     if driver is not None:
-        return Reading(what, ((f"{driver}.q", 1),), between=pair.links)
+        return Reading(output, ((f"{driver}.q", 1),), between=pair.links)
     parts, turn = list[tuple[str, int]](), 0.0
     for link, sign in zip(pair.links, (-1, 1), strict=True):
         if link in names.links:
             at = names.links[link]
             parts.append((f"{at.link}.angle", sign))  # which there is not of the frame
             turn = turn + sign * at.turn  # a dual number, too, where places vary
-    return Reading(what, tuple(parts), turn, pair.links, wrapped=True)
+    return Reading(output, tuple(parts), turn, pair.links, wrapped=True)
 
 
 def _of_joint(
-    what: str, pair: JointName, structure: Structure, names: Names
+    quantity: str, pair: JointName, structure: Structure, names: Names
 ) -> tuple[tuple[str, int], ...]:
     """What an output of a joint is the sum of."""
-    one = (f"{pair.joint}.{what}", -1 if pair.flipped else 1)
-    if what == "reaction":
-        return one, *((f"{ref}.{what}", -1 if back else 1) for ref, back in pair.others)
-    if what in ("friction_power", "stored_power"):
-        return ((one[0], 1),)
-    along = structure.joint(pair.joint).kind == "P" and what != "C"
+    first = (f"{pair.joint}.{quantity}", -1 if pair.flipped else 1)
+    if quantity == "reaction":
+        return first, *((f"{ref}.{quantity}", -1 if back else 1) for ref, back in pair.others)
+    if quantity in ("friction_power", "stored_power"):
+        return ((first[0], 1),)
+    lengthwise = structure.joint(pair.joint).kind == "P" and quantity != "C"
     ends = {structure.earlier_link(pair.joint), structure.later_link(pair.joint)}
     frame = structure.frame_link
     mine = [names.links[a].link if a in names.links else frame for a in pair.links]
-    if what == "slip" and set(mine) != ends:  # of a pin that is seated on other links
+    if quantity == "slip" and set(mine) != ends:  # of a pin that is seated on other links
         rates = zip(mine, (-1, 1), strict=True)
         return tuple((f"{link}.omega", sign) for link, sign in rates if link != frame)
-    return ((one[0], -one[1] if along and pair.turned else one[1]),)
+    return ((first[0], -first[1] if lengthwise and pair.turned else first[1]),)
 
 
 def _sum(parts: list[tuple[Output, int]]) -> Output:
@@ -228,8 +234,8 @@ def _sum(parts: list[tuple[Output, int]]) -> Output:
         return first._replace(read=lambda *values: _signed(first, first.read(*values), sign))
 
     def total(*columns: Any) -> Any:
-        each = [_signed(p, p.read(x), n) for (p, n), x in zip(parts, columns, strict=True)]
-        return sum(each[1:], start=each[0])
+        terms = [_signed(p, p.read(x), n) for (p, n), x in zip(parts, columns, strict=True)]
+        return sum(terms[1:], start=terms[0])
 
     return first._replace(ask=lambda s: [v for p, _ in parts for v in p.ask(s)], read=total)
 

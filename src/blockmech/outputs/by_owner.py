@@ -48,12 +48,12 @@ class ByOwner(Mapping[str, N], Generic[N]):
 
     def _part(self, i: int, last: str = "") -> dict[str, N]:
         key = i, last if self._narrow else ""
-        made = self._made.get(key)
-        if made is None:
+        items_by_name = self._made.get(key)
+        if items_by_name is None:
             _, make, arguments = self._parts[i]
             items = make(*arguments, last) if self._narrow else make(*arguments)
-            made = self._made[key] = {item.name: item for item in items}
-        return made
+            items_by_name = self._made[key] = {item.name: item for item in items}
+        return items_by_name
 
     def of(self, owner: str) -> Iterator[str]:
         """Names of the items of an owner."""
@@ -93,11 +93,14 @@ class ByOwner(Mapping[str, N], Generic[N]):
         return sum(len(self._part(i)) for i in range(len(self._parts)))
 
 
-def unknown_output(pattern: str, names: Iterable[str], more: Iterable[str] = ()) -> Problem:
+def unknown_output(pattern: str, names: Iterable[str], candidates: Iterable[str] = ()) -> Problem:
     """No output has that name; there are those of the same block, link or joint, or all."""
     head, every = pattern.split(".")[0] + ".", list(names)
-    there = [n for n in every if n.startswith(head)] or every
-    valid, remedy = f"outputs there: {listed(there, 16)}", close_match(pattern, more or there)
+    siblings = [n for n in every if n.startswith(head)] or every
+    valid, remedy = (
+        f"outputs there: {listed(siblings, 16)}",
+        close_match(pattern, candidates or siblings),
+    )
     return Problem("unknown-output", pattern, "no output has that name", valid, remedy)
 
 

@@ -94,9 +94,9 @@ def _ordered(structure: Structure, scene: Scene, sensors: Data) -> list[str]:
         start = names.index(min(names))
         names = [*names[start:], *names[:start]]
         where = next(n for n in names if n in structure.signals or n in structure.elements)
-        found = f"algebraic loop: {' -> '.join([*names, names[0]])}"
+        message = f"algebraic loop: {' -> '.join([*names, names[0]])}"
         valid = "each of them needs the next one's value at the same instant"
-        raise GraphError(Problem("algebraic-loop", where, found, valid, REMEDY))
+        raise GraphError(Problem("algebraic-loop", where, message, valid, REMEDY))
     order = nx.lexicographical_topological_sort(graph, key=str)
     return [name for name in order if name in structure.signals]
 
@@ -122,10 +122,12 @@ def _edges(structure: Structure, scene: Scene, sensors: Data) -> Iterator[tuple[
         needs = _needs(structure, scene, rule)
         if any(name.startswith("qdd") for name in needs):
             yield MECHANISM, address
-        known = {UNKNOWN + NO_NAME.sub("_", a): r.block for r, a in structure.signal_wires.items()}
-        for name in needs & known.keys():
-            if known[name] in loads:
-                yield known[name], address
+        writers = {
+            UNKNOWN + NO_NAME.sub("_", a): r.block for r, a in structure.signal_wires.items()
+        }
+        for name in needs & writers.keys():
+            if writers[name] in loads:
+                yield writers[name], address
     for name in loads:
         yield name, MECHANISM
 

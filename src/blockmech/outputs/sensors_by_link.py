@@ -27,58 +27,58 @@ def with_sensors_of_blocks(data: Data, names: Names) -> Data:
     Raises `GraphError` with what is read and is no output of the document, or no number that
     blocks give.
     """
-    blocks, own = dict(data["blocks"]), set(names.signals.values())
-    structure = Graph.from_data(_without_signals(settled(data), own)).structure()
-    known = Catalogue(structure)
-    table = ByOwner(readings(structure, names, known.by_owner), narrow=True)
-    wires, found, problems = [], dict[str, str](), list[Problem]()
+    blocks, signals = dict(data["blocks"]), set(names.signals.values())
+    structure = Graph.from_data(_without_signals(settled(data), signals)).structure()
+    catalogue = Catalogue(structure)
+    table = ByOwner(readings(structure, names, catalogue.by_owner), narrow=True)
+    wires, sources, problems = [], dict[str, str](), list[Problem]()
     for wire in data["wires"]:
         source, target = wire["from"], wire["to"]
-        to_signal = _of_signals(blocks, own, target)
-        if not to_signal or split_address(source, own)[0] in own:
+        to_signal = _of_signals(blocks, signals, target)
+        if not to_signal or split_address(source, signals)[0] in signals:
             wires.append(wire)
             continue
-        if source not in found:
-            reading = _reading(table, known, source)
+        if source not in sources:
+            reading = _reading(table, catalogue, source)
             if isinstance(reading, Problem):
                 problems.append(reading)
                 continue
-            found[source], more = _block_output(blocks, source, reading)
-            wires += more
-        wires.append({"from": found[source], "to": target})
+            sources[source], added = _block_output(blocks, source, reading)
+            wires += added
+        wires.append({"from": sources[source], "to": target})
     if problems:
         raise GraphError(problems)
     return {**data, "blocks": blocks, "wires": wires}
 
 
-def _of_signals(blocks: Record, own: set[str], target: str) -> bool:
+def _of_signals(blocks: Record, signals: set[str], target: str) -> bool:
     """Whether a wire ends at a signal block or a law."""
     name, port = split_address(target, blocks)
-    return name in own or (port == "law" and "law" in blocks[name])
+    return name in signals or (port == "law" and "law" in blocks[name])
 
 
-def _without_signals(data: Data, own: set[str]) -> Data:
+def _without_signals(data: Data, signals: set[str]) -> Data:
     """The same mechanism, with loads that do nothing where they follow signals."""
     blocks = {
         name: {**block, "law": IDLE} if block.get("law") == {"kind": "signal"} else block
         for name, block in data["blocks"].items()
-        if name not in own
+        if name not in signals
     }
-    wires = [w for w in data["wires"] if not _of_signals(data["blocks"], own, w["to"])]
+    wires = [w for w in data["wires"] if not _of_signals(data["blocks"], signals, w["to"])]
     return {**data, "blocks": blocks, "wires": wires}
 
 
-def _reading(table: Mapping[str, Reading], known: Catalogue, source: str) -> Reading | Problem:
+def _reading(table: Mapping[str, Reading], catalogue: Catalogue, source: str) -> Reading | Problem:
     """How an output of the document is read of blocks; the parts of a vector are numbers."""
-    whole, _, part = source.rpartition(".")
+    vector, _, part = source.rpartition(".")
     ends = ""
     reading = table.get(source)
-    if reading is None and part in PARTS and whole in table:
-        reading, ends = table[whole], f".{part}"
+    if reading is None and part in PARTS and vector in table:
+        reading, ends = table[vector], f".{part}"
     parts = [] if reading is None else [(n + ends, s) for n, s in reading.parts]
-    if reading is None or not all(name in known for name, _ in parts):
+    if reading is None or not all(name in catalogue for name, _ in parts):
         return unknown_output(source, table)
-    if known[parts[0][0]].kind == "vector":
+    if catalogue[parts[0][0]].kind == "vector":
         return vector_sensor(source)
     return reading._replace(parts=tuple(parts))
 

@@ -159,5 +159,5 @@ def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
 
 def _column(result: Labelled, name: str, unit: str, values: Any, output: str) -> Column:
     real = np.asarray(values, dtype=np.float64)
-    factor, shown = shown_in(unit, result.units)
-    return Column(name, shown, real if shown == unit else factor * real, output)
+    factor, display_unit = shown_in(unit, result.units)
+    return Column(name, display_unit, real if display_unit == unit else factor * real, output)

@@ -178,8 +178,8 @@ def _values(raw: Any) -> list[Any]:
         table = np.stack([table.real, table.imag], axis=-1)
     table = table.astype(np.float64, copy=False)
     values: list[Any] = table.tolist()
-    whole = np.isfinite(table).all(axis=tuple(range(1, table.ndim)))
-    for i in np.flatnonzero(~whole):
+    finite = np.isfinite(table).all(axis=tuple(range(1, table.ndim)))
+    for i in np.flatnonzero(~finite):
         values[i] = None
     return values
 

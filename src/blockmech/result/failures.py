@@ -102,8 +102,12 @@ def _what(
     status = quality.status[first]
     if status == "not-converged":
         by = {"single": "a single correction", "successive": "successive approximations"}
-        how = by.get(str(result.settings["friction"]), "continuation")
-        return FrictionError, status, _unproved(result, first, block) or f"{how} did not converge"
+        method = by.get(str(result.settings["friction"]), "continuation")
+        return (
+            FrictionError,
+            status,
+            _unproved(result, first, block) or f"{method} did not converge",
+        )
     if status in (SELF_LOCKED, JAMMED):
         limit = next(
             (f.value for f in quality.flags if f.sample == first and f.where == block), None
@@ -122,10 +126,10 @@ def _what(
     if np.isnan(margin):
         why = "its outer joints coincide"
     else:
-        places = dict(zip(result.mechanism.drivers, drivers.values(), strict=True))
-        why = shortfall(result.mechanism, block, places, margin)
-    far = _came_as_far(result.mechanism, block, drivers) if margin < 0 else ""
-    return AssemblyError, status, f"the group cannot close, {why}{far}"
+        coordinates = dict(zip(result.mechanism.drivers, drivers.values(), strict=True))
+        why = shortfall(result.mechanism, block, coordinates, margin)
+    reached = _came_as_far(result.mechanism, block, drivers) if margin < 0 else ""
+    return AssemblyError, status, f"the group cannot close, {why}{reached}"
 
 
 def _came_as_far(mechanism: Any, block: str, drivers: Mapping[str, float]) -> str:
@@ -134,11 +138,11 @@ def _came_as_far(mechanism: Any, block: str, drivers: Mapping[str, float]) -> st
         return ""
     path = path_of(mechanism.structure, block)
     q = [drivers[mechanism._of_driver(name, "q")] for name in path.drivers]
-    places = []
+    coordinates = []
     for name, x in zip(path.drivers, last_good(path, np.array(q)), strict=True):
         unit = mechanism.structure.driver_joint(name).coordinate_unit
-        places.append(f"{name} = {x:.9g} {unit}")
-    return f"; followed from its home it comes as far as {', '.join(places)}"
+        coordinates.append(f"{name} = {x:.9g} {unit}")
+    return f"; followed from its home it comes as far as {', '.join(coordinates)}"
 
 
 def _arcs(result: Result, sample: int) -> str:
@@ -154,5 +158,7 @@ def _arcs(result: Result, sample: int) -> str:
         return str(mechanism._feasible(groups))
     if followed(mechanism.structure):
         return ""  # each sample of an arc would be followed from home by itself
-    held = {d: float(q[sample]) for d, q in zip(drivers, result.drivers.values(), strict=True)}
-    return str(mechanism._feasible(groups, held))
+    coordinates = {
+        d: float(q[sample]) for d, q in zip(drivers, result.drivers.values(), strict=True)
+    }
+    return str(mechanism._feasible(groups, coordinates))

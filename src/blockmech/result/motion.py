@@ -225,15 +225,15 @@ class Motion(Facts, Report):
         motion.__dict__.update(self.__dict__, **changes)
         return motion
 
-    def reached_times(self, asked: Floats | Sequence[float]) -> Floats:
+    def reached_times(self, requested: Floats | Sequence[float]) -> Floats:
         """Times (n,) [s] that were asked for, as it reached them: NaN outside the run.
 
         A time within rounding of the end is the end.
         """
-        wanted = np.asarray(asked, dtype=np.float64)
-        ending = np.abs(wanted - self.t_end) <= 64 * EPS * abs(self.t_end)
-        inside = ending | ((wanted >= self.t_start) & (wanted <= self.t_end))
-        return np.where(ending, self.t_end, np.where(inside, wanted, np.nan))
+        times = np.asarray(requested, dtype=np.float64)
+        ending = np.abs(times - self.t_end) <= 64 * EPS * abs(self.t_end)
+        inside = ending | ((times >= self.t_start) & (times <= self.t_end))
+        return np.where(ending, self.t_end, np.where(inside, times, np.nan))
 
     def lines(self, degrees: bool = DEGREES) -> list[str]:
         """What ended it, method, error, figures and notes, one a line."""
@@ -241,8 +241,8 @@ class Motion(Facts, Report):
 
     def to_dict(self) -> Data:
         """How it moved as a JSON object."""
-        more = {"end_time": self.t_end, "evaluations": self.cost.evaluations}
-        return {**super().to_dict(), **as_json({**more, "facts": self.figures()})}
+        end = {"end_time": self.t_end, "evaluations": self.cost.evaluations}
+        return {**super().to_dict(), **as_json({**end, "facts": self.figures()})}
 
     def summary(self, unit: str = "rad or m") -> list[str]:
         """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""
@@ -273,10 +273,10 @@ class Motion(Facts, Report):
         if np.count_nonzero(last) == flat.size > 0:
             return Still(self.q_end, self.qd_end).state(times)
         inside = (flat >= self.t_start) & (flat <= self.t_end)
-        whole = np.count_nonzero(inside) == flat.size
-        q, qd = self.track.state(flat if whole else np.where(inside, flat, self.t_start))
+        all_inside = np.count_nonzero(inside) == flat.size
+        q, qd = self.track.state(flat if all_inside else np.where(inside, flat, self.t_start))
         q[last], qd[last] = self.q_end, self.qd_end
-        if not whole:
+        if not all_inside:
             q[~inside] = qd[~inside] = np.nan
         shape = times.shape + q.shape[1:]
         return State(q.reshape(shape), qd.reshape(shape))
@@ -307,13 +307,13 @@ class Motion(Facts, Report):
 
     def held(self, t: Floats, stops: Sequence[str]) -> Any:
         """Whether it lies against some stops at times (n,) [s]; (n, stops)."""
-        held = np.zeros((len(t), len(stops)), dtype=bool)
+        in_contact = np.zeros((len(t), len(stops)), dtype=bool)
         for lain in self.lying:
-            here = (lain.begin <= t) & (
+            while_lying = (lain.begin <= t) & (
                 (t < lain.end) | ((t == lain.end) & (lain.end == self.t_end))
             )
-            held[:, stops.index(lain.stop)] |= here
-        return held
+            in_contact[:, stops.index(lain.stop)] |= while_lying
+        return in_contact
 
     def role_at(self, t: Floats) -> Any:
         """Which role (n, k) each driver has at times (n,) [s]; see `roles`."""
@@ -354,10 +354,10 @@ class Motion(Facts, Report):
 
         highest = float((sign * qd).max())
         for i in np.argsort(sign * qd)[-2:].tolist():  # both ends of a period may be the largest
-            near = float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)])
+            bracket = float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)])
             best = minimize_scalar(
                 lambda x: -sign * float(self.track.state(np.array([x])).qd[0]),
-                bounds=near,
+                bounds=bracket,
                 method="bounded",
             )
             highest = max(highest, -float(best.fun))

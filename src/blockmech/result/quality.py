@@ -127,7 +127,7 @@ class Failures(NamedTuple):
 def failures(
     margin: Record,
     outcome: Record,
-    wanted_bad: NDArray[np.bool_],
+    undefined: NDArray[np.bool_],
     prismatic: frozenset[str],
     following: frozenset[str],
 ) -> Failures:
@@ -136,7 +136,7 @@ def failures(
     Arguments as those of `assess`; margins and outcomes of friction by block.
     """
     blocks = ("", *dict.fromkeys((*margin, *outcome)))
-    word, blame = np.zeros(wanted_bad.shape, np.int8), np.zeros(wanted_bad.shape, np.int64)
+    word, blame = np.zeros(undefined.shape, np.int8), np.zeros(undefined.shape, np.int64)
 
     def note(failing: NDArray[np.bool_], failure: str, block: str) -> None:
         new = failing & (word == 0)
@@ -146,26 +146,26 @@ def failures(
     for block, m in margin.items():
         if block not in following and m.min(initial=np.inf) > 0:  # not of NaN
             continue
-        failing = ~(m > 0) & ~((m == 0) & ~wanted_bad)
+        failing = ~(m > 0) & ~((m == 0) & ~undefined)
         if block in following:
-            failing |= (m > 0) & (m < NEAR_CHANGE) & wanted_bad
+            failing |= (m > 0) & (m < NEAR_CHANGE) & undefined
             note(failing & ~(m < -TOUCH), CHANGE_POINT, block)
         note(failing & (m >= -TOUCH), DEAD_CENTRE, block)
         note(failing, NO_ASSEMBLY, block)
-    for block, ended in outcome.items():
+    for block, results in outcome.items():
         locked = JAMMED if block in prismatic else SELF_LOCKED
-        for how in Outcome if np.any(ended) else ():
-            if not how.solved:
-                failure = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
-                note((ended == how) & np.ones_like(wanted_bad), failure, block)
-    note(wanted_bad, UNDEFINED, "")
+        for outcome_kind in Outcome if np.any(results) else ():
+            if not outcome_kind.solved:
+                failure = NOT_CONVERGED if outcome_kind == Outcome.NOT_CONVERGED else locked
+                note((results == outcome_kind) & np.ones_like(undefined), failure, block)
+    note(undefined, UNDEFINED, "")
     return Failures(word, blame, blocks)
 
 
 def assess(
     n: int,
     reports: Mapping[str, Mapping[Any, tuple[NDArray[Any], ...]]],
-    wanted_bad: NDArray[np.bool_],
+    undefined: NDArray[np.bool_],
     prismatic: frozenset[str],
     following: frozenset[str] = frozenset(),
 ) -> Quality:
@@ -175,28 +175,28 @@ def assess(
     ----------
     n : number of samples
     reports : as `plan.Plan.reports`, with arrays in place of indices
-    wanted_bad : (n,) whether a wanted value is not finite
+    undefined : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     following : dyads whose branch follows the motion: it runs on where their margin is zero
     """
     margin = {block: at_most_one(m) for block, (m,) in reports["margin"].items()}
     friction = reports["friction"]
     outcomes = {k: v[3] for k, v in friction.items()}
-    failed = failures(margin, outcomes, wanted_bad, prismatic, following)
+    failed = failures(margin, outcomes, undefined, prismatic, following)
     gaps = np.flatnonzero(failed.word).tolist()
     status = tuple(np.array(WORDS, object)[failed.word].tolist()) if gaps else (OK,) * n
     blame = {i: failed.blocks[failed.block[i]] for i in gaps}
     flags: list[Flag] = []
     for k, (block, m) in enumerate(margin.items(), 1):
         name = CHANGE_POINT if block in following else DEAD_CENTRE
-        near = NEAR_CHANGE if block in following else NEAR
-        if m.min(initial=np.inf) >= near:  # the commonest case at once; not of NaN
+        threshold = NEAR_CHANGE if block in following else NEAR
+        if m.min(initial=np.inf) >= threshold:  # the commonest case at once; not of NaN
             continue
         mine = (failed.word == 0) | (failed.block >= k) | (failed.block == 0)  # no earlier one's
         for i in np.flatnonzero(~(m > 0)):
             if m[i] == 0 or (mine[i] and failed.word[i] == WORDS.index(name)):
                 flags.append(Flag(int(i), name, block, value=0.0))
-        for i in np.flatnonzero((m > 0) & (m < near)):
+        for i in np.flatnonzero((m > 0) & (m < threshold)):
             lost = failed.word[i] > 0 and failed.block[i] == k
             flags.append(Flag(int(i), name if lost else f"near-{name}", block, value=float(m[i])))
     for block, (share,) in reports["path"].items():  # followed from home, and lost on the way
@@ -204,14 +204,14 @@ def assess(
             flags.append(Flag(int(i), "path-ended", block, value=float(share[i])))
     for block, (_, _, _, outcome, limit) in friction.items():
         for i in np.flatnonzero(outcome > 0):
-            how = Outcome(int(outcome[i]))
-            flags.append(Flag(int(i), DETAIL[how], block, value=as_json(limit[i])))
+            failure = Outcome(int(outcome[i]))
+            flags.append(Flag(int(i), DETAIL[failure], block, value=as_json(limit[i])))
     for block, (c,) in reports["existence"].items():
         for i in np.flatnonzero((c > 1) & (failed.word == 0)):
             flags.append(Flag(int(i), OTHER_SOLUTIONS, block, value=float(c[i])))
-    for joint, (resting, held) in reports["rest"].items():
+    for joint, (resting, capacity) in reports["rest"].items():
         for i in np.flatnonzero(resting > 0):
-            reach = float(held[i])
+            reach = float(capacity[i])
             if np.isfinite(reach):
                 flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
     for (coupling, code), (push,) in reports["push"].items():
@@ -240,10 +240,10 @@ def reversals(R: NDArray[Any]) -> list[int]:
     It does where it is zero, and where it turns by a right angle or more from one sample to the
     next: there the smaller one of the two is the sample. Samples count in the order of the run.
     """
-    size, ahead = np.abs(R), (R[1:] * np.conj(R[:-1])).real <= 0.0
-    k = np.flatnonzero(ahead)
-    near = np.where(size[k] <= size[k + 1], k, k + 1)
-    return sorted({*near.tolist(), *np.flatnonzero(size == 0.0).tolist()})
+    size, turned = np.abs(R), (R[1:] * np.conj(R[:-1])).real <= 0.0
+    k = np.flatnonzero(turned)
+    crossings = np.where(size[k] <= size[k + 1], k, k + 1)
+    return sorted({*crossings.tolist(), *np.flatnonzero(size == 0.0).tolist()})
 
 
 def left_undone(residual: Any, contraction: Any) -> Any:
@@ -299,8 +299,8 @@ class Accuracy(Facts):
         method = f"friction {self.friction}"
         if self.iterations is not None:
             method += f", {self.iterations} iterations"
-        words = {"reached": "", "missed": "; accuracy not reached"}
-        reached = words.get(self.word, f"; accuracy {self.word}")
+        phrases = {"reached": "", "missed": "; accuracy not reached"}
+        reached = phrases.get(self.word, f"; accuracy {self.word}")
         return (
             f"accuracy {self.target:.1g}: {method}, {self.precision}; "
             f"estimated error {self.estimate:.1g}, {self.why}{reached}"

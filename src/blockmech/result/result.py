@@ -94,9 +94,9 @@ class Result(Exported, Generic[M]):
         want, layout = self._planned
         again: Plan = self._compiled.plan(want, **self.settings)
         if again.layout != layout:
-            what = "it was pickled by a version of blockmech that orders its numbers otherwise"
+            message = "it was pickled by a version of blockmech that orders its numbers otherwise"
             remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
-            raise refused(self.mechanism.name, what, remedy, code="other-version")
+            raise refused(self.mechanism.name, message, remedy, code="other-version")
         return again
 
     # -- reading ----------------------------------------------------------------
@@ -112,14 +112,14 @@ class Result(Exported, Generic[M]):
                 quantity(f"1 {unit}")
             except NoQuantity as error:
                 raise refused("to", error.found, 'e.g. to("deg", "rpm", "mm")') from None
-        shown = object.__new__(type(self))  # a copy would be made as one is pickled: without plan
-        vars(shown).update(vars(self), units=units)
-        return shown
+        copy = object.__new__(type(self))  # a copy would be made as one is pickled: without plan
+        vars(copy).update(vars(self), units=units)
+        return copy
 
     def __getitem__(self, name: str) -> Any:
         if not isinstance(name, str) or name not in self._read:
-            made = self._make(name)  # refuses what is no name
-            self._read[name] = made
+            values = self._make(name)  # refuses what is no name
+            self._read[name] = values
         return self._read[name]
 
     def __contains__(self, name: object) -> bool:
@@ -185,13 +185,13 @@ class Result(Exported, Generic[M]):
             table = np.stack(columns, axis=-1)
             table = table.reshape(self.n, m, m) if len(columns) == m * m else table
             return output.read(table)
-        made = output.read(*columns)
+        values = output.read(*columns)
         if output.kind == "vector":
-            return _as_complex(made)
-        made = np.array(made)  # its own: the columns of a run share one block of memory
-        if not np.isfinite(made).all():
-            made[~np.isfinite(made)] = np.nan
-        return made
+            return _as_complex(values)
+        values = np.array(values)  # its own: the columns of a run share one block of memory
+        if not np.isfinite(values).all():
+            values[~np.isfinite(values)] = np.nan
+        return values
 
     def unwrapped(self, name: str) -> NDArray[np.float64]:
         """An angle (n,) [rad] without its jumps of a turn along the row of samples.
@@ -201,8 +201,8 @@ class Result(Exported, Generic[M]):
         Raises `RequestError` for an output that was not computed.
         """
         angle = np.array(self[name], dtype=np.float64)
-        known = np.isfinite(angle)
-        angle[known] = np.unwrap(angle[known])
+        finite = np.isfinite(angle)
+        angle[finite] = np.unwrap(angle[finite])
         return angle
 
     def _column(self, index: int) -> Any:
@@ -223,8 +223,8 @@ class Result(Exported, Generic[M]):
         """Status of each sample, margins, friction reports and flags."""
         reports = {
             kind: {
-                where: tuple(np.atleast_1d(_real(self._column(i))) for i in places)
-                for where, places in of.items()
+                where: tuple(np.atleast_1d(_real(self._column(i))) for i in indices)
+                for where, indices in of.items()
             }
             for kind, of in self.plan.reports.items()
         }
@@ -244,8 +244,8 @@ class Result(Exported, Generic[M]):
         if ADVANTAGE not in self.plan.want:
             return ()
         gaps = np.flatnonzero(~np.isfinite(np.atleast_1d(self[ADVANTAGE])))
-        there = (i for i in gaps.tolist() if i not in quality.blame)
-        return tuple(Flag(i, "infinite", ADVANTAGE) for i in there)
+        resting = (i for i in gaps.tolist() if i not in quality.blame)
+        return tuple(Flag(i, "infinite", ADVANTAGE) for i in resting)
 
     def _not_finite(self) -> NDArray[np.bool_]:
         """(n,) whether a wanted value is not finite."""
@@ -261,8 +261,8 @@ class Result(Exported, Generic[M]):
             column = self._column(i)
             for part in (column.real, column.imag) if isinstance(column, Planar) else (column,):
                 with np.errstate(all="ignore"):
-                    whole = bool(np.isfinite(part.sum()))  # quicker than each by itself
-                if not whole:
+                    finite = bool(np.isfinite(part.sum()))  # quicker than each by itself
+                if not finite:
                     bad |= ~np.isfinite(part)
         return bad
 
@@ -289,9 +289,9 @@ class Result(Exported, Generic[M]):
         """The samples of these indices, as xarray has it: ``isel(slice(0, 10))`` the first ten."""
         index = np.atleast_1d(np.arange(self.n)[index])
         values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
-        taken = self.samples.at(index)
+        samples = self.samples.at(index)
         cut = type(self)(
-            self.mechanism, self.plan, taken, values, self.engine, self.settings, self.motion
+            self.mechanism, self.plan, samples, values, self.engine, self.settings, self.motion
         )
         cut.accuracy = self.accuracy
         return cut
@@ -334,9 +334,9 @@ class Result(Exported, Generic[M]):
         if bounds is None:
             return []
         good = np.array([status == OK for status in self.quality.status])
-        most = np.max(bounds[good], initial=0.0)
-        notes = f"pairs are within about {most:.1e} of the largest friction of their group"
-        notes = notes if np.isfinite(most) else "it has no bound where its certificate is 1"
+        largest = np.max(bounds[good], initial=0.0)
+        notes = f"pairs are within about {largest:.1e} of the largest friction of their group"
+        notes = notes if np.isfinite(largest) else "it has no bound where its certificate is 1"
         return [f'friction "{self.settings["friction"]}": {notes}']
 
     def _without_inertia(self) -> list[str]:
@@ -345,17 +345,17 @@ class Result(Exported, Generic[M]):
         if not (forces and self.n) or self.settings["static"]:
             return []
         structure = self._compiled.structure
-        given = {link: structure.properties(link) for link in structure.links}
-        if not any(link.massive for link in given.values()):
+        properties = {link: structure.properties(link) for link in structure.links}
+        if not any(link.massive for link in properties.values()):
             of = "forces are those of the loads alone" if structure.elements else "forces are zero"
             return [f"no link has mass or inertia: {of}"]
-        points = [link for link, x in given.items() if x.mass > 0 and x.inertia == 0]
-        one = self.isel(0)._inside(*(f"{link}.omega" for link in points))
+        points = [link for link, x in properties.items() if x.mass > 0 and x.inertia == 0]
+        first = self.isel(0)._inside(*(f"{link}.omega" for link in points))
         names = {} if self._compiled.names is None else self._compiled.names.links
         link_names = {where.link: name for name, where in names.items()}
-        turning = [str(link_names.get(x, x)) for x in points if abs(one[f"{x}.omega"][0]) > 0]
-        what = "mass and no inertia: they count as points at their cm"
-        return [f"{listed(turning, 4)} turn with {what}"] if turning else []
+        turning = [str(link_names.get(x, x)) for x in points if abs(first[f"{x}.omega"][0]) > 0]
+        explanation = "mass and no inertia: they count as points at their cm"
+        return [f"{listed(turning, 4)} turn with {explanation}"] if turning else []
 
     @cached_property
     def digits_lost(self) -> tuple[Flag, ...]:
@@ -406,7 +406,7 @@ class Result(Exported, Generic[M]):
         return on_wires(self._compiled.structure, self._inside, self.n, name)[name]
 
     @declared
-    def compare(self, other: Record) -> dict[str, float]:
+    def compare(self, reference: Record) -> dict[str, float]:
         """Largest difference of each common output, relative to its largest size.
 
         Infinite where only one of the two has an answer. Raises `RequestError` where the
@@ -414,16 +414,16 @@ class Result(Exported, Generic[M]):
         """
         differences = {}
         for name in self:
-            if name in other:
-                mine, theirs = np.atleast_1d(self[name]), np.atleast_1d(other[name])
+            if name in reference:
+                mine, theirs = np.atleast_1d(self[name]), np.atleast_1d(reference[name])
                 if mine.shape != theirs.shape:
-                    what = f"has shape {mine.shape} here and {theirs.shape} there"
+                    message = f"has shape {mine.shape} here and {theirs.shape} there"
                     remedy = "compare runs of the same samples"
-                    raise refused(name, what, remedy)
+                    raise refused(name, message, remedy)
                 scale = float(np.nanmax(np.abs(mine), initial=0.0)) or 1.0
                 off = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
-                one_sided = (np.isnan(mine) != np.isnan(theirs)).any()
-                differences[name] = float("inf") if one_sided else off
+                differ = (np.isnan(mine) != np.isnan(theirs)).any()
+                differences[name] = float("inf") if differ else off
         return differences
 
     def _repr_html_(self) -> str:
@@ -441,12 +441,12 @@ class Result(Exported, Generic[M]):
 def _as_complex(z: Any) -> NDArray[Any]:
     """Complex array of a batch of vectors; infinite becomes NaN."""
     x, y = np.asarray(z.real), np.asarray(z.imag)
-    made = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))
-    made.real, made.imag = x, y
-    good = np.isfinite(made)
+    vectors = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))
+    vectors.real, vectors.imag = x, y
+    good = np.isfinite(vectors)
     if not good.all():
-        made[~good] = complex("nan+nanj")
-    return made
+        vectors[~good] = complex("nan+nanj")
+    return vectors
 
 
 def _real(column: Any) -> Any:

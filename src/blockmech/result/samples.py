@@ -139,13 +139,15 @@ def make_samples(
     Raises `RequestError` where drivers are unknown or missing, lengths differ,
     numbers are not finite, or the law of motion does not fit the way of asking.
     """
-    given = [n for n, x in (("at", at), ("samples", samples), ("times", times)) if x is not None]
-    if len(given) > 1:
-        raise refused(listed(given), "name the samples in one way only", "at, samples or times")
+    arguments = [
+        n for n, x in (("at", at), ("samples", samples), ("times", times)) if x is not None
+    ]
+    if len(arguments) > 1:
+        raise refused(listed(arguments), "name the samples in one way only", "at, samples or times")
     if isinstance(at, int | float) and is_number(at) and rates is None and accelerations is None:
-        one = _one_pose(units, scene, at)
-        if one is not None:
-            return one
+        pose = _one_pose(units, scene, at)
+        if pose is not None:
+            return pose
     with np.errstate(all="ignore"):  # inputs that are not finite have no answer
         return _of_many(units, scene, at, samples, times, rates, accelerations)
 
@@ -264,38 +266,40 @@ def _collected(
 def _laws(drivers: Iterable[str], scene: Scene) -> dict[str, LawOfMotion]:
     missing = [d for d in drivers if d not in scene.drive]
     if missing:
-        found = "the driver has no law of motion"
+        message = "the driver has no law of motion"
         remedy = "give it one, or name the samples with at="
-        places = (scene.address("drive", d) for d in missing)
-        raise RequestError(Problem("no-law", where, found, "", remedy) for where in places)
+        addresses = (scene.address("drive", d) for d in missing)
+        raise RequestError(Problem("no-law", where, message, "", remedy) for where in addresses)
     return {d: scene.drive[d] for d in drivers}
 
 
-def _per_driver(units: Mapping[str, str], what: str, raw: Any, per: str = "") -> dict[str, Array]:
+def _per_driver(
+    units: Mapping[str, str], argument: str, raw: Any, per: str = ""
+) -> dict[str, Array]:
     drivers = [*units]
     if not isinstance(raw, Mapping):
         if len(drivers) != 1:
             raise refused(
-                what,
+                argument,
                 f"the mechanism has {len(drivers)} drivers",
                 f"give a mapping driver -> values for: {listed(drivers)}",
             )
         raw = {drivers[0]: raw}
     unknown = [d for d in raw if d not in drivers]
-    missing = [d for d in drivers if d not in raw] if what == "at" else []
+    missing = [d for d in drivers if d not in raw] if argument == "at" else []
     if unknown or missing:
         problems = [f"unknown: {listed(map(str, unknown))}"] if unknown else []
         problems += [f"missing: {listed(missing)}"] if missing else []
-        raise refused(what, "; ".join(problems), f"drivers: {listed(drivers)}")
-    return {d: _column(f"{what}[{d}]", x, units[d] + per) for d, x in raw.items()}
+        raise refused(argument, "; ".join(problems), f"drivers: {listed(drivers)}")
+    return {d: _column(f"{argument}[{d}]", x, units[d] + per) for d, x in raw.items()}
 
 
 def _column(where: str, raw: Any, unit: str) -> Array:
     try:
-        given = np.asarray(in_si(raw, unit))
-        if given.dtype.kind not in "iuf" or np.ma.is_masked(raw):  # text, complex, holes: slips
+        array = np.asarray(in_si(raw, unit))
+        if array.dtype.kind not in "iuf" or np.ma.is_masked(raw):  # text, complex, holes: slips
             raise TypeError
-        column = np.atleast_1d(given.astype(np.float64, order="C"))
+        column = np.atleast_1d(array.astype(np.float64, order="C"))
     except NoQuantity as error:
         raise refused(where, error.found, "", error.valid) from None
     except (TypeError, ValueError):

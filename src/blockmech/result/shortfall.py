@@ -37,14 +37,15 @@ def _missed(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
     ends = [f"{structure.feeds[JointRef(block, pin)]}.p" for pin in pins]
     run = _at(mechanism._of_blocks, drivers, ends)
     apart = abs(complex(run[ends[0]][0]) - complex(run[ends[-1]][0]))
-    what, x, low, high = dyad.reach(apart, margin)
+    description, x, low, high = dyad.reach(apart, margin)
     if not isfinite(x) or low <= x <= high:
         return ""
     names = [mechanism._joint_names.get(f"{block}.{pin}", pin) for pin in pins]
     reach = f"at least {low:.6g} m" if high == inf else f"at most {high:.6g} m"
     reach = f"{low:.6g} to {high:.6g} m" if low > 0 and high < inf else reach
-    by, way = (x - high, "large") if x > high else (low - x, "small")
-    return f"{what.format(*names)} is {x:.6g} m, {by:.4g} m too {way}: its lengths allow {reach}"
+    by, direction = (x - high, "large") if x > high else (low - x, "small")
+    length = f"{description.format(*names)} is {x:.6g} m"
+    return f"{length}, {by:.4g} m too {direction}: its lengths allow {reach}"
 
 
 def _at(mechanism: Any, drivers: Places, want: list[str]) -> Any:
@@ -62,40 +63,40 @@ def _slip(mechanism: Any, block: str, drivers: Places) -> str:
     above = {n: b for n, b in structure.blocks.items() if n in structure.ancestors(block)}
     blocks: dict[str, Block] = {structure.frame: structure.fixed, **above}
     tried = []
-    for name, own in blocks.items():
-        if not (isinstance(own, Moving) and own.own_form):
+    for name, original in blocks.items():
+        if not (isinstance(original, Moving) and original.own_form):
             for factor, times in MILLI.items():
-                for what, other in _scaled(own, factor):
-                    spread = _spread({**blocks, name: other}.values())
+                for lengths, scaled in _scaled(original, factor):
+                    spread = _spread({**blocks, name: scaled}.values())
                     tried.append(
-                        (spread, f"{mechanism._block_name(name)}{what} {times}", name, other)
+                        (spread, f"{mechanism._block_name(name)}{lengths} {times}", name, scaled)
                     )
     alike = sorted((x for x in tried if x[0] < _spread(blocks.values())), key=lambda x: x[0])
     followed = any(b.own_form for b in above.values())  # which takes longer
-    for _, what, name, other in alike[: 1 if followed else MOST_TRIED]:
+    for _, lengths, name, scaled in alike[: 1 if followed else MOST_TRIED]:
         if name == structure.frame:
-            made = replace(structure, fixed=other)
+            changed = replace(structure, fixed=scaled)
         else:
-            made = replace(structure, blocks={**structure.blocks, name: cast(Moving, other)})
-        there = type(mechanism)(made, mechanism._of_blocks.scene, mechanism.name)
-        if float(_at(there, drivers, [f"{block}.margin"])[f"{block}.margin"][0]) > 0:
-            return f"it would close with {what}: is that in mm? Lengths are in m"
+            changed = replace(structure, blocks={**structure.blocks, name: cast(Moving, scaled)})
+        variant = type(mechanism)(changed, mechanism._of_blocks.scene, mechanism.name)
+        if float(_at(variant, drivers, [f"{block}.margin"])[f"{block}.margin"][0]) > 0:
+            return f"it would close with {lengths}: is that in mm? Lengths are in m"
     return ""
 
 
 def _scaled(block: Block, factor: float) -> Iterator[tuple[str, Block]]:
     """A block with one of its lengths by a factor, and with all, its markers among them."""
-    own = _lengths(block)
-    for name, x in own.items() if len(own) > 1 else ():
+    lengths = _lengths(block)
+    for name, x in lengths.items() if len(lengths) > 1 else ():
         yield f".{name}", block.model_copy(update={name: factor * x})
-    update: Arguments = {name: factor * x for name, x in own.items()}
+    update: Arguments = {name: factor * x for name, x in lengths.items()}
     if isinstance(block, Moving):
         links = block.links.items()
         update["links"] = {k: link.model_copy(update=_moved(link, factor)) for k, link in links}
     else:
         update |= _moved(block, factor)
-    what = " and ".join(own) or "markers"
-    yield f".{what}", block.model_copy(update=update)
+    names = " and ".join(lengths) or "markers"
+    yield f".{names}", block.model_copy(update=update)
 
 
 def _lengths(block: Block) -> dict[str, float]:

@@ -126,8 +126,8 @@ def _rows(rows: list[list[float]], status: tuple[str, ...], separator: str, deci
     A JSON array of arrays is the same text up to its brackets, and comes from a
     compiled writer: [[1.5,2.0,"ok"],[...]]. Numbers and words hold none of its signs.
     """
-    whole = [[*row, word] for row, word in zip(rows, status, strict=True)]
-    text = to_json(whole, inf_nan_mode="null").decode()
+    lines = [[*row, word] for row, word in zip(rows, status, strict=True)]
+    text = to_json(lines, inf_nan_mode="null").decode()
     text = text[2:-2].replace("],[", "\n").replace("null", "").replace('"', "") + "\n"
     if separator != ",":
         text = text.replace(",", separator)

@@ -63,8 +63,8 @@ def leading(outputs: Mapping[str, Output]) -> tuple[str, ...]:
     them: a group that does not close is reported, whatever depends on it.
     """
     ranked = sorted((n for n, o in outputs.items() if o.kind != "number"), key=_rank)
-    others = (n for n, o in outputs.items() if o.kind == "number" or n.endswith(".margin"))
-    return (*ranked[: WIDTH // NARROWEST], *others)
+    numbers = (n for n, o in outputs.items() if o.kind == "number" or n.endswith(".margin"))
+    return (*ranked[: WIDTH // NARROWEST], *numbers)
 
 
 def table(result: Labelled, width: int = WIDTH, of: Collection[str] = ()) -> str:
@@ -75,12 +75,14 @@ def table(result: Labelled, width: int = WIDTH, of: Collection[str] = ()) -> str
     width : characters of a line
     of : names of all outputs, where only the `leading` ones were computed
     """
-    shown = _select(result, width, of or tuple(result))
+    selection = _select(result, width, of or tuple(result))
     console = _console(width)
-    console.print(_grid(shown.columns, shown.rows, result.quality.status if shown.gaps else ()))
+    console.print(
+        _grid(selection.columns, selection.rows, result.quality.status if selection.gaps else ())
+    )
     assert isinstance(console.file, io.StringIO)
     lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
-    footer = list(_footer(result, shown))
+    footer = list(_footer(result, selection))
     return "\n".join(
         [_title(result, len(of or result)), "", *lines, *([""] if footer else []), *footer]
     )
@@ -88,18 +90,18 @@ def table(result: Labelled, width: int = WIDTH, of: Collection[str] = ()) -> str
 
 def html_table(result: Labelled) -> str:
     """The same table as HTML, for notebooks; every name is escaped."""
-    shown = _select(result, WIDTH, tuple(result))
+    selection = _select(result, WIDTH, tuple(result))
     status = result.quality.status
-    heads = [*(column.head for column in shown.columns), "status"]
+    heads = [*(column.head for column in selection.columns), "status"]
     lines = [
         "<table>",
         f"<caption>{html.escape(_title(result, len(result)))}</caption>",
         _html_row("th", heads),
     ]
-    for i in shown.rows:
-        lines.append(_html_row("td", [*(_cell(c.values[i]) for c in shown.columns), status[i]]))
+    for i in selection.rows:
+        lines.append(_html_row("td", [*(_cell(c.values[i]) for c in selection.columns), status[i]]))
     lines.append("</table>")
-    lines += [f"<p>{html.escape(line)}</p>" for line in _footer(result, shown)]
+    lines += [f"<p>{html.escape(line)}</p>" for line in _footer(result, selection)]
     return "\n".join(lines)
 
 
@@ -116,13 +118,13 @@ def gap_lines(result: Labelled) -> list[str]:
     )
     runs = [(word, block, [i for _, i in run]) for (_, word, block), run in groups]
     for word, block, run in runs[:LINES]:
-        places = [
+        ranges = [
             " ... ".join(dict.fromkeys(_cell(c.values[i]) for i in (run[0], run[-1])))
             for c in drivers
         ]
-        coordinates = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, places, strict=True)]
-        place = f" at {result.mechanism._block_name(block)}" if block else ""
-        lines.append(f"  {word}{place}, {counted(len(run), 'sample')}: {', '.join(coordinates)}")
+        coordinates = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, ranges, strict=True)]
+        group = f" at {result.mechanism._block_name(block)}" if block else ""
+        lines.append(f"  {word}{group}, {counted(len(run), 'sample')}: {', '.join(coordinates)}")
     if len(runs) > LINES:
         lines.append(f"  and {counted(len(runs) - LINES, 'stretch', 'stretches')} more")
     return lines
@@ -141,24 +143,24 @@ def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
     quality = result.quality
     gaps = any(quality.status[i] != OK for i in rows)
     status = quality.status if gaps else ()
-    more: list[str] = []
-    shown_any = False
+    omitted: list[str] = []
+    has_columns = False
     everything = len(of) == len(result.mechanism.outputs)
     for name in sorted(rest, key=_rank) if everything else rest:  # else as they were asked for
         # Once one does not fit, smaller ones must not jump the queue.
-        parts = output_columns(result, name) if name in result and not more else []
+        parts = output_columns(result, name) if name in result and not omitted else []
         if everything and len(parts) == 2 and result.output(name).kind == "vector":
             parts = [Column(f"|{name}|", parts[0].unit, np.abs(result[name]), name)]
-        if parts and (not shown_any or _wide([*chosen, *parts], rows, status) <= width):
+        if parts and (not has_columns or _wide([*chosen, *parts], rows, status) <= width):
             chosen += parts
-            shown_any = True
+            has_columns = True
         else:
-            more.append(name)
+            omitted.append(name)
     largest: dict[str, float] = {}
     for c in chosen:
         largest[c.unit] = max(largest.get(c.unit, 0.0), _largest(c.values))
-    shown = [replace(c, values=without_noise(c.values, largest[c.unit])) for c in chosen]
-    return Selection(shown, rows, gaps, numbers, more)
+    displayed = [replace(c, values=without_noise(c.values, largest[c.unit])) for c in chosen]
+    return Selection(displayed, rows, gaps, numbers, omitted)
 
 
 def _largest(values: Any) -> float:
@@ -231,12 +233,12 @@ def _cell(x: float) -> str:
 def _title(result: Labelled, outputs: int) -> str:
     settings = result.settings
     name, rubs = result.mechanism.name, bool(result.mechanism.frictional_joints)
-    how = f"; friction {settings['friction']}" * rubs + "; static" * bool(settings["static"])
-    return f"{name}: {counted(result.n, 'sample')}, {counted(outputs, 'output')}{how}"
+    options = f"; friction {settings['friction']}" * rubs + "; static" * bool(settings["static"])
+    return f"{name}: {counted(result.n, 'sample')}, {counted(outputs, 'output')}{options}"
 
 
-def _footer(result: Labelled, shown: Selection) -> Iterator[str]:
-    for name in shown.numbers:
+def _footer(result: Labelled, selection: Selection) -> Iterator[str]:
+    for name in selection.numbers:
         x, unit = result[name], result.output(name).unit
         if isinstance(x, Undefined):
             yield f"{name}: not defined for this run: {x.why}"
@@ -244,32 +246,33 @@ def _footer(result: Labelled, shown: Selection) -> Iterator[str]:
             yield f"{name} = {_cell(float(x))} {unit}".rstrip()
             if name.endswith(".friction_efficiency") and x == 0:
                 yield FRICTION_ALONE
-    if len(shown.rows) < result.n:
-        yield f"{len(shown.rows)} of {result.n} samples shown"
+    if len(selection.rows) < result.n:
+        yield f"{len(selection.rows)} of {result.n} samples shown"
     yield from gap_lines(result)
     yield from flag_lines(result)
     yield from (f"note: {text}" for text in result.notes())
-    if shown.more:
-        rest = ", ..." if len(shown.more) > LINES else ""
-        yield f"{counted(len(shown.more), 'more output')}: {', '.join(shown.more[:LINES])}{rest}"
+    if selection.more:
+        rest = ", ..." if len(selection.more) > LINES else ""
+        names = ", ".join(selection.more[:LINES])
+        yield f"{counted(len(selection.more), 'more output')}: {names}{rest}"
 
 
 def flag_lines(result: Labelled) -> Iterator[str]:
     """The flags of a result by kind and place."""
     flags = result.quality.flags
-    counts, shown = Counter((flag.code, flag.where) for flag in flags), set[str]()
+    counts, codes = Counter((flag.code, flag.where) for flag in flags), set[str]()
     for (code, where), count in list(counts.items())[:LINES]:
         first = next(f.sample for f in flags if (f.code, f.where) == (code, where))
         yield f"flag {code} at {where}: {counted(count, 'sample')}, first {first}"
-        shown.add(code)
-    yield from (f"  {code}: {ADVICE[code]}" for code in ADVICE if code in shown)
+        codes.add(code)
+    yield from (f"  {code}: {ADVICE[code]}" for code in ADVICE if code in codes)
     if len(counts) > LINES:
         yield f"and flags of {len(counts) - LINES} more kinds, see quality"
 
 
-def counted(n: int, one: str, many: str = "") -> str:
+def counted(n: int, singular: str, plural: str = "") -> str:
     """So many of something, in words."""
-    return f"{n} {one if n == 1 else many or one + 's'}"
+    return f"{n} {singular if n == 1 else plural or singular + 's'}"
 
 
 def _html_row(tag: str, cells: list[str]) -> str:

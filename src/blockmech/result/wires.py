@@ -35,8 +35,8 @@ def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str,
     wires = wires_of(structure)
     for name in names:
         if name not in wires:
-            known = f"wires: {listed(wires, 30)}"
-            raise refused(name, "there is no such wire", valid=known, code="no-such-wire")
+            valid = f"wires: {listed(wires, 30)}"
+            raise refused(name, "there is no such wire", valid=valid, code="no-such-wire")
     read_of = {name: _outputs(structure, *wires[name]) for name in names or wires}
     every = {
         output: None for wire in read_of.values() for parts in wire.values() for output in parts
@@ -44,12 +44,14 @@ def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str,
     values = read(*every)
     travels: dict[str, Data] = {}
     for name, wire in read_of.items():
-        here = {
+        quantities = {
             key: values[parts[0]] - sum(values[x] for x in parts[1:]) if parts else np.zeros(n)
             for key, parts in wire.items()
         }
-        here["power"] = -(here["F"] * np.conj(here["v"])).real - here["M"] * here["om"]
-        travels[name] = here
+        quantities["power"] = (
+            -(quantities["F"] * np.conj(quantities["v"])).real - quantities["M"] * quantities["om"]
+        )
+        travels[name] = quantities
     return travels
 
 
@@ -64,8 +66,10 @@ def _outputs(structure: Structure, marker: MarkerRef, joint: JointRef) -> dict[s
         return outputs
     (driver,) = structure.drivers
     head = structure.driven[driver].block
-    others = [block for block in structure.blocks if block != head]
-    for what in ("J_red", "tau_red"):  # under the driver's name stand all blocks
-        outputs[what] = [f"{driver}.{what}", *(f"{block}.{what}" for block in others)]
-        outputs[what] = outputs[what] if joint.block == head else [f"{joint.block}.{what}"]
+    rest = [block for block in structure.blocks if block != head]
+    for quantity in ("J_red", "tau_red"):  # under the driver's name stand all blocks
+        outputs[quantity] = [f"{driver}.{quantity}", *(f"{block}.{quantity}" for block in rest)]
+        outputs[quantity] = (
+            outputs[quantity] if joint.block == head else [f"{joint.block}.{quantity}"]
+        )
     return outputs
