@@ -24,10 +24,10 @@ def sketch():
     m = bm.Linkage("fourbar")
     for name in ("crank", "rod", "rocker"):
         m.add_link(name)
-    m.add_pin("A", ["frame", "crank"], (0.0, 0.0))
-    m.add_pin("B", ["crank", "rod"], (0.6, 0.75))
-    m.add_pin("C", ["rod", "rocker"], (2.9, 1.9))
-    m.add_pin("D", ["frame", "rocker"], (2.4, 0.1))
+    m.add_joint("A", "R", ["frame", "crank"], point=(0.0, 0.0))
+    m.add_joint("B", "R", ["crank", "rod"], point=(0.6, 0.75))
+    m.add_joint("C", "R", ["rod", "rocker"], point=(2.9, 1.9))
+    m.add_joint("D", "R", ["frame", "rocker"], point=(2.4, 0.1))
     m.add_driver("motor", "A", LAW)
     return m
 
@@ -164,7 +164,7 @@ def test_points_have_positions_and_markers_are_points():
     m = sketch()
     m.links["rod"] = bm.Linkage.from_json(m.to_json()).links["rod"].model_copy()
     m.add_link("flag", markers={"top": (1.0, 3.0)})
-    m.add_weld("W", ["flag", "rod"], (0.7, 0.8))
+    m.add_joint("W", "weld", ["flag", "rod"], point=(0.7, 0.8))
     m.add_dimension("A", "position", ["A"], (0.1, 0.2))
     m.add_dimension("top", "angle", ["B", "A", "flag.top"], "90deg")
     drawn = m.fit_dimensions().linkage
