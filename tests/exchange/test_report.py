@@ -9,6 +9,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
+from blockmech.draw.mechanism import draw_result
+from blockmech.exchange.report import dimensioned
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 HURT = "</title><script>hurt=1</script>"
@@ -23,12 +25,35 @@ def report_of(document, path, **more):
 def test_a_report_has_drawing_dimensions_values_and_verification(tmp_path, name):
     mechanism = opened(GRAPHS / f"{name}.json").compile()
     text = report_of(mechanism, tmp_path / "r.html")
-    assert text.count("<img") == 2
+    assert text.count("<img") == 3  # drawing, curves, reactions
+    assert "Verified: " in text
     numbers = re.findall(r"<tr><td>([^<]+)</td><td>([^ <]+) ?[^<]*</td></tr>", text)
     known = {p.address: f"{p.value:.6g}" for p in mechanism.parameters().values()}
     assert dict(numbers).items() >= known.items()
     assert "FAILS" not in text
     assert "reaction" not in text.partition("<h2>Values")[2].partition("<h2>")[0]
+
+
+def test_a_drawing_has_the_lengths_of_links():
+    """Of the four-bar in its file: crank 2 m, coupler 6 m, rocker 3 m, in mm."""
+    linkage = opened(GRAPHS / "joints" / "ruiz_fourbar.json")
+    picture = draw_result(linkage.run(samples=25, want=()))
+    lengths = dimensioned(picture)
+    assert lengths["crank 1"] == pytest.approx(2000)
+    assert max(lengths.values()) == pytest.approx(6000)
+    assert lengths["rocker 1"] == pytest.approx(3000)
+    texts = {text.get_text() for text in picture.axes.texts}
+    assert {"2000", "6000", "3000"} <= texts
+
+
+def test_the_largest_reactions_are_those_of_the_run(tmp_path):
+    linkage = opened(GRAPHS / "joints" / "slider_crank.json")
+    text = report_of(linkage, tmp_path / "r.html", samples=61)
+    rows = dict(re.findall(r"<tr><td>(joint[^<]+)</td><td>([^<]+)</td><td>", text))
+    run = linkage.run(samples=61, want=list(rows))
+    for name, shown in rows.items():
+        assert float(shown) == pytest.approx(np.abs(run[name]).max(), rel=1e-5)
+    assert len(rows) == 4
 
 
 def test_the_table_has_the_wanted_outputs_where_the_run_has_them(tmp_path):

@@ -42,7 +42,7 @@ def report(
     friction: Friction = None,
     static: Static = False,
 ) -> None:
-    """Write one HTML page to be printed: drawing, dimensions, curves, table, verification."""
+    """Write one HTML page to be printed: drawing with dimensions, data, curves, forces."""
     _write(file, output, "report", poses, want, friction=friction, static=static or None)
 
 

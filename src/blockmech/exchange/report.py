@@ -1,32 +1,46 @@
 """The format ``report``: one HTML page to be printed, of what a mechanism is and does.
 
-Drawing, formation, dimensions, curves, a table of the wanted outputs and what `verify` finds.
-Pictures are images in the page, in which no script runs; the page loads nothing.
+The first sheet of paper says all in short: the drawing with its dimensions, one line of
+verification, the data of links, joints and loads, and the curves. Then come forces, values at
+some poses, and every number and check. Pictures are images in the page, in which no script
+runs; the page loads nothing.
 """
 
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
+from itertools import pairwise
 from string import Template
 from typing import IO, Any
 
 import numpy as np
 
 import blockmech
-from blockmech.analysis.verify import verify
-from blockmech.draw.mechanism import draw_result
+from blockmech.analysis.verify import Verification, verify
+from blockmech.draw.mechanism import Picture, draw_result
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.page.files import requested_outputs, samples_of
-from blockmech.figures.curves import abscissa, chosen_panels
+from blockmech.figures.curves import abscissa, chosen_panels, reaction_panels, without_friction
 from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import image
-from blockmech.model.parameters import parameters_of
+from blockmech.ground.errors import BlockmechError
+from blockmech.model.parameters import Parameter, parameters_of
 from blockmech.result.result import Result
 from blockmech.typing import Record
 
 ROWS = 13  # of the table: every 30 degrees of a turn
+DIMENSION: Mapping[str, Any] = {
+    "rotation_mode": "anchor",
+    "ha": "center",
+    "va": "bottom",
+    "fontsize": 6,
+    "zorder": 20,
+    "bbox": {"pad": 0.4, "fc": "white", "ec": "none", "alpha": 0.7},
+}
+"""How matplotlib writes a dimension."""
+SHORTEST = 0.06  # of the drawing's size, that has room for a dimension
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -45,24 +59,29 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
     mechanism, result = order.mechanism, order.computed
     if result is None:
         settings = {"friction": None, "static": False} | dict(order.settings)
-        samples, outputs = samples_of(order), requested_outputs(order)
-        result = mechanism._answer(samples, outputs, settings)
+        result = mechanism._answer(samples_of(order), requested_outputs(order), settings)
     document = mechanism.document
     sections = {} if document is None else document.sections()
     title = getattr(document, "title", "") or mechanism.name
-    numbers = [(p.address, f"{p.value:.6g} {p.unit}") for p in parameters_of(sections).values()]
-    curves = image(draw_panels(chosen_panels(result, result), abscissa(result)), "curves")
+    numbers = list(parameters_of(sections).values())
+    checks = verify(mechanism, result)
+    picture = draw_result(result)
+    dimensioned(picture)
+    lists = ((p.address, f"{p.value:.6g} {p.unit}") for p in numbers)
     parts = {
-        "": image(draw_result(result).figure, f"{mechanism.name} in some poses"),
+        "": image(picture.figure, f"{mechanism.name} in some poses, lengths in mm"),
+        "Verification": f"<p>{html.escape(verdict(checks))}</p>",
         "Structure": f"<p>{html.escape(mechanism.structure.formula.replace('->', '→'))}</p>",
-        "Dimensions and loads": f"<div class=numbers>{table(('number', 'value'), numbers)}</div>",
-        "Curves": curves,
+        "Data": f"<div class=data>{table(('part', 'numbers'), _data(numbers))}</div>",
+        "Curves": image(draw_panels(chosen_panels(result, result), abscissa(result)), "curves"),
+        **_forces(result),
         "Values": _values(result),
-        "Verification": f"<pre>{html.escape(str(verify(mechanism, result)))}</pre>",
+        "All numbers": f"<div class=numbers>{table(('number', 'value'), lists)}</div>",
+        "All checks": f"<pre>{html.escape(str(checks))}</pre>",
     }
     extras: Record = getattr(document, "extras", {})
-    texts = [str(extras[key]) for key in ("source", "notes") if extras.get(key)]
-    head = "".join(f"<p>{html.escape(text)}</p>" for text in texts)
+    words = [str(extras[key]) for key in ("source", "notes") if extras.get(key)]
+    head = "".join(f"<p>{html.escape(text)}</p>" for text in words)
     body = "".join(
         f"<section>{f'<h2>{name}</h2>' if name else ''}{part}</section>"
         for name, part in parts.items()
@@ -73,12 +92,74 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
     stream.write(page.encode(errors="replace"))
 
 
+def dimensioned(picture: Picture) -> dict[str, float]:
+    """Write the lengths of links into a drawing, in mm along their sides; by link and side.
+
+    Lengths that have no room in the drawing are left out: the table of data has them all.
+    """
+    motion, sides = picture.stage.motion, dict[str, float]()
+    (x0, x1), (y0, y1) = picture.axes.get_xlim(), picture.axes.get_ylim()
+    shortest = SHORTEST * max(x1 - x0, y1 - y0)
+    for body in picture.stage.sketch.bodies:
+        corners = [complex(motion.at(body.link, z)[0]) for z in body.outline]
+        for k, (a, b) in enumerate(pairwise([*corners, *corners[: len(corners) > 2]])):
+            if abs(b - a) < shortest:
+                continue
+            sides[f"{body.name or body.link} {k + 1}"] = 1e3 * abs(b - a)
+            middle, turn = (a + b) / 2, np.degrees(np.arctan((b - a).imag / (b - a).real))
+            text, place = f"{1e3 * abs(b - a):.4g}", (middle.real, middle.imag)
+            picture.axes.annotate(text, place, rotation=turn, **DIMENSION)
+    return sides
+
+
+def verdict(checks: Verification) -> str:
+    """Whether the equations of mechanics hold, in a line."""
+    failing = [check.name for check in checks.rows if not check.ok]
+    if failing or not checks.samples:
+        return f"Not verified: {', '.join(failing) or 'no sample has an answer'}."
+    worst = max(checks.rows, key=lambda check: check.value / check.allowed)
+    return (
+        f"Verified: {len(checks.rows)} equations of mechanics hold at {checks.samples} samples; "
+        f"the largest relative error is {worst.value:.1e} ({worst.name}), allowed is "
+        f"{worst.allowed:.1e}."
+    )
+
+
+def _data(numbers: Iterable[Parameter]) -> Iterator[tuple[str, str]]:
+    """The numbers of each part that are not 0, in a line; approximate poses are no data."""
+    lines = dict[str, list[str]]()
+    for number in numbers:
+        keys = [str(key) for key in number.path]
+        depth = min(len(keys) - 1, 2)
+        part, name = ".".join(keys[:depth]), " ".join(keys[depth:])
+        if number.value and not name.startswith("pose"):
+            lines.setdefault(part, []).append(f"{name} {number.value:.5g} {number.unit}".strip())
+    yield from ((part, "; ".join(values)) for part, values in lines.items())
+
+
+def _forces(result: Result) -> dict[str, str]:
+    """Reactions of the joints over the motion, and their largest; nothing where there are none."""
+    names = [name for name in result.mechanism.outputs if name.endswith(".reaction")]
+    try:
+        forces = result.rerun(*names)
+    except BlockmechError:  # of what has no forces
+        return {}
+    along, panels = abscissa(result), reaction_panels(forces, without_friction(forces))
+    if not panels:
+        return {}
+    sizes = {name: np.abs(forces[name]) for name in names}
+    largest = {name: int(np.nanargmax(f)) for name, f in sizes.items() if np.isfinite(f).any()}
+    rows = ([name, _text(sizes[name][k]), _text(along.values[k])] for name, k in largest.items())
+    head = ("joint", "largest reaction [N]", f"at {along.words}")
+    return {"Forces": table(head, rows) + image(draw_panels(panels, along), "reactions")}
+
+
 def _values(result: Result) -> str:
     """The wanted outputs at some of the samples."""
-    axis = abscissa(result)
-    indices = np.unique(np.linspace(0, result.n - 1, ROWS, dtype=int))
-    head = [axis.words, *(f"{name} [{result.output(name).unit or '–'}]" for name in result)]
-    rows = ([_text(x[k]) for x in (axis.values, *result.values())] for k in indices)
+    along = abscissa(result)
+    shown = np.unique(np.linspace(0, result.n - 1, ROWS, dtype=int))
+    head = [along.words, *(f"{name} [{result.output(name).unit or '–'}]" for name in result)]
+    rows = ([_text(x[k]) for x in (along.values, *result.values())] for k in shown)
     return table(head, rows)
 
 
@@ -89,7 +170,7 @@ def _text(value: Any) -> str:
 
 
 WRITER = Writer(
-    "one HTML page to be printed: drawing, dimensions, curves, table, verification",
+    "one HTML page to be printed: drawing with dimensions, data, curves, forces, verification",
     (".html",),
     write_report,
 )
