@@ -60,17 +60,22 @@ def driver():
 
 def chromium():
     """The browser's program."""
-    found = shutil.which("chromium")
-    if found is None:
+    program = shutil.which("chromium")
+    if program is None:
         pytest.skip("there is no browser: the Debian package chromium is not installed")
-    return found
+    return program
 
 
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory):
     """Chromium with a user's folder of its own."""
-    how = {"executable_path": chromium(), "headless": True, "args": ARGUMENTS, "viewport": WINDOW}
-    context = driver().chromium.launch_persistent_context(tmp_path_factory.mktemp("user"), **how)
+    flags = {
+        "executable_path": chromium(),
+        "headless": True,
+        "args": ARGUMENTS,
+        "viewport": WINDOW,
+    }
+    context = driver().chromium.launch_persistent_context(tmp_path_factory.mktemp("user"), **flags)
     context.set_default_timeout(PATIENCE)
     pytest.importorskip("playwright.sync_api").expect.set_options(timeout=PATIENCE)
     yield context
@@ -83,7 +88,7 @@ def tab(browser):
     of the console, addresses outside.
     """
     page, wrong = browser.new_page(), []
-    page.on("console", lambda one: wrong.append(_told(one)) if one.type in LOUD else None)
+    page.on("console", lambda entry: wrong.append(_told(entry)) if entry.type in LOUD else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("request", lambda request: wrong.append(request.url) if _outside(request.url) else None)
     page.on("dialog", lambda dialog: dialog.accept())
@@ -102,14 +107,14 @@ def page(tab, request):
     page.emulate_media(color_scheme="light")
     yield page
     page.unroute_all()
-    found = [one for one in wrong if not REFUSED.search(one)]
+    faults = [fault for fault in wrong if not REFUSED.search(fault)]
     wrong.clear()
-    assert found == []
+    assert faults == []
 
 
-def _told(one):
+def _told(entry):
     """What the console says, and about which address."""
-    return f"{one.text} {one.location.get('url', '')}"
+    return f"{entry.text} {entry.location.get('url', '')}"
 
 
 def _outside(url):

@@ -30,19 +30,19 @@ class Hand:
     def drawn(self):
         return sketching.pins_of(self.form)
 
-    def do(self, act, **asked):
+    def do(self, act, **request):
         try:
-            self.sheet.change(*acted(self.sheet.now, {"act": act, **asked}))
+            self.sheet.change(*acted(self.sheet.now, {"act": act, **request}))
         except BlockmechError as error:
             self.said = str(error)
         else:
             self.said = state.status_of(self.sheet.now)
 
-    def act(self, name, *pins, **more):
-        self.do(name, pins=list(pins), **more)
+    def act(self, name, *pins, **options):
+        self.do(name, pins=list(pins), **options)
 
-    def add(self, *places):
-        for z in places:
+    def add(self, *positions):
+        for z in positions:
             self.do("pin", at=[complex(z).real, complex(z).imag])
 
     def ask(self, **data):

@@ -9,12 +9,12 @@ from blockmech.studio.sharing import unpacked
 class Sheet:
     """A sheet in the window. ``acts`` counts clicks, drags, presses and typed words."""
 
-    def __init__(self, page, studio, what):
+    def __init__(self, page, studio, source):
         self.page, self.acts = page, 0
         self.root = re.match(r"http://[^/]*", studio[0])[0]
         if not page.context.cookies():
             page.goto(studio[0])
-        reply = page.request.post(f"{self.root}/api/documents", data=json.dumps(what))
+        reply = page.request.post(f"{self.root}/api/documents", data=json.dumps(source))
         assert reply.ok, reply.text()
         self.id = reply.json()["id"]
         page.goto(f"{self.root}/?sheet={self.id}")
@@ -27,14 +27,14 @@ class Sheet:
 
     def places(self):
         """Where each pin is drawn, as the server has it [m]."""
-        made = {}
+        positions = {}
         drawing = self.state["drawing"]
         for pin in drawing["pins"]:
             link, x, y = pin["at"]
             ox, oy, angle = drawing["poses"][link]
             z = complex(ox, oy) + complex(x, y) * _turn(angle)
-            made[pin["name"]] = z
-        return made
+            positions[pin["name"]] = z
+        return positions
 
     def changed(self, act):
         """Do something, and wait until the sheet that comes back is drawn."""
@@ -58,9 +58,9 @@ class Sheet:
 
     def to(self, x, y):
         """Pixels of a place [m]."""
-        scale, left, top = map(float, self.svg.get_attribute("data-view").split())
+        scale, across, top = map(float, self.svg.get_attribute("data-view").split())
         box = self.svg.bounding_box()
-        return box["x"] + left + x * scale, box["y"] + top - y * scale
+        return box["x"] + across + x * scale, box["y"] + top - y * scale
 
     def pin(self, name):
         ring = self.page.locator(f'.pin[data-pin="{name}"] .ring')

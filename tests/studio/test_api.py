@@ -29,9 +29,9 @@ def client(tmp_path_factory):
     from blockmech.studio.server import application
 
     app = application(Desk(tmp_path_factory.mktemp("folder")), TOKEN, 5000)
-    made = TestClient(app, HOST)
-    assert made.get(f"/{TOKEN}/", follow_redirects=False).status_code == 303
-    yield made
+    browser = TestClient(app, HOST)
+    assert browser.get(f"/{TOKEN}/", follow_redirects=False).status_code == 303
+    yield browser
     jobs = app.app.state.studio.jobs
     process = jobs._process
     jobs.end()
@@ -39,11 +39,11 @@ def client(tmp_path_factory):
         stream.close()
 
 
-def sheet(client, what="joints/ruiz_fourbar"):
-    reply = client.post("/api/documents", json={"example": what})
+def sheet(client, example="joints/ruiz_fourbar"):
+    reply = client.post("/api/documents", json={"example": example})
     assert reply.status_code == 200
-    made = reply.json()
-    return f"/api/documents/{made['id']}", made
+    state = reply.json()
+    return f"/api/documents/{state['id']}", state
 
 
 def test_strangers_are_refused(client):
@@ -93,25 +93,25 @@ def test_a_body_that_is_too_large_is_refused(client):
 
 @pytest.mark.parametrize("name", ["joints/ruiz_fourbar", "excavator", "motions/clock"])
 def test_the_state_of_a_sheet(client, name):
-    path, made = sheet(client, name)
-    assert made["problems"] == []
-    assert made["motion"]["n"] == len(next(iter(made["motion"]["q"].values())))
-    assert {pin["at"][0] for pin in made["drawing"]["pins"]} <= {*made["drawing"]["poses"]}
+    path, state = sheet(client, name)
+    assert state["problems"] == []
+    assert state["motion"]["n"] == len(next(iter(state["motion"]["q"].values())))
+    assert {pin["at"][0] for pin in state["drawing"]["pins"]} <= {*state["drawing"]["poses"]}
     live = client.post(f"{path}/live", json={}).json()
     text = client.get(f"/kernels/{live['hash']}.js")
     assert text.headers["content-type"].startswith("text/javascript")
     assert "immutable" in text.headers["cache-control"]
-    panels = made["curves"]["panels"]
+    panels = state["curves"]["panels"]
     assert [panel["quantity"] for panel in panels]
-    json.dumps(made, allow_nan=False)
+    json.dumps(state, allow_nan=False)
 
 
 def test_an_act_is_a_step_and_a_refusal_leaves_the_sheet(client):
-    path, made = sheet(client)
-    (pin,) = (pin for pin in made["drawing"]["pins"] if pin["name"] == "B")
-    moved = {"act": "move", "pins": {"B": [0.3, 1.9]}, "base": made["revision"]}
+    path, state = sheet(client)
+    (pin,) = (pin for pin in state["drawing"]["pins"] if pin["name"] == "B")
+    moved = {"act": "move", "pins": {"B": [0.3, 1.9]}, "base": state["revision"]}
     after = client.post(f"{path}/edit", json=moved).json()
-    assert (after["undoable"], after["revision"]) == ("move B", made["revision"] + 1)
+    assert (after["undoable"], after["revision"]) == ("move B", state["revision"] + 1)
     stale = client.post(f"{path}/edit", json=moved)
     assert stale.status_code == 409
     assert "another window" in stale.json()["said"]
@@ -125,16 +125,16 @@ def test_an_act_is_a_step_and_a_refusal_leaves_the_sheet(client):
 
 
 def test_a_preview_is_what_an_edit_makes(client):
-    path, made = sheet(client, "watt_sixbar")
-    pin = next(pin for pin in made["drawing"]["pins"] if pin["held"] and not pin["ground"])
-    x, y, _ = made["drawing"]["poses"][pin["at"][0]]
-    act = {"act": "drag", "name": pin["name"], "to": [x + 0.01, y], "q": made["motion"]["home"]}
-    seen = client.post(f"{path}/preview", json=act)
-    assert seen.status_code == 200
-    assert client.post(path, json={}).json()["revision"] == made["revision"]
+    path, state = sheet(client, "watt_sixbar")
+    pin = next(pin for pin in state["drawing"]["pins"] if pin["held"] and not pin["ground"])
+    x, y, _ = state["drawing"]["poses"][pin["at"][0]]
+    act = {"act": "drag", "name": pin["name"], "to": [x + 0.01, y], "q": state["motion"]["home"]}
+    preview = client.post(f"{path}/preview", json=act)
+    assert preview.status_code == 200
+    assert client.post(path, json={}).json()["revision"] == state["revision"]
     after = client.post(f"{path}/edit", json=act).json()
-    assert after["drawing"] == seen.json()["drawing"]
-    assert client.post(f"{path}/live", json={}).json() == seen.json()["live"]
+    assert after["drawing"] == preview.json()["drawing"]
+    assert client.post(f"{path}/live", json={}).json() == preview.json()["live"]
 
 
 def test_a_drag_in_another_pose_stands_the_drawing_there(client):
@@ -147,8 +147,8 @@ def test_a_drag_in_another_pose_stands_the_drawing_there(client):
 
 
 def test_a_driver_is_moved_by_hand_with_the_others_held(client):
-    path, made = sheet(client, "excavator")
-    at = {driver: q[0] for driver, q in made["motion"]["q"].items()} | {"arm": 3.2}
+    path, state = sheet(client, "excavator")
+    at = {driver: q[0] for driver, q in state["motion"]["q"].items()} | {"arm": 3.2}
     moved = client.post(path, json={"moved": "arm", "held": at}).json()["motion"]["q"]
     assert len({*moved["boom"]}) == 1
     assert min(moved["arm"]) < 3.2 < max(moved["arm"])
@@ -157,8 +157,8 @@ def test_a_driver_is_moved_by_hand_with_the_others_held(client):
 def test_curves_have_forces_without_friction_beside_them(client):
     path, _ = sheet(client, "joints/excavator")
     names = ["driver.lift.drive"]
-    made = client.post(f"{path}/curves", json={"names": names, "friction": "newton"}).json()
-    (panel,) = made["panels"]
+    curves = client.post(f"{path}/curves", json={"names": names, "friction": "newton"}).json()
+    (panel,) = curves["panels"]
     assert (panel["quantity"], panel["unit"]) == ("drive", "kN")
     assert len(panel["curves"]) == len(panel["without"]) == 1
     result = opened(gallery()["joints/excavator"]).run(want=names, friction="newton", samples=361)
@@ -178,28 +178,28 @@ def test_arrows_stand_at_joints(client, what):
 
 def test_a_wire_says_what_travels_on_it_and_whether_it_may_be(client):
     path, _ = sheet(client, "ruiz_fourbar")
-    said = client.post(f"{path}/wire", json={"from": "crank.B", "to": "dyad.B"}).json()["said"]
-    assert said.startswith("→ p = (")
-    assert "\n← F = (" in said
+    text = client.post(f"{path}/wire", json={"from": "crank.B", "to": "dyad.B"}).json()["said"]
+    assert text.startswith("→ p = (")
+    assert "\n← F = (" in text
     wrong = {"from": "dyad.C", "to": "crank.A", "may": True}
     assert client.post(f"{path}/wire", json=wrong).json()["said"]
 
 
 def test_files_links_and_what_is_not_saved(client):
-    path, made = sheet(client)
+    path, state = sheet(client)
     link = client.get(f"{path}/link").json()["link"]
     assert unpacked(link).to_json() == opened(gallery()["joints/ruiz_fourbar"]).to_json()
     again = client.post("/api/documents", json={"link": link}).json()
-    assert again["drawing"] == made["drawing"]
+    assert again["drawing"] == state["drawing"]
     assert client.post(f"{path}/save", json={"name": "../out.json"}).status_code == 422
     saved = client.post(f"{path}/save", json={"name": "four.json"}).json()
     assert (saved["saved"], saved["file"]) == (True, "four.json")
     listed = client.get("/api/files").json()
     assert listed["files"] == ["four.json"]
     opened_again = client.post("/api/documents", json={"file": "four.json"}).json()
-    assert opened_again["id"] == made["id"]
+    assert opened_again["id"] == state["id"]
     client.post(f"{path}/edit", json={"act": "pin", "at": [1.0, 2.0]})
-    assert made["id"] in [one["id"] for one in client.get("/api/files").json()["left"]]
+    assert state["id"] in [unsaved["id"] for unsaved in client.get("/api/files").json()["left"]]
 
 
 def test_an_address_of_pmks_plus_is_read(client):
@@ -228,21 +228,21 @@ def answer(client, path, **task):
     """What a job says in the end, and all states that it went through."""
     job = client.post(f"{path}/jobs", json=task).json()["job"]
     lines = client.get(f"/api/jobs/{job}/events").text.splitlines()
-    said = [json.loads(line[6:]) for line in lines if line.startswith("data: ")]
-    return said[-1], said, job
+    states = [json.loads(line[6:]) for line in lines if line.startswith("data: ")]
+    return states[-1], states, job
 
 
 def test_analyses_motions_and_files_are_jobs(client):
     """One process answers them all, and the page is told of its progress."""
     path, _ = sheet(client, "joints/fivebar_falling")
-    end, said, _ = answer(client, path, what="Limits")
+    end, states, _ = answer(client, path, what="Limits")
     assert end["state"] == "done"
     assert "arc" in end["answer"]["text"] or "turns fully" in end["answer"]["text"]
     assert end["answer"]["picture"].startswith("<?xml")
-    end, said, _ = answer(client, path, what="simulate", until="time=0.2")
+    end, states, _ = answer(client, path, what="simulate", until="time=0.2")
     assert end["state"] == "done", end["said"]
     assert end["answer"]["motion"]["time"][-1] == pytest.approx(0.2)
-    assert any(one["state"] == "running" for one in said)
+    assert any(report["state"] == "running" for report in states)
     names = list(end["answer"]["motion"]["poses"])
     assert "left_crank" in names
     end, _, job = answer(client, path, what="export", kind="document .json")
@@ -267,10 +267,10 @@ def test_stop_ends_work_within_a_second(tmp_path):
     job = jobs.begin(task)
     while job.state != "running":
         time.sleep(0.02)
-    process, begun = jobs._process, time.monotonic()
+    process, start = jobs._process, time.monotonic()
     jobs.stop(job)
     assert process.wait(5) != 0
-    assert time.monotonic() - begun < 1.0
+    assert time.monotonic() - start < 1.0
     assert (job.state, job.said) == ("stopped", "stopped")
     after = jobs.begin({**task, "what": "Limits"})
     while not after.over:
@@ -286,9 +286,9 @@ def test_a_notebook_shows_a_frame_with_a_key_of_its_own(monkeypatch, tmp_path):
     import urllib.request
 
     monkeypatch.chdir(tmp_path)
-    shown = bm.studio(opened(gallery()["ruiz_fourbar"]))
-    assert 'src="http://127.0.0.1:' in shown._repr_html_()
-    address, _, query = shown.address.partition("?")
+    frame = bm.studio(opened(gallery()["ruiz_fourbar"]))
+    assert 'src="http://127.0.0.1:' in frame._repr_html_()
+    address, _, query = frame.address.partition("?")
     with urllib.request.urlopen(f"{address}?{query}") as page:
         assert (
             "frame-ancestors 'self' http://localhost:*" in page.headers["Content-Security-Policy"]

@@ -48,9 +48,9 @@ def test_what_is_wrong_stands_under_its_field():
     hand = Hand(bm.Graph.load(GRAPHS / "ruiz_fourbar.json"))
     hand.sheet.change({**hand.form, "wires": hand.form["wires"][1:]}, "cut")
     now = hand.sheet.now
-    shown = form_of(now.document, now.form, ("blocks", "crank"), Units(), now.problems)
+    fields = form_of(now.document, now.form, ("blocks", "crank"), Units(), now.problems)
     (wire,) = (
-        row for group in shown["groups"] for row in group["rows"] if "wire to" in row["label"]
+        row for group in fields["groups"] for row in group["rows"] if "wire to" in row["label"]
     )
     assert "nothing is wired to it" in wire["wrong"]
 
@@ -100,9 +100,9 @@ def test_one_file_is_one_sheet(folder):
 
 def test_a_renamed_block_is_renamed_wherever_it_is_named():
     form = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").to_data()
-    made = bm.Graph.from_data(edits.renamed(form, "crank", "motor"))
-    assert made.check() == []
-    assert list(made.scene.drive) == ["motor"]
+    renamed = bm.Graph.from_data(edits.renamed(form, "crank", "motor"))
+    assert renamed.check() == []
+    assert list(renamed.scene.drive) == ["motor"]
     with pytest.raises(bm.GraphError, match="taken"):
         edits.renamed(form, "crank", "dyad")
 
@@ -116,9 +116,9 @@ def test_without_a_block_its_wires_and_its_drive_are_gone():
 def test_a_driver_called_by_a_joint_goes_with_its_block():
     form = bm.Graph.load(GRAPHS / "scissor_lift.json").to_data()
     assert list(form["scene"]["drive"]) == ["scissors.cylinder"]
-    made = bm.Graph.from_data(edits.renamed(form, "scissors", "arms"))
-    assert made.check() == []
-    assert list(made.scene.drive) == ["arms.cylinder"]
+    renamed = bm.Graph.from_data(edits.renamed(form, "scissors", "arms"))
+    assert renamed.check() == []
+    assert list(renamed.scene.drive) == ["arms.cylinder"]
     assert "drive" not in edits.without(form, ["scissors"])["scene"]
 
 
@@ -138,9 +138,9 @@ def test_a_friction_law_is_chosen_where_there_was_none():
 
 def test_a_coupling_follows_the_new_name_of_its_driver():
     form = bm.Graph.load(GRAPHS / "geared_fivebar.json").to_data()
-    made = bm.Graph.from_data(edits.renamed(form, "second", "wheel"))
-    assert made.check() == []
-    assert made.blocks["mesh"].driven == "wheel"
+    renamed = bm.Graph.from_data(edits.renamed(form, "second", "wheel"))
+    assert renamed.check() == []
+    assert renamed.blocks["mesh"].driven == "wheel"
 
 
 @pytest.mark.parametrize("kind", [kind for kind, _, _, why in kinds() if not why])

@@ -38,16 +38,21 @@ console.log(JSON.stringify(rows.map((q) => made.poses(q))));
 """
 
 
-def in_the_page(folder, made, rows, places=None):
+def in_the_page(folder, functions, rows, positions=None):
     """Poses of links [x, y, cos, sin] at rows of coordinates, worked out by Node."""
-    kernel, script, given = (folder / name for name in ("k.mjs", "run.mjs", "given.json"))
-    kernel.write_text(made.text, encoding="utf-8")
+    kernel, script, inputs = (folder / name for name in ("k.mjs", "run.mjs", "given.json"))
+    kernel.write_text(functions.text, encoding="utf-8")
     script.write_text(SCRIPT % WEB.as_posix(), encoding="utf-8")
-    asked = {"kernel": kernel.as_uri(), "data": made.data(), "rows": rows, "places": places}
-    given.write_text(json.dumps(asked), encoding="utf-8")
-    done = subprocess.run([NODE, script, given], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    query = {
+        "kernel": kernel.as_uri(),
+        "data": functions.data(),
+        "rows": rows,
+        "places": positions,
+    }
+    inputs.write_text(json.dumps(query), encoding="utf-8")
+    process = subprocess.run([NODE, script, inputs], capture_output=True, text=True)
+    assert process.returncode == 0, process.stderr
+    return json.loads(process.stdout)
 
 
 def rows_of(motion):
@@ -56,13 +61,13 @@ def rows_of(motion):
     return some, [{d: float(q[k]) for d, q in motion.q.items()} for k in some]
 
 
-def compare(found, motion, some, size):
-    there = poses_of(motion)
-    for row, k in zip(found, some, strict=True):
-        for link, (x, y, angle) in there.items():
-            one = np.array([x[k], y[k], np.cos(angle[k]), np.sin(angle[k])])
+def compare(poses, motion, some, size):
+    expected = poses_of(motion)
+    for row, k in zip(poses, some, strict=True):
+        for link, (x, y, angle) in expected.items():
+            pose = np.array([x[k], y[k], np.cos(angle[k]), np.sin(angle[k])])
             scale = np.array([size, size, 1.0, 1.0])
-            assert np.abs((np.array(row[link]) - one) / scale).max() < 1e-12, (link, k)
+            assert np.abs((np.array(row[link]) - pose) / scale).max() < 1e-12, (link, k)
 
 
 def motion_of(document, mechanism):
@@ -80,38 +85,38 @@ def test_poses_of_blocks_are_those_of_a_run(name, tmp_path):
     mechanism = document.compile()
     motion = motion_of(document, mechanism)
     some, rows = rows_of(motion)
-    found = in_the_page(tmp_path, live(document, mechanism), rows)
-    compare(found, motion, some, size_of(motion))
+    poses = in_the_page(tmp_path, live(document, mechanism), rows)
+    compare(poses, motion, some, size_of(motion))
 
 
 @pytest.mark.parametrize("name", [name for name in JOINTS if name not in ON_THE_SERVER | REFUSED])
 def test_what_is_seen_while_all_pins_are_dragged_is_what_is_committed(name, tmp_path):
     """All pins a little elsewhere: numbers as the page has them, and a document compiled."""
     document = opened(gallery()[name])
-    made = live(document, document.compile())
+    functions = live(document, document.compile())
     form = document.to_data()
     pins = sketching.pins_of(form)
     size = max(abs(a.z - b.z) for a in pins.values() for b in pins.values())
     shake, to = random.Random(name), {}
-    for pin, i in made.pins.items():
-        known = next((to[p] for p, k in made.pins.items() if k == i and p in to), None)
+    for pin, i in functions.pins.items():
+        shared = next((to[p] for p, k in functions.pins.items() if k == i and p in to), None)
         off = 0.004 * size * complex(shake.uniform(-1, 1), shake.uniform(-1, 1))
-        to[pin] = known if known is not None else pins[pin].z + off
-    assert made.pins.keys() == pins.keys()
-    other = bm.Linkage.from_data(sketching.moved(form, to))
-    mechanism = other.compile()
-    motion = motion_of(other, mechanism)
+        to[pin] = shared if shared is not None else pins[pin].z + off
+    assert functions.pins.keys() == pins.keys()
+    dragged = bm.Linkage.from_data(sketching.moved(form, to))
+    mechanism = dragged.compile()
+    motion = motion_of(dragged, mechanism)
     some, rows = rows_of(motion)
-    places = {pin: [z.real, z.imag] for pin, z in to.items()}
-    found = in_the_page(tmp_path, made, rows, places)
-    compare(found, motion, some, size_of(motion))
+    positions = {pin: [z.real, z.imag] for pin, z in to.items()}
+    poses = in_the_page(tmp_path, functions, rows, positions)
+    compare(poses, motion, some, size_of(motion))
 
 
 @pytest.mark.parametrize("name", sorted(ON_THE_SERVER))
 def test_what_the_page_cannot_follow_it_says(name):
     document = opened(gallery()[name])
-    made = live(document, document.compile())
-    assert made is None or made.pins == {}
+    functions = live(document, document.compile())
+    assert functions is None or functions.pins == {}
 
 
 def test_lengths_and_masses_change_no_text():
@@ -119,8 +124,8 @@ def test_lengths_and_masses_change_no_text():
     form, texts = document.to_data(), set()
     for k in range(1, 6):
         z = sketching.pins_of(form)["C"].z + 0.01 * k + 0.007j * k
-        other = bm.Linkage.from_data(sketching.moved(form, {"C": z}))
-        texts.add(live(other, other.compile()).data()["hash"])
+        dragged = bm.Linkage.from_data(sketching.moved(form, {"C": z}))
+        texts.add(live(dragged, dragged.compile()).data()["hash"])
     assert len(texts) == 1
 
 
@@ -128,8 +133,8 @@ def test_a_pin_dragged_off_the_axis_of_a_cylinder_turns_its_guide_with_it():
     form = opened(gallery()["joints/excavator"]).to_data()
     moved = sketching.moved(form, {"arm_cylinder_foot": 2.5 + 1.6j})
     assert moved["joints"]["arm_cylinder"] == form["joints"]["arm_cylinder"]
-    made = bm.Linkage.from_data(moved)
-    assert str(made.decompose().formation).count("II cylinder") == 3
+    linkage = bm.Linkage.from_data(moved)
+    assert str(linkage.decompose().formation).count("II cylinder") == 3
     assert sketching.pins_of(moved)["arm_cylinder"].z == pytest.approx(2.5 + 1.6j, abs=1e-3)
     before, after = (sketching.guide_of(f, "arm_cylinder") for f in (form, moved))
     assert after != pytest.approx(before, abs=1e-3)

@@ -119,11 +119,11 @@ MACHINES = {
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_a_machine_drawn_by_hand_stands_where_it_was_aimed(page, studio, name):
-    draw, most_acts, group = MACHINES[name]
+    draw, limit, group = MACHINES[name]
     hand = Sheet(page, studio, {"new": "joints"})
     aimed = draw(hand)
     print(f"{name}: {hand.acts} acts")
-    assert hand.acts <= most_acts
+    assert hand.acts <= limit
     pins = hand.places()
     assert {pin: pins[pin] for pin in aimed} == aimed
     linkage = bm.Linkage.from_data(hand.form())

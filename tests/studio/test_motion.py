@@ -30,8 +30,8 @@ def form_of(name="ruiz_fourbar", **lengths):
 
 
 def now_of(form):
-    made = bm.Graph.from_data(form) if "blocks" in form else bm.Linkage.from_data(form)
-    return Revision(1, made.to_data(), made)
+    document = bm.Graph.from_data(form) if "blocks" in form else bm.Linkage.from_data(form)
+    return Revision(1, document.to_data(), document)
 
 
 def state(form):
@@ -40,9 +40,9 @@ def state(form):
 
 
 def test_a_gap_has_its_sentence():
-    made = state(form_of(l_i=3.2))["motion"]
-    assert made["gaps"] == [[101, 259]]
-    assert "too large" in made["why"]
+    motion = state(form_of(l_i=3.2))["motion"]
+    assert motion["gaps"] == [[101, 259]]
+    assert "too large" in motion["why"]
 
 
 @pytest.mark.parametrize("gone", ["wire", "closing"])
@@ -50,9 +50,9 @@ def test_the_part_that_closes_is_drawn(gone):
     form = form_of(l_i=30.0) if gone == "closing" else form_of()
     if gone == "wire":
         form["wires"] = [w for w in form["wires"] if w["to"] != "dyad.B"]
-    made = state(form)
-    assert [link["name"] for link in made["drawing"]["links"]] == ["crank.crank"]
-    assert ("never closes" if gone == "closing" else "nothing is wired to it") in made["said"]
+    data = state(form)
+    assert [link["name"] for link in data["drawing"]["links"]] == ["crank.crank"]
+    assert ("never closes" if gone == "closing" else "nothing is wired to it") in data["said"]
 
 
 def test_what_hangs_on_a_failing_block_goes_with_it():
@@ -164,8 +164,8 @@ def test_wires_say_what_travels(name):
 
 
 def test_an_accuracy_chooses_the_method():
-    made = answers.curves(ask("excavator", names=["boom.drive"], accuracy=1e-9))
-    assert "1e-09" in made["said"]
+    curves = answers.curves(ask("excavator", names=["boom.drive"], accuracy=1e-9))
+    assert "1e-09" in curves["said"]
 
 
 @pytest.mark.parametrize("name", ["Limits", "Modes", "Equilibria", "Extremes", "Verify", "Cost"])
@@ -173,39 +173,41 @@ def test_analyses_say_what_the_package_says(name):
     falls = name == "Equilibria"
     file, output = ("fivebar_falling", "left.drive") if falls else ("ruiz_fourbar", "crank.drive")
     question = ask(file, names=[output])
-    made = answers.analysis(question, name)
+    reply = answers.analysis(question, name)
     mechanism = question.mechanism
     if name == "Modes":
-        assert made["text"] == str(mechanism.modes())
+        assert reply["text"] == str(mechanism.modes())
     if name == "Extremes":
-        assert made["text"] == str(mechanism.extremes("crank.drive", friction="newton"))
-    assert made["text"]
+        assert reply["text"] == str(mechanism.extremes("crank.drive", friction="newton"))
+    assert reply["text"]
 
 
 def test_a_tolerance_is_that_of_the_lengths_by_the_chosen_share():
-    asked = ask("slider_crank", names=["crank.drive"], share=1.0)
-    mechanism = asked.mechanism
+    question = ask("slider_crank", names=["crank.drive"], share=1.0)
+    mechanism = question.mechanism
     lengths = {
         p.address: bm.dist.Normal(p.value, 0.01 * abs(p.value))
         for p in mechanism.parameters().values()
         if p.unit == "m" and p.value
     }
-    known = mechanism.tolerance(lengths, "crank.drive", samples=361)
-    assert answers.analysis(asked, "Tolerance")["text"] == str(known)
+    tolerance = mechanism.tolerance(lengths, "crank.drive", samples=361)
+    assert answers.analysis(question, "Tolerance")["text"] == str(tolerance)
 
 
 def test_a_family_has_the_curves_of_five_designs():
-    made = answers.analysis(ask("ruiz_fourbar", names=["crank.drive"], number="dyad.l_i"), "Family")
-    assert made["text"] == "crank.drive for 5 values of dyad.l_i"
-    assert made["picture"].startswith("<?xml")
+    reply = answers.analysis(
+        ask("ruiz_fourbar", names=["crank.drive"], number="dyad.l_i"), "Family"
+    )
+    assert reply["text"] == "crank.drive for 5 values of dyad.l_i"
+    assert reply["picture"].startswith("<?xml")
 
 
 def test_a_simulation_is_played_in_time():
-    motion, made = answers.simulation(ask("fivebar_falling", until="time=0.3"))
-    assert made["motion"]["time"][-1] == pytest.approx(0.3)
-    assert made["motion"]["forward"]
+    motion, answer = answers.simulation(ask("fivebar_falling", until="time=0.3"))
+    assert answer["motion"]["time"][-1] == pytest.approx(0.3)
+    assert answer["motion"]["forward"]
     assert motion.result.motion is not None
-    assert made["curves"]["along"]["words"] == "time [s]"
+    assert answer["curves"]["along"]["words"] == "time [s]"
 
 
 @pytest.mark.parametrize("until", ["lunch", "time=-1"])

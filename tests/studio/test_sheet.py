@@ -15,10 +15,10 @@ def fourbar():
     return opened(GRAPHS / "ruiz_fourbar.json")
 
 
-def longer(sheet, length, said="crank.length"):
+def longer(sheet, length, label="crank.length"):
     crank = {**sheet.form["blocks"]["crank"], "length": length}
     form = {**sheet.form, "blocks": {**sheet.form["blocks"], "crank": crank}}
-    sheet.change(form, said)
+    sheet.change(form, label)
 
 
 def test_an_empty_sheet_lacks_a_frame_and_is_saved():

@@ -19,17 +19,17 @@ NODE = shutil.which("node")
 
 @pytest.mark.skipif(NODE is None, reason="there is no Node")
 def test_the_pure_modules_by_node():
-    done = subprocess.run(
+    process = subprocess.run(
         [NODE, "--test", HERE / "web" / "lib.test.mjs"], capture_output=True, text=True
     )
-    assert done.returncode == 0, done.stdout[-3000:]
+    assert process.returncode == 0, process.stdout[-3000:]
 
 
 @pytest.mark.skipif(not TSC.exists(), reason="TypeScript is not installed: see .ci/run")
 @pytest.mark.parametrize("folder", [WEB, SHARED], ids=["studio", "page"])
 def test_types_of_the_page(folder):
-    done = subprocess.run([TSC, "-p", folder / "tsconfig.json"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout
+    process = subprocess.run([TSC, "-p", folder / "tsconfig.json"], capture_output=True, text=True)
+    assert process.returncode == 0, process.stdout
 
 
 def test_nothing_of_the_page_comes_from_elsewhere_or_is_markup():

@@ -203,7 +203,6 @@ def _panel(panel: Panel) -> Answer:
     return {
         "quantity": panel.quantity,
         "unit": unit or "-",
-        "si": panel.unit,
         "shown": [factor * low, factor * high],
         **{
             key: [

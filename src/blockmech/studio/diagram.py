@@ -11,11 +11,11 @@ from functools import cache
 from blockmech.blocks.registry import REGISTRY
 from blockmech.draw.boxes import content_of
 from blockmech.figures.palette import ROW
-from blockmech.ground.errors import BlockmechError, Problem
+from blockmech.ground.errors import Problem
 from blockmech.model import graph
 from blockmech.studio.canvas import PIXELS, Canvas
 from blockmech.studio.document import Revision
-from blockmech.studio.fields import schema_of, starter
+from blockmech.studio.fields import simplest
 from blockmech.typing import Data
 
 
@@ -26,17 +26,17 @@ def kinds() -> list[tuple[str, str, str, str]]:
 
 @cache
 def _kinds(types: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
-    schema, kinds = schema_of(blocks=True), []
+    kinds = []
     for kind in types:
         word, alone = kind.split(".")[-1], graph.Graph()
-        try:
-            alone.add(word, REGISTRY[kind](**starter(schema, schema["$defs"][kind])))
-        except BlockmechError:  # links and pairs of a group are more than one field each
+        values = simplest(kind)
+        if values is None:  # as of a group, whose links and pairs are more than one field each
             family = kind.partition(".")[0]
             instead = "draw links and joints, or " if family == "group" else ""
             why = f"{kind} has no simplest values: {instead}open a file with one"
             kinds.append((kind, family, word.replace("_", " "), why))
             continue
+        alone.add(word, REGISTRY[kind](**values))
         block, *_ = content_of(alone).blocks  # a coupling also names drivers, which are not here
         word = {"group": block.words}.get(block.kind, word)
         kinds.append((kind, block.kind, word.replace("_", " "), ""))

@@ -15,7 +15,7 @@ from blockmech.figures.palette import ROW
 from blockmech.ground.errors import GraphError
 from blockmech.loads.contract import Element
 from blockmech.model import checks
-from blockmech.studio.fields import schema_of, starter, with_item
+from blockmech.studio.fields import simplest, with_item
 from blockmech.typing import Data, Record
 
 Form = Data
@@ -46,8 +46,7 @@ def free_name(form: Form, word: str) -> str:
 
 def added(form: Form, kind: str, name: str, at: tuple[float, float]) -> Form:
     """With a new block at a place, whose required values are the simplest that are valid."""
-    schema = schema_of(blocks=True)
-    block = {"type": kind, **starter(schema, schema["$defs"][kind])}
+    block = {"type": kind, **(simplest(kind) or {})}
     return placed(with_item(form, ("blocks", name), block), {name: at})
 
 

@@ -11,12 +11,16 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
-from functools import cache
+from functools import cache, reduce
+from itertools import chain
+from operator import getitem
 from typing import Any, NamedTuple
 
 from blockmech.blocks.registry import REGISTRY
+from blockmech.ground.errors import BlockmechError
 from blockmech.ground.units import NoQuantity, quantity, unit_behind
 from blockmech.model.schema import graph_schema, joints_schema
 from blockmech.typing import Data, Record
@@ -68,7 +72,7 @@ def resolved(root: Schema, node: Schema) -> Data:
     while True:
         if "$ref" in node:
             overrides = {k: v for k, v in node.items() if k not in ("$ref", "properties")}
-            target = root["$defs"][node["$ref"].rsplit("/", 1)[-1]]
+            target = reduce(getitem, node["$ref"].removeprefix("#/").split("/"), root)
             needed = [*target.get("required", ()), *overrides.get("required", ())]
             node = {**target, **overrides, **({"required": needed} if needed else {})}
         options = [o for o in node.get("anyOf", ()) if o.get("type") != "null"]
@@ -122,6 +126,24 @@ def starter(root: Schema, node: Schema) -> Any:
         return [starter(root, item) for item in items]
     simplest = {"string": "", "boolean": False, "integer": node.get("minimum", 1)}
     return simplest.get(str(node.get("type")), 1.0)
+
+
+def simplest(kind: str) -> dict[str, Any] | None:
+    """The values with which a block of a kind begins: what is required, else one field more.
+
+    None for kinds that need more than that.
+    """
+    root = schema_of(blocks=True)
+    node = root["$defs"][kind]
+    required = starter(root, node)
+    extras = ((key, starter(root, item)) for key, item in node.get("properties", {}).items())
+    fields = ({key: x} for key, x in extras if not isinstance(x, dict))
+    for extra in chain(({},), fields):
+        values = {**extra, **required}
+        with suppress(BlockmechError):
+            REGISTRY[kind](**values)
+            return values
+    return None
 
 
 def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator[Field]:

@@ -250,7 +250,6 @@ def motion_data(motion: Motion, home: Mapping[str, float]) -> Data:
         "forward": bool(simulated or motion.returns),
         "gaps": [[gap.first, gap.last] for gap in gaps],
         "why": gaps[0].why if gaps and len(gaps) < len(motion.samples) else "",
-        "events": [[float(k), name] for k, name in dead_centres(motion)],
     }
 
 

@@ -21,7 +21,7 @@ import { Refused, ask, kernel, stream } from "./api.js";
 /**
  * @typedef {{n: number, q: Record<string, number[]>, home: Record<string, number>, moved: string,
  *   travel: Record<string, [number, number]>, units: Record<string, string>, time: number[] | null,
- *   seconds: number, forward: boolean, gaps: [number, number][], why: string, events: [number, string][],
+ *   seconds: number, forward: boolean, gaps: [number, number][], why: string,
  *   poses?: Record<string, (number | null)[][]>}} Motion
  */
 /** @typedef {import("../../exchange/page/web/panel.js").Panel} Panel */
