@@ -52,7 +52,7 @@ class Uncompiled(Runnable["Mechanism"]):
 
 
 class Graph(graph.Graph, Uncompiled):
-    """A mechanism as a diagram of blocks, with the doors that load, save, compile and run it.
+    """A mechanism as a block diagram; it can be checked, compiled, run and saved.
 
     >>> import blockmech as bm
     >>> bm.Graph("fourbar").name
@@ -112,7 +112,7 @@ class Decomposition:
 
 
 class Linkage(linkage.Linkage, Uncompiled):
-    """A mechanism said in links and joints, with the doors that load, save, compile and run it.
+    """A mechanism as links and joints; it can be checked, compiled, run and saved.
 
     >>> import blockmech as bm
     >>> bm.Linkage("crank_rocker").name

@@ -128,7 +128,7 @@ class Compiled(Runnable[M]):
 
     @cached_property
     def outputs(self) -> Catalogue:
-        """Every output that can be wanted, by name."""
+        """All available outputs, by name."""
         return Catalogue(self.structure, self.names)
 
     @cached_property
@@ -173,7 +173,7 @@ class Compiled(Runnable[M]):
         friction: FrictionMethod | None = None,
         static: bool = False,
     ) -> Plan:
-        """The plan for some outputs; kept, so asking again costs nothing.
+        """The plan for some outputs; cached.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class Compiled(Runnable[M]):
         return self.plan(want, static=static or taken.at_rest, **how)
 
     def compile(self) -> M:
-        """Itself: it is compiled."""
+        """The mechanism itself."""
         return self  # type: ignore[return-value]
 
     def samples(self, *asked: Any) -> Samples:

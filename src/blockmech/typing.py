@@ -94,7 +94,7 @@ FixedStepName: TypeAlias = Literal["rk4", "euler_q"]
 
 @dataclass(frozen=True)
 class FixedStep:
-    """A textbook method of motions with a step of one's own.
+    """A textbook integrator for motions, with a fixed step.
 
     ``method="rk4"`` is this with a step that is fine enough for the accuracy.
 

@@ -37,7 +37,7 @@ def equilibria(
     starts: int = STARTS,
     charts: bool = True,
 ) -> Equilibria:
-    """All static equilibria: where the loads alone move nothing, and whether it stays there.
+    """All static equilibria under the loads alone, and their stability.
 
     Of one driver over its whole range between its end stops, and beyond its dead centres, where
     other joints lead (`Equilibrium.leads`); of several by Newton's method from

@@ -51,7 +51,7 @@ def explain(
     friction: FrictionMethod | None = None,
     static: bool = False,
 ) -> str:
-    """The schedule of some outputs, and what each of them drags in and costs, as text.
+    """The schedule of some outputs as text: their calls, and what each output adds.
 
     ``want``, ``friction``, ``static`` are those of a run.
     Raises `RequestError` for unknown names or settings that do not fit.

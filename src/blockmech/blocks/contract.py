@@ -235,5 +235,5 @@ def wrong_clearance(
         elif not joints[joint].rotary:
             pins = listed([name for name, x in joints.items() if x.rotary]) or "none"
             message = f"{kind} {joint} is a guide"
-            valid = f"clearance is radial and of a pin; pins there: {pins}"
-            yield (joint,), mistake("clearance-mismatch", message, valid, "take it away")
+            valid = f"only pins have a (radial) clearance; pins there: {pins}"
+            yield (joint,), mistake("clearance-mismatch", message, valid, "remove it")

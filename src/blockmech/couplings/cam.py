@@ -239,9 +239,12 @@ class Cam(Coupling, type="coupling.cam"):
         if self.face and self.follower != "flat":
             raise mistake("wrong-value", f'"face" of a follower that is "{self.follower}"')
         if not self.law.whole or self.law.step:
-            message = "after a turn the follower is not where it was"
+            message = "after one turn the follower is not at its first position"
             raise mistake(
-                "open-profile", message, "the profile of a cam is closed", "let it return"
+                "open-profile",
+                message,
+                "the profile of a cam is closed",
+                "make its last value equal its first",
             )
         if self.law.advance(Fraction(1)) is None:
             message = f"the law repeats after {self.law.whole:.6g} rad, the cam after a turn"
@@ -299,8 +302,8 @@ class Cam(Coupling, type="coupling.cam"):
         turn = [(at, touch(at, p)) for at in map(pose_at, angles)]
         for x, (at, meets) in zip(angles, turn, strict=True):
             if abs(dot(meets.motion, meets.n)) <= DEAD * abs(meets.motion):
-                message = f"at {x:.4g} rad the cam pushes square to the follower's motion"
-                valid = "a push has a part along the motion"
+                message = f"at {x:.4g} rad the cam pushes at right angles to the follower's motion"
+                valid = "the push needs a component along the motion"
                 remedy = "turn the face, or move the follower's pivot or guide"
                 yield Problem("dead-face", where, message, valid, remedy)
                 return

@@ -1,4 +1,4 @@
-"""Questions of design, as functions of a mechanism: balance, drives, identification, flywheels.
+"""Design of a mechanism: balancing, motors, flywheels, identification, shapes.
 
 `shapes` are mass properties of bars, plates, discs and outlines.
 

@@ -128,7 +128,7 @@ def balance(
     friction: FrictionMethod | None = "none",
     static: bool | None = None,
 ) -> Balance:
-    """The springs or counterweights that leave the least of some outputs over the poses.
+    """Springs or counterweights that minimise some outputs over the poses.
 
     Parameters
     ----------

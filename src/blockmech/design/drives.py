@@ -126,7 +126,7 @@ def motor(
     limits: Mapping[str, float] | None = None,
     friction: FrictionMethod | None = None,
 ) -> MotorDemand:
-    """What a driver asks of its motor over a run: rms and peak moment, speed, gear ratio.
+    """Requirements of a motor: rms and peak moment, speed, and gear ratio.
 
     Samples count alike in time: name them by ``times``, or at a constant rate.
 

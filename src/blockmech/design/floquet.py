@@ -69,7 +69,7 @@ def _shown(z: complex) -> str:
 
 @declared
 def floquet(mechanism: Compiled, motion: Result, *, steps: int = STEPS) -> Floquet:
-    """Multipliers of Floquet of a periodic motion, from exact derivatives along it.
+    """Floquet multipliers of a periodic motion, from exact derivatives along it.
 
     Parameters
     ----------

@@ -327,7 +327,7 @@ def identify(
     friction: FrictionMethod | None = None,
     static: bool = False,
 ) -> Identification:
-    """Numbers of a mechanism from measured coordinates, efforts, reactions or places.
+    """Parameters of a mechanism from measured coordinates, forces, reactions or positions.
 
     Parameters
     ----------

@@ -414,7 +414,7 @@ def bounced(system: System, request: SimulationRequest, move: Move) -> Motion:
 
 
 def impulses(mechanism: Compiled, impact: Impact) -> Data:
-    """What a blow does to every joint: impulses [N s], moments of them [N m s], by output name.
+    """Impulses [N s] and [N m s] of an impact in every joint, by output name.
 
     Parameters
     ----------

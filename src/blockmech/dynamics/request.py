@@ -92,7 +92,7 @@ _UNITS = {"time": ("s",), "steady": ("s",), "angle": ("rad", "m")}  # of a slide
 
 @dataclass(frozen=True)
 class Until:
-    """What ends a run.
+    """The condition that ends a motion.
 
     ``standstill``; ``swings`` (that many standstills after the start); ``turns`` of the
     driver; ``time`` [s] after the start; ``angle``: the driver coordinate reaches it

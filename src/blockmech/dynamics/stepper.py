@@ -236,7 +236,7 @@ def stepper(
     accuracy: float | None = None,
     engine: EngineName = "auto",
 ) -> Stepper:
-    """Copies of a mechanism that a controller of one's own moves on, step by step.
+    """Copies of a mechanism that your own controller advances step by step.
 
     Parameters
     ----------

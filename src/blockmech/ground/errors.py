@@ -59,7 +59,7 @@ class Problem:
 
 
 class BlockmechError(Exception):
-    """Root of all errors that blockmech raises on purpose."""
+    """Base class of all errors of blockmech."""
 
     def __init__(self, problems: Problem | Iterable[Problem]) -> None:
         if isinstance(problems, Problem):
@@ -181,11 +181,11 @@ class AssemblyError(SampleError):
 
 
 class SingularError(SampleError):
-    """A group stands at a dead centre: it closes, but rates and reactions do not exist."""
+    """A group is at a dead centre: it can be assembled, but rates and reactions do not exist."""
 
 
 class FrictionError(SampleError):
-    """No solution of the friction equations is found there: it locks, or was not solved."""
+    """The friction equations have no solution at a sample, or the iteration did not converge."""
 
 
 LONGEST_NAME, MOST_NAMES = 64, 300  # what is compared, so that any file is answered soon

@@ -504,7 +504,7 @@ class Marker(StrictModel):
 
 
 class Link(StrictModel):
-    """What a user says of a link: mass properties and further markers.
+    """Mass properties of a link, and its markers.
 
     mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame.
     """

@@ -131,7 +131,7 @@ class Law(Knotted, StrictModel):
 
 
 class Constant(Law):
-    """The same size always.
+    """A constant force or moment.
 
     >>> Constant(value=5.0).variables()
     ()
@@ -333,7 +333,7 @@ def given(x: Real, law: tuple[()]) -> Real:
 
 
 class Signal(Law):
-    """What is wired to the element's port ``law``: a signal, or any output by its name.
+    """The signal or output that is wired to the port ``law`` of the load.
 
     >>> Signal().variables()
     ('signal',)

@@ -100,7 +100,7 @@ class Document:
             stream.write(text.encode())
 
     def in_folder(self, folder: str) -> Self:
-        """The document as it stands in another folder: paths to other files lead there."""
+        """The document for another folder, with rewritten paths to other files."""
         return self
 
     def to_json(self) -> str:
@@ -108,7 +108,7 @@ class Document:
         return canonical_text(self.to_data())
 
     def to_data(self) -> Data:
-        """What stands in the file."""
+        """The content of the file."""
         return self._written(self.sections())
 
     def _written(self, sections: Record) -> Data:
@@ -186,14 +186,14 @@ class Document:
         return other
 
     def snapshot(self) -> Self:
-        """A copy that does not change with this one; its models do not change anyway."""
+        """A copy that does not change with this document."""
         other = copy.copy(self)
         for name, x in vars(self).items():
             vars(other)[name] = copy.copy(x) if isinstance(x, dict | list) else x
         return other
 
     def sections(self) -> Data:
-        """What stands in the file between head and extras, as models."""
+        """The sections of the file between head and extras, as models."""
         return {section: getattr(self, section) for section in self.form.sections}
 
     @abstractmethod

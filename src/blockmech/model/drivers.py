@@ -91,7 +91,7 @@ def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
         led.setdefault(coupling.driven, name)
     for section, driver in scene.drivers():
         if driver in led:
-            message = f"{driver} follows by {led[driver]}, and has no motion of its own"
+            message = f"{driver} follows by {led[driver]}, and has no law of motion of its own"
             remedy = f"give it to the driver that leads: {blocks[led[driver]].driver}"  # type: ignore[union-attr]
             yield Problem("coupled-driver", scene.address(section, driver), message, "", remedy)
 
@@ -147,6 +147,9 @@ def loop_problems(dag: nx.DiGraph, blocks: Blocks) -> Iterator[Problem]:
             way = [target] if source == target else nx.shortest_path(dag, target, source)
             driven = couplings_of(blocks)[name].driven
             message = f"{driven} leads back to itself: {' -> '.join([*way, way[0]])}"
-            valid, remedy = "couplings lead one way", "take a coupling out, or turn one round"
+            valid, remedy = (
+                "couplings lead one way",
+                "remove a coupling, or swap driver and driven of one",
+            )
             yield Problem("coupling-loop", f"{name}.driven", message, valid, remedy)
             return

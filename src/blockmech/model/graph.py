@@ -116,7 +116,7 @@ class Graph(Document):
     # -- graphs inside ----------------------------------------------------
 
     def flat(self) -> Self:
-        """The same mechanism with the blocks of graphs inside written out, as ``knee.dyad``.
+        """The same mechanism with the blocks of subgraphs written out, as ``knee.dyad``.
 
         A graph without others inside is itself.
         """
@@ -128,7 +128,7 @@ class Graph(Document):
 
     @property
     def size(self) -> int:
-        """Number of blocks written out."""
+        """Number of blocks, those of subgraphs included."""
         return sum(b.size if isinstance(b, Subgraph) else 1 for b in self.blocks.values())
 
     def _flattened(self) -> Flat:
@@ -159,7 +159,7 @@ class Graph(Document):
         return block
 
     def in_folder(self, folder: str) -> Self:
-        """The document as it stands in another folder: paths to other files lead there from it."""
+        """The document for another folder, with rewritten paths to other files."""
         old = os.path.dirname(self.file)
         other = self.snapshot()
         for name, block in self.blocks.items():
@@ -236,7 +236,7 @@ class Graph(Document):
         self.wires.append(wire)
 
     def problems_of(self, wire: Wire) -> list[Problem]:
-        """What is locally wrong with a wire that is to be added; see `connect`."""
+        """Local mistakes of a new wire; see `connect`."""
         fed = next((w for w in self.wires if w.target == wire.target), None)
         near = self._near({str(end).partition(".")[0] for end in wire.ends})
         problems: list[Problem] = []
@@ -287,7 +287,7 @@ class Graph(Document):
         return []
 
     def remarks(self) -> list[Problem]:
-        """Unused and unreachable things: not wrong, but perhaps forgotten."""
+        """Unused and unreachable parts: not wrong, but perhaps forgotten."""
         flat = self.flat()
         return checks.remarks(flat.blocks, flat.wires)
 

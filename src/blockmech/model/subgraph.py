@@ -39,7 +39,7 @@ INLINE = {"type": "object", "required": ["blocks"]}  # what is inside, the whole
 
 
 class Subgraph(Block, type="graph"):
-    """A graph inside of another one, from a file or written here.
+    """A graph as a block of another one, inline or from a file.
 
     Its joints that nothing feeds are ports of the outer graph, and so are its markers:
     ``knee.dyad.B``. Gravity is the outer graph's; drives, starts and stops are its own, unless
@@ -151,7 +151,7 @@ class Resolver:
         if same in map(_one_file, filter(None, self.documents)):
             files = (*dict.fromkeys(filter(None, self.documents)), path)
             message = f"it holds itself: {' -> '.join(map(os.path.basename, files))}"
-            raise FormatError(Problem("cycle", where, message, "a graph is no part of itself"))
+            raise FormatError(Problem("cycle", where, message, "a graph cannot contain itself"))
         if same not in self.graphs:
             try:
                 self.graphs[same] = self._loaded(path, file, where, load)

@@ -52,7 +52,7 @@ def unwired(blocks: Blocks, fed: Container[str]) -> Iterator[Problem]:
             if (end := f"{name}.{port}") not in fed:
                 one, source = ("input", "output") if takes == SIGNAL else ("joint", "marker")
                 message, remedy = "nothing is wired to it", f'connect("block.{source}", "{end}")'
-                yield Problem("unwired-joint", end, message, f"every {one} is fed once", remedy)
+                yield Problem("unwired-joint", end, message, f"every {one} needs one wire", remedy)
 
 
 def checked_wires(

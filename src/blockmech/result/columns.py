@@ -44,7 +44,7 @@ class Labelled(Mapping[str, NDArray[Any]]):
     @property
     @abstractmethod
     def time(self) -> Array | None:
-        """Times (n,) [s] of the samples, where the request says them."""
+        """Times (n,) [s] of the samples, if the request defines them."""
 
     @property
     @abstractmethod

@@ -102,7 +102,7 @@ class Result(Exported, Generic[M]):
     # -- reading ----------------------------------------------------------------
 
     def to(self, *units: str) -> Self:
-        """The same numbers shown in other units, each with those of its kind: deg, rpm, mm, kN.
+        """The same result, displayed in other units: deg, rpm, mm, kN.
 
         Tables, CSV, data frames and pictures follow; arrays by name, JSON and npz stay in SI.
         ``result.to("deg", "mm").to_csv("turn.csv")``. Raises `RequestError` for what is no unit.
@@ -143,7 +143,7 @@ class Result(Exported, Generic[M]):
 
     @property
     def time(self) -> NDArray[np.float64] | None:
-        """Times (n,) [s] of the samples, where the request says them."""
+        """Times (n,) [s] of the samples, if the request defines them."""
         return self.samples.time
 
     @property
@@ -297,7 +297,7 @@ class Result(Exported, Generic[M]):
         return cut
 
     def notes(self) -> list[str]:
-        """What a reader must know: digits that are rounding, links that turn without inertia.
+        """Remarks on the result: lost digits, links that turn without inertia.
 
         Of a motion its own notes, too, and where it failed.
         """
@@ -313,7 +313,7 @@ class Result(Exported, Generic[M]):
 
     @property
     def friction_error(self) -> NDArray[np.float64] | None:
-        """Bound (n,) [-] of what pairs miss their laws by, of the largest friction of their group.
+        """Bound (n,) [-] of the deviation from the friction laws, relative to the largest friction.
 
         Of iterations that are cut short, ``single`` and ``successive``; None of others. Infinite
         where the certificate of a group is 1 or more.

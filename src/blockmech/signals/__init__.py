@@ -1,4 +1,4 @@
-"""Signals: what controls a mechanism, as blocks."""
+"""Signal blocks: controllers, filters, setpoints, motors."""
 
 from __future__ import annotations
 

@@ -172,7 +172,7 @@ def beyond(u: Real, p: Limits) -> tuple[Real]:
 
 
 class DeadZone(Limited, type="signal.dead_zone"):
-    """Zero between limits [low, high], outside by how much the input is beyond.
+    """Zero between limits [low, high]; outside, the excess of the input.
 
     >>> DeadZone(limits=(-1.0, 1.0)).output()(3.0, DeadZone(limits=(-1.0, 1.0)).numbers())
     (2.0,)

@@ -321,7 +321,7 @@ def shifted(u: Real, states: tuple[Real, ...], p: Parameters) -> tuple[Real, ...
 
 
 class Delay(Signal, type="signal.delay"):
-    """The input of some samples before.
+    """The input, delayed by some samples.
 
     ``steps`` of the ``sample`` [s] before; ``initial`` until then.
 

@@ -45,7 +45,7 @@ class Constant(Source, type="signal.constant"):
 
 
 class Input(Source, type="signal.input"):
-    """A value that comes from outside: what is fed to a `stepper`, elsewhere ``value``.
+    """An input from outside, set by a `stepper`; elsewhere ``value``.
 
     >>> Input().states
     {'held_y': State(initial=0.0, unit='')}

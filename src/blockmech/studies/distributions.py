@@ -1,4 +1,4 @@
-"""How numbers scatter: the distributions that tolerances and studies take, and samples of them.
+"""Distributions of numbers, for tolerances and studies, and samples of them.
 
 >>> import blockmech as bm
 >>> bm.dist.Normal(mean=6.0, deviation=1e-4)

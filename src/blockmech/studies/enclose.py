@@ -135,7 +135,7 @@ def enclose(
     friction: FrictionMethod | None = None,
     static: bool = False,
 ) -> Enclosure:
-    """Bounds of outputs for every part within its tolerance, rounding included, proved.
+    """Proved bounds of outputs for all parts within their tolerances, rounding included.
 
     Coordinates, rates and accelerations of the drivers are exact. Friction is that of Coulomb's
     equations, not of a number of iterations. The largest length of a group, by which its numbers

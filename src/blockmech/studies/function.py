@@ -190,7 +190,7 @@ def function(
     static: bool = False,
     precision: Precision | None = None,
 ) -> Function:
-    """Outputs as a pure function of inputs and numbers, on the arrays of another library.
+    """Outputs as a pure function of inputs and parameters, on the arrays of another library.
 
     JAX compiles, batches and differentiates it, in both modes and to any order; samples without an
     answer are left out of gradients by what all samples share.

@@ -135,7 +135,7 @@ def objective(
     static: bool = False,
     simulate: Arguments | None = None,
 ) -> Objective:
-    """What is kept of a design as a function of some of its numbers, for `scipy.optimize`.
+    """A result of a design as a function of some of its numbers, for `scipy.optimize`.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def study(
     workers: int | Client | None = None,
     simulate: Arguments | None = None,
 ) -> Study:
-    """Run many designs and keep a few numbers of each.
+    """Run many designs, and keep a few results of each.
 
     Parameters
     ----------

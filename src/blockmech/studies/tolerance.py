@@ -197,7 +197,7 @@ def tolerance(
     static: bool = False,
     progress: Progress | None = None,
 ) -> Tolerance:
-    """How outputs scatter: linear about the means, and by Monte Carlo if designs are asked for.
+    """Scatter of outputs: linear about the means, and by Monte Carlo with ``count``.
 
     Parameters
     ----------

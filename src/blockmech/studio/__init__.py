@@ -1,4 +1,4 @@
-"""The studio: a page in the browser on which mechanisms are drawn, wired, seen and saved.
+"""The studio: a page in the browser to draw, wire, animate and save mechanisms.
 
 ``blockmech.studio(g)`` shows a copy of a graph or linkage in a notebook, in a frame of a server
 of its own. Without ``g`` the sheet is empty. It raises `MissingEngineError` where the extra

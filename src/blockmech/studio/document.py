@@ -138,7 +138,7 @@ class Sheet:
 
     @property
     def form(self) -> Data:
-        """What stands in the file."""
+        """The content of the file."""
         return self.now.form
 
     @property

@@ -24,7 +24,7 @@ MET = 1e-9  # of the size of what is wanted: nearer than that, the margin decide
 
 @dataclass(frozen=True, repr=False)
 class Design(Facts, Report):
-    """A mechanism, and how far it is from what is wanted.
+    """A mechanism, and its deviation from the task.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Design(Facts, Report):
 
 @dataclass(frozen=True, repr=False)
 class Synthesis(Facts, Report, Sequence[Design]):
-    """Designs, the best first: by their miss, and where that is nothing by their margin.
+    """Designs, the best first: by their error, and among exact ones by their margin.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ def body_guidance(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Synthesis:
-    """Four-bars whose coupler passes positions, those that move most easily first.
+    """Four-bars whose coupler passes positions, those with the best transmission first.
 
     Three to five positions are met exactly where a four-bar without defects can; where none can,
     and for more positions, the nearest designs are given.

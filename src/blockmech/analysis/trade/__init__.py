@@ -50,7 +50,7 @@ def trade(
     start: Mapping[str, tuple[float, float]] | None = None,
     friction: FrictionMethod | None = None,
 ) -> Trade:
-    """Measure what settings cost and what they buy, for one question.
+    """Measure time and error of all settings for one request.
 
     Settings are run from cheap to dear until the budget is spent; the rest is named.
 

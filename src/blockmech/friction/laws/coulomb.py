@@ -44,11 +44,14 @@ class DryFriction(FrictionLaw):
     def check_for(self, kind: str, joint: str) -> None:
         """Refuse what does not fit the kind of pair."""
         if kind == "R" and self.radius is None:
-            found, remedy = f'{joint} is revolute and has no "radius"', "give that of its pin [m]"
+            found, remedy = (
+                f'{joint} is revolute and has no "radius"',
+                "add the radius of the pin [m]",
+            )
         elif kind == "R" and self.guide_length is not None:
-            found, remedy = f'{joint} is revolute and has a "guide_length"', "take it away"
+            found, remedy = f'{joint} is revolute and has a "guide_length"', "remove it"
         elif kind == "P" and self.radius is not None:
-            found, remedy = f'{joint} is prismatic and has a "radius"', "take it away"
+            found, remedy = f'{joint} is prismatic and has a "radius"', "remove it"
         else:
             return
         valid = '"radius" is for revolute pairs, "guide_length" for prismatic ones'

@@ -50,7 +50,7 @@ def elasto_plastic(slip: Real, deflection: Real, p: Parameters) -> FrictionTerms
 
 
 class ElastoPlastic(BristleFriction):
-    """The LuGre law, but elastic alone up to a breakaway: a pair at rest does not creep.
+    """The LuGre law with a purely elastic range, so that a pair at rest does not creep.
 
     breakaway : [-] coefficient up to which bristles bend elastically, below ``kinetic``
 

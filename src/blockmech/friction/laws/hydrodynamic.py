@@ -127,8 +127,8 @@ class Hydrodynamic(FrictionLaw):
         check_table("sommerfeld", S, F, called="friction_variable")
         if len(S) and not (len(S) > 1 and S[0] == 0.0 and min(F) >= 0.0 and F[-1] > 0.0):
             found = f'"sommerfeld" begins at {S[0]:g}, "friction_variable" at {F[0]:g}'
-            valid = "two rows and more, the first at S = 0, with no friction below 0"
-            remedy = "add the row of rest: S = 0 with (radius / clearance) times the coefficient"
+            valid = "a table has at least two rows, the first at S = 0, and no negative friction"
+            remedy = "add the row at S = 0: (radius / clearance) times the coefficient at rest"
             raise mistake("bad-friction", found, valid, remedy)
         return self
 

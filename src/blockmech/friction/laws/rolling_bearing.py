@@ -69,9 +69,9 @@ class RollingBearing(FrictionLaw):
         for name, (low, high) in TABLES.items():
             x = getattr(self, name)
             if x and not low <= x <= high:
-                valid = f"catalogues have {low:g} to {high:g}, 0 leaves the part out"
+                valid = f"catalogues have {low:g} to {high:g}, 0 omits it"
                 found = f'"{name}" {x:g} is in no catalogue'
-                raise mistake("bad-friction", found, valid, "look the bearing type up")
+                raise mistake("bad-friction", found, valid, "take the value of your bearing type")
         return self
 
     @property

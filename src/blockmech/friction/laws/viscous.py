@@ -19,7 +19,7 @@ def viscous(speed: Real, p: Parameters) -> FrictionTerms:
 
 
 class Viscous(FrictionLaw):
-    """A film that shears: friction is ``damping`` times the relative rate.
+    """Viscous friction: ``damping`` times the relative rate.
 
     damping : [N m s/rad of a pin, N s/m of a guide]
 
