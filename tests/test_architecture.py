@@ -96,8 +96,8 @@ def files():
 def test_every_room_imports_from_those_below_it():
     """The order of rooms stands in pyproject.toml, and none is left out there."""
     linter = Path(sys.executable).with_name("lint-imports")
-    done = subprocess.run([linter, "--no-cache"], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout
+    result = subprocess.run([linter, "--no-cache"], cwd=ROOT, capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout
 
 
 def test_the_top_is_a_short_list():
@@ -147,8 +147,10 @@ def test_heavy_packages_are_loaded_late():
 @pytest.mark.parametrize(("module", "needed"), [("blockmech", set()), ("blockmech.cli", {"typer"})])
 def test_importing_blockmech_loads_no_heavy_package(module, needed):
     code = f"import sys, {module}; print(*sorted(m for m in sys.modules if '.' not in m))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert (LATE | {"networkx"}) & set(done.stdout.split()) == needed
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert (LATE | {"networkx"}) & set(result.stdout.split()) == needed
 
 
 @pytest.mark.parametrize("how", ["", ", method='dop853', engine='llvm'"])
@@ -159,8 +161,10 @@ def test_a_motion_along_the_path_or_by_machine_code_loads_no_scipy(how):
         "import sys, blockmech as bm; bm.Graph.load('graphs/watt_sixbar.json').compile()"
         f".simulate('standstill'{how}); print('scipy' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False"]
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.split() == ["False"]
 
 
 def test_private_names_stay_in_their_room():

@@ -234,8 +234,8 @@ def test_the_reference_has_every_public_name_and_every_command():
     listed = set(re.findall(r"^::: blockmech\.(\w+)", names, re.MULTILINE))
     assert set(bm.__all__) - {"__version__"} <= listed
     commands = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
-    told = re.findall(r"^blockmech (\w+) --help$", commands, re.MULTILINE)
-    assert told == [function.__name__ for function in COMMANDS]
+    matches = re.findall(r"^blockmech (\w+) --help$", commands, re.MULTILINE)
+    assert matches == [function.__name__ for function in COMMANDS]
 
 
 @pytest.mark.usefixtures("one_repeat")
@@ -281,8 +281,8 @@ def test_on_a_package_index_the_readme_links_to_nothing_that_is_not_there():
     shown = README
     for change in build["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
         shown = re.sub(change["pattern"], change["replacement"], shown)
-    left = re.findall(r"\]\(([^)]*)\)", shown)
-    assert [target for target in left if not target.startswith("https://")] == []
+    matches = re.findall(r"\]\(([^)]*)\)", shown)
+    assert [target for target in matches if not target.startswith("https://")] == []
     assert "walking leg" not in shown  # a picture's text without the picture
     assert "`CITATION.cff`" in shown
 

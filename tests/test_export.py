@@ -292,9 +292,9 @@ def test_the_table_fits_a_terminal_and_starts_with_what_matters():
 
 def test_the_table_says_how_many_outputs_it_leaves_out(turn):
     shown = len(set(re.findall(r"[\w.]+", table(turn).splitlines()[2])))
-    more = re.search(r"(\d+) more outputs: crank", table(turn))
-    assert more
-    assert 0 < int(more[1]) < len(turn)
+    match = re.search(r"(\d+) more outputs: crank", table(turn))
+    assert match
+    assert 0 < int(match[1]) < len(turn)
     assert shown > 1
 
 

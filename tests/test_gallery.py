@@ -207,10 +207,10 @@ def test_every_link_joint_and_driver_of_the_document_is_compared(name):
 def test_the_order_of_links_and_joints_in_the_file_changes_no_bit(name):
     ask = renamed(name, request(name))
     first = joined(name).run(**ask)
-    other = loads(json.dumps(shuffled(data_of(name, JOINTS), 0))).compile().run(**ask)
-    assert set(first) == set(other)
+    result = loads(json.dumps(shuffled(data_of(name, JOINTS), 0))).compile().run(**ask)
+    assert set(first) == set(result)
     for output in first:
-        np.testing.assert_array_equal(first[output], other[output], err_msg=output)
+        np.testing.assert_array_equal(first[output], result[output], err_msg=output)
 
 
 @pytest.mark.parametrize(
@@ -223,10 +223,10 @@ def test_the_order_of_links_and_joints_in_the_file_changes_no_bit(name):
     ],
 )
 def test_groups_have_the_class_that_the_gallery_is_to_show(name, formula):
-    found = bm.Linkage.load(JOINTS / f"{name}.json").decompose()
-    classes = [str(unit).split("(")[0].split()[0] for unit in found.formation.units]
+    graph = bm.Linkage.load(JOINTS / f"{name}.json").decompose()
+    classes = [str(unit).split("(")[0].split()[0] for unit in graph.formation.units]
     assert formula in classes
-    assert any(block["type"] == "group.general" for block in found.data["blocks"].values())
+    assert any(block["type"] == "group.general" for block in graph.data["blocks"].values())
 
 
 # ---- expected numbers, once more by the judge -----------------------------------------------
@@ -279,6 +279,6 @@ def test_expected_numbers_are_those_of_the_independent_judge(name):
     assert "multibody.py" in entry["source"]
     found = by_the_judge(document, entry["at"])
     for output, values in entry["want"].items():
-        wanted = np.array(found[output], float)
-        error = np.abs(np.array(values) - wanted).max()
-        assert error <= AGAIN * np.abs(wanted).max(), output
+        expected = np.array(found[output], float)
+        error = np.abs(np.array(values) - expected).max()
+        assert error <= AGAIN * np.abs(expected).max(), output

@@ -133,18 +133,18 @@ def test_the_outside_block_runs_is_listed_and_in_the_schema_and_keeps_the_contra
     installed: Path, file: Path
 ) -> None:
     there = importlib.util.find_spec("starlette") is not None
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", ASKED, file, *["studio"] * there],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(installed), *sys.path])},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert result.returncode == 0, result.stderr
 
 
 def test_without_the_package_the_type_is_unknown(call: Any, file: Path) -> None:
-    done = call("run", file)
-    assert done.code == 2
-    assert 'no block type "demo.wheel"' in done.err
-    assert "demo_fan" not in done.err  # of a block that nobody knows nothing else is said
+    outcome = call("run", file)
+    assert outcome.code == 2
+    assert 'no block type "demo.wheel"' in outcome.err
+    assert "demo_fan" not in outcome.err  # of a block that nobody knows nothing else is said

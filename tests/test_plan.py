@@ -172,10 +172,10 @@ SUBJECTS = {
 def test_each_output_alone_is_the_same_to_the_last_bit(name, engine):
     make, request = SUBJECTS[name]
     mech = make().compile()
-    whole = mech.run(**request, engine=engine)
-    for output in whole:
+    result = mech.run(**request, engine=engine)
+    for output in result:
         alone = mech.run(**request, engine=engine, want=output)
-        assert same_bits(alone, whole) == []
+        assert same_bits(alone, result) == []
 
 
 def test_static_and_friction_settings_do_not_leak_into_each_other():
@@ -285,7 +285,7 @@ NAMES = [
 @pytest.mark.parametrize("names", NAMES, ids=lambda names: ",".join(names.values()))
 def test_any_name_of_a_block_gives_the_same_answer(names):
     graph = ruiz()
-    wanted = graph.run(at=1.3)
+    expected = graph.run(at=1.3)
     other = bm.Graph("renamed")
     for name, block in graph.blocks.items():
         other.add(names.get(name, name), block)
@@ -294,12 +294,14 @@ def test_any_name_of_a_block_gives_the_same_answer(names):
         other.connect(*(f"{names.get(block, block)}.{port}" for block, port in ends))
     other.drive(names.get("crank", "crank"), graph.scene.drive["crank"])
     for engine in ("scalar", "numpy"):
-        found = other.run(at=1.3, engine=engine)
-        assert found.quality.status == ("ok",)
+        result = other.run(at=1.3, engine=engine)
+        assert result.quality.status == ("ok",)
         crank, dyad = names.get("crank", "crank"), names.get("dyad", "dyad")
         for what in ("B.reaction", "C.friction", "transmission_angle", "J_red"):
-            assert found[f"{dyad}.{what}"][0] == pytest.approx(wanted[f"dyad.{what}"][0], rel=1e-12)
-        assert found[f"{crank}.drive"][0] == pytest.approx(wanted["crank.drive"][0], rel=1e-12)
+            assert result[f"{dyad}.{what}"][0] == pytest.approx(
+                expected[f"dyad.{what}"][0], rel=1e-12
+            )
+        assert result[f"{crank}.drive"][0] == pytest.approx(expected["crank.drive"][0], rel=1e-12)
 
 
 # ---- long chains -------------------------------------------------------------------------

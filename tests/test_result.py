@@ -96,8 +96,8 @@ def test_several_drivers_have_a_mass_matrix():
     q1 = np.array([0.2, 0.5])
     q12 = q1 + np.array([0.3, -1.0])
     g = 2.0 * 9.81
-    wanted = np.stack([-g * (2 * np.cos(q1) + np.cos(q12)), -g * np.cos(q12)], axis=-1)
-    assert off(r["mechanism.Q"], wanted) <= 4 * EPS
+    expected = np.stack([-g * (2 * np.cos(q1) + np.cos(q12)), -g * np.cos(q12)], axis=-1)
+    assert off(r["mechanism.Q"], expected) <= 4 * EPS
     assert "upper.dJ_red" not in r
 
 
@@ -151,8 +151,8 @@ def test_comparison_is_the_largest_difference_of_the_largest_size():
     rough = mech.run(at=[1.0, 2.0], want=["crank.drive", "dyad.C.p"])
     smooth = mech.run(at=[1.0, 2.0], want=["crank.drive", "dyad.margin"], friction="none")
     difference = np.abs(rough["crank.drive"] - smooth["crank.drive"])
-    wanted = difference.max() / np.abs(rough["crank.drive"]).max()
-    assert rough.compare(smooth) == {"crank.drive": wanted}
+    expected = difference.max() / np.abs(rough["crank.drive"]).max()
+    assert rough.compare(smooth) == {"crank.drive": expected}
     assert rough.compare(rough) == {"crank.drive": 0.0, "dyad.C.p": 0.0}
     assert rough.compare({}) == {}
 
@@ -377,8 +377,8 @@ def test_without_useful_load_there_is_only_the_friction_efficiency():
 @EACH_ENGINE
 def test_friction_that_takes_all_the_work_of_a_turn_leaves_exactly_nothing(engine):
     # the powers of the turn are a hundred times larger than what is lost in it
-    whole = ruiz().run(samples=361, engine=engine)
-    assert whole["mechanism.friction_efficiency"] == 0.0
+    result = ruiz().run(samples=361, engine=engine)
+    assert result["mechanism.friction_efficiency"] == 0.0
     # too few samples leave an error of the sum, and that is shown
     coarse = ruiz().run(samples=37, engine=engine)
     assert 1e-9 < abs(coarse["mechanism.friction_efficiency"]) < 1e-5
@@ -435,8 +435,8 @@ def test_mechanical_advantage_of_a_resting_drive_is_no_number_and_no_gap():
 
 def test_shaking_force_is_all_that_the_mechanism_does_to_the_frame():
     r = ruiz().run(at=[1.0, 2.5])
-    wanted = -(r["crank.A.reaction"] + r["dyad.D.reaction"])
-    assert np.array_equal(r["mechanism.shaking_force"], wanted)
+    expected = -(r["crank.A.reaction"] + r["dyad.D.reaction"])
+    assert np.array_equal(r["mechanism.shaking_force"], expected)
     about = -(np.conj(5.5) * r["dyad.D.reaction"]).imag
     about = about - (r["crank.drive"] + r["crank.A.friction"] + r["dyad.D.friction"])
     assert off(r["mechanism.shaking_moment"], about) <= 10 * EPS

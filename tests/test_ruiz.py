@@ -54,8 +54,8 @@ def test_links_move_as_in_the_reference(engine):
     for link, name in LINKS.items():
         assert off(r[f"{name}.p"], vectors("poses", link), largest["p"]) <= MOTION
         # Angles count turns in the reference, ours are in (-pi, pi]: compare directions.
-        wanted = np.exp(1j * column("poses", link)[:, 2])
-        assert off(np.exp(1j * r[f"{name}.angle"]), wanted) <= MOTION
+        expected = np.exp(1j * column("poses", link)[:, 2])
+        assert off(np.exp(1j * r[f"{name}.angle"]), expected) <= MOTION
         for what in ("omega", "alpha"):
             assert off(r[f"{name}.{what}"], column(what, link), largest[what]) <= MOTION
 
@@ -89,9 +89,9 @@ def test_reactions_without_friction_are_those_of_the_reference(engine):
     r = run(engine, friction="none")
     for joint, name in JOINTS.items():
         assert own_error(r[f"{name}.reaction"], vectors("frictionless_reactions", joint)) <= FORCES
-    wanted = [row["frictionless_driving_moment"] for row in ROWS]
+    expected = [row["frictionless_driving_moment"] for row in ROWS]
     for name in ("crank.drive", "crank.drive_by_reduction"):
-        assert own_error(r[name], wanted) <= FORCES
+        assert own_error(r[name], expected) <= FORCES
 
 
 def test_friction_couples_have_the_size_of_coulomb_and_oppose_the_slip():
@@ -109,12 +109,12 @@ def test_friction_couples_have_the_size_of_coulomb_and_oppose_the_slip():
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_iterates_of_successive_approximations_are_the_papers(engine, k):
     r = run(engine, friction=bm.friction.Successive(iterations=k))
-    wanted = [row["iterates"][k] for row in ROWS]
-    assert [w["k"] for w in wanted] == [k] * len(ROWS)
+    expected = [row["iterates"][k] for row in ROWS]
+    assert [w["k"] for w in expected] == [k] * len(ROWS)
     for joint, name in JOINTS.items():
-        sizes = [w["magnitudes"][joint] for w in wanted]
+        sizes = [w["magnitudes"][joint] for w in expected]
         assert own_error(np.abs(r[f"{name}.reaction"]), sizes) <= FORCES
-    assert own_error(r["crank.drive"], [w["driving_moment"] for w in wanted]) <= FORCES
+    assert own_error(r["crank.drive"], [w["driving_moment"] for w in expected]) <= FORCES
     assert np.all(r.quality.iterations["dyad"] == k)
 
 
@@ -164,13 +164,13 @@ def test_one_sided_values_are_reached_from_either_side(side):
     step = 1e-7  # [rad] enough for a sense of slip at C; the motion changes by 2e-6 of itself
     r = ruiz().run(at=side * step)
     sense = int(np.sign(r["dyad.C.slip"][0]))
-    wanted = ROWS[0]["one_sided"][f"C:{sense:+d}"]
+    expected = ROWS[0]["one_sided"][f"C:{sense:+d}"]
     assert r.quality.flags == ()
-    assert abs(r["crank.drive"][0] - wanted["driving_moment"]) < 1e-5 * abs(
-        wanted["driving_moment"]
+    assert abs(r["crank.drive"][0] - expected["driving_moment"]) < 1e-5 * abs(
+        expected["driving_moment"]
     )
     for joint, name in JOINTS.items():
-        force = complex(*wanted["reactions"][joint])
+        force = complex(*expected["reactions"][joint])
         assert abs(r[f"{name}.reaction"][0] - force) < 1e-5 * abs(force)
 
 

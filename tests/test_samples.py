@@ -143,9 +143,9 @@ def test_time_of_a_coordinate_is_known_where_the_law_tells_it():
 
 def test_text_with_a_unit_is_a_number_in_si():
     at = ["90deg", 1.0, "1/4 turn"]
-    found = turning().run(at=at, rates="300rpm", want=["crank.q", "crank.rate"])
-    assert found["crank.q"] == pytest.approx([math.pi / 2, 1.0, math.pi / 2], rel=1e-15)
-    assert found["crank.rate"] == pytest.approx(10 * math.pi, rel=1e-15)
+    result = turning().run(at=at, rates="300rpm", want=["crank.q", "crank.rate"])
+    assert result["crank.q"] == pytest.approx([math.pi / 2, 1.0, math.pi / 2], rel=1e-15)
+    assert result["crank.rate"] == pytest.approx(10 * math.pi, rel=1e-15)
     assert turning(STEADY).run(times=["10ms"], want=WANT).time == pytest.approx([0.01])
 
 

@@ -53,8 +53,8 @@ def site(tmp_path_factory):
     settings["site_dir"] = str(home / "site")
     (home / "mkdocs.yml").write_text(json.dumps(settings), "utf-8")  # JSON is YAML
     command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", str(home / "mkdocs.yml")]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=600)
-    assert done.returncode == 0, done.stderr[-2000:]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=600)
+    assert result.returncode == 0, result.stderr[-2000:]
     return home / "site"
 
 
@@ -67,9 +67,9 @@ def ranking(site):
     index = site / "search" / "search_index.json"
     words = [word for word, _ in CASES]
     search = [NODE, str(ROOT / "tests" / "search.js"), str(lunr), str(index), *words]
-    done = subprocess.run(search, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout)
+    result = subprocess.run(search, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr[-2000:]
+    return json.loads(result.stdout)
 
 
 def test_there_are_forty_words():

@@ -84,17 +84,17 @@ def test_programs_of_the_readme_pass_and_slips_do_not(tmp_path: Path) -> None:
     bad.write_text("\n".join([BEGIN, *WRONG]), "utf-8")
     cache = ROOT / ".mypy_cache"  # of a check of src, which would take seconds again
     kept = cache if cache.exists() else tmp_path / "cache"
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", f"--cache-dir={kept}", good, made, bad],
         capture_output=True,
         text=True,
         cwd=ROOT,
         env={**os.environ, "MYPYPATH": str(ROOT / "src")},
     )
-    assert not re.search(r"(good|made)\.py:\d+: error", done.stdout), done.stdout
-    told = {int(n) for n in re.findall(r"bad\.py:(\d+): error", done.stdout)}
+    assert not re.search(r"(good|made)\.py:\d+: error", result.stdout), result.stdout
+    told = {int(n) for n in re.findall(r"bad\.py:(\d+): error", result.stdout)}
     first = BEGIN.count("\n") + 2
-    assert told == set(range(first, first + len(WRONG))), done.stdout
+    assert told == set(range(first, first + len(WRONG))), result.stdout
     assert (ROOT / "src" / "blockmech" / "py.typed").exists()  # so are installed packages read
 
 

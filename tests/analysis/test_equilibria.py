@@ -112,10 +112,10 @@ def inertia(system, q):
 def test_equilibria_and_frequencies_are_those_of_absolute_coordinates(name):
     mech = bm.Linkage.load(GRAPHS / "joints" / f"{name}.json").compile()
     system = mb.read(in_pairs(document(f"joints/{name}")))
-    found = mech.equilibria(friction="none")
-    assert len(found) >= 2
+    equilibria = mech.equilibria(friction="none")
+    assert len(equilibria) >= 2
     h = 1e-4
-    for e in found:
+    for e in equilibria:
         q = float(e.q[0])
         rows = [float(effort(system, q + k * h)[0]) for k in (-2, -1, 0, 1, 2)]
         K = (rows[0] - 8 * rows[1] + 8 * rows[3] - rows[4]) / (12 * h)
@@ -139,18 +139,18 @@ def test_nothing_is_missed_over_the_turn():
             continue
         tau = mech.run(at=q, want="crank.tau_red", static=True)["crank.tau_red"]
         count = int((tau[:-1] * tau[1:] < 0).sum())
-        found = mech.equilibria(friction="none")
-        assert len(found) == count
-        kinds = [e.kind for e in found]
+        equilibria = mech.equilibria(friction="none")
+        assert len(equilibria) == count
+        kinds = [e.kind for e in equilibria]
         assert all(a != b for a, b in itertools.pairwise(kinds))
 
 
 def test_the_potential_is_that_of_weights():
     mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
-    found = mech.equilibria()
-    q = [e.q[0] for e in found]
+    equilibria = mech.equilibria()
+    q = [e.q[0] for e in equilibria]
     energy = mech.run(at=q, want="mechanism.potential_energy")["mechanism.potential_energy"]
-    assert np.ptp(energy) == pytest.approx(max(e.potential for e in found), rel=1e-12)
+    assert np.ptp(energy) == pytest.approx(max(e.potential for e in equilibria), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "stephenson_3_triad", "stephenson_2_class_4"])
@@ -159,9 +159,9 @@ def test_ends_of_friction_are_two_root_searches(name):
     mech = bm.Graph.load(GRAPHS / f"{name}.json").compile()
     friction = System(mech, method=Friction("newton")).friction
     assert isinstance(friction, JointFriction)
-    found = mech.equilibria()
-    assert found.rests
-    for low, high in found.rests:
+    equilibria = mech.equilibria()
+    assert equilibria.rests
+    for low, high in equilibria.rests:
         ends = []
         for side in (0, 1):
 
@@ -175,21 +175,21 @@ def test_ends_of_friction_are_two_root_searches(name):
             begun, qdd, _ = friction.from_state(np.array([place]), np.zeros(1), 0.0, None)
             assert any(begun.sides) is not rests
             assert (qdd == 0).all() == rests
-    inside = [e for e in found if e.interval is not None]
-    assert len(inside) == len(found)
+    inside = [e for e in equilibria if e.interval is not None]
+    assert len(inside) == len(equilibria)
 
 
 def test_several_drivers_are_solved_by_all_of_them():
     mech = bm.Graph.load(GRAPHS / "fivebar_falling.json").compile()
-    found = mech.equilibria()
-    assert len(found) >= 3
-    for e in found:
+    equilibria = mech.equilibria()
+    assert len(equilibria) >= 3
+    for e in equilibria:
         at = {d: [e.at[f"{d}.q"]] for d in mech.drivers}
         run = mech.run(at=at, want=["*.tau_red"], static=True)
         for d in mech.drivers:
             assert abs(run[f"{d}.tau_red"][0]) < 1e-10
     again = mech.equilibria(starts=64)
-    assert all(any(np.allclose(x.q, y.q, atol=1e-9) for y in found) for x in again)
+    assert all(any(np.allclose(x.q, y.q, atol=1e-9) for y in equilibria) for x in again)
 
 
 def test_curves_lead_from_one_equilibrium_to_the_others():
@@ -214,10 +214,10 @@ def test_curves_lead_from_one_equilibrium_to_the_others():
 def test_a_stop_that_the_loads_push_against_holds():
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json")
     graph.add_stop("crank", 1.6, 3.0)
-    found = graph.compile().equilibria()
-    assert [e.stop for e in found] == [True]
-    assert found[0].q[0] == 3.0
-    assert "end stop" in str(found)
+    equilibria = graph.compile().equilibria()
+    assert [e.stop for e in equilibria] == [True]
+    assert equilibria[0].q[0] == 3.0
+    assert "end stop" in str(equilibria)
 
 
 def test_loads_of_the_time_need_a_time():
@@ -236,17 +236,17 @@ def test_loads_that_follow_signals_are_refused():
 
 def test_a_balanced_mechanism_rests_everywhere():
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json").replace({"scene.gravity.y": 0.0})
-    found = graph.compile().equilibria()
-    assert len(found) == 0
-    assert len(found.balanced) == 1
-    assert "balanced everywhere" in str(found)
+    equilibria = graph.compile().equilibria()
+    assert len(equilibria) == 0
+    assert len(equilibria.balanced) == 1
+    assert "balanced everywhere" in str(equilibria)
 
 
 def test_the_picture_marks_them(tmp_path):
-    found = loop().equilibria()
-    found.plot(tmp_path / "e.png")
+    equilibria = loop().equilibria()
+    equilibria.plot(tmp_path / "e.png")
     assert (tmp_path / "e.png").stat().st_size > 10_000
-    figure = found.figure()
+    figure = equilibria.figure()
     assert [a.get_ylabel().split(" [")[0] for a in figure.axes] == [
         "potential",
         "effort of the loads",
@@ -258,11 +258,11 @@ def test_the_picture_marks_them(tmp_path):
 
 def test_a_slide_without_ends_is_followed_as_far_as_kinks_are_known():
     """A rack that turns a wheel with a torsion spring: jumps and roots alternate."""
-    found = bm.Graph.load(GRAPHS / "rack_gripper.json").compile().equilibria()
-    kinds = [e.kind for e in found]
+    equilibria = bm.Graph.load(GRAPHS / "rack_gripper.json").compile().equilibria()
+    kinds = [e.kind for e in equilibria]
     assert all(a != b for a, b in itertools.pairwise(kinds))
-    assert any(e.jump for e in found)
-    assert "no group ends the travel" in str(found)
+    assert any(e.jump for e in equilibria)
+    assert "no group ends the travel" in str(equilibria)
 
 
 def balanced_wheel(*more):
@@ -293,10 +293,10 @@ def test_a_coordinate_that_the_loads_do_not_feel_is_free():
 
 
 def test_three_drivers_one_of_them_free_are_as_the_two_others_alone():
-    found = balanced_wheel("fore").equilibria()
-    assert len(found) == 4
-    assert all(one.free == ("driver.w.q",) for one in found)
-    for one in found:
+    equilibria = balanced_wheel("fore").equilibria()
+    assert len(equilibria) == 4
+    assert all(one.free == ("driver.w.q",) for one in equilibria)
+    for one in equilibria:
         q, f = one.at["driver.a.q"], one.at["driver.f.q"]
         # moments of the weights about O and about Q, places as drawn: Q (0.4, 0.1), centre beyond
         turn, out = np.exp(1j * q), 0.1 * np.exp(1j * f)
@@ -346,24 +346,28 @@ def extremes_of_potential(case):
 def test_equilibria_beyond_dead_centres_are_the_extremes_of_the_potential(seed):
     """Triple rockers: one closed curve of poses, of which the driver has half in each mode."""
     case = four_bar(np.random.default_rng([seed, 6]), "rocker")
-    found = bm.Linkage.from_data(case).compile().equilibria()
-    turned = [(float(np.angle(np.exp(1j * e.q[0]))), e.kind) for e in found]
+    equilibria = bm.Linkage.from_data(case).compile().equilibria()
+    turned = [(float(np.angle(np.exp(1j * e.q[0]))), e.kind) for e in equilibria]
     right = extremes_of_potential(case)
     assert [kind for _, kind in sorted(turned)] == [kind for _, kind in right]
     assert [q for q, _ in sorted(turned)] == pytest.approx([q for q, _ in right], abs=1e-4)
-    assert sum(e.chart is not None for e in found) == len(found) // 2
-    assert [e.kind for e in pickle.loads(pickle.dumps(found))] == [e.kind for e in found]
+    assert sum(e.chart is not None for e in equilibria) == len(equilibria) // 2
+    assert [e.kind for e in pickle.loads(pickle.dumps(equilibria))] == [e.kind for e in equilibria]
 
 
 def test_a_linear_system_stands_about_an_equilibrium_beyond_a_dead_centre():
     """The hanging four-bar of 25, 10, 25 and 30 cm, smaller than a radian: four equilibria."""
-    found = hanging().compile().equilibria()
-    assert [e.kind for e in found] == ["stable", "unstable", "stable", "unstable"]
+    equilibria = hanging().compile().equilibria()
+    assert [e.kind for e in equilibria] == ["stable", "unstable", "stable", "unstable"]
     leaning = math.acos(0.8)  # -1.159 + 0.516 rad of the left rocker: the crossed pose
-    assert found[1].q[0] == pytest.approx(math.atan2(math.sqrt(0.0525), 0.1) - leaning, abs=1e-9)
-    assert found[1].leads == pytest.approx({"joint.D.coordinate": -found[1].q[0]})  # by symmetry
-    assert "where joint.D.coordinate = -0.515778372 rad leads" in str(found[1])
-    about = hanging().compile().linearize(found[1])
+    assert equilibria[1].q[0] == pytest.approx(
+        math.atan2(math.sqrt(0.0525), 0.1) - leaning, abs=1e-9
+    )
+    assert equilibria[1].leads == pytest.approx(
+        {"joint.D.coordinate": -equilibria[1].q[0]}
+    )  # by symmetry
+    assert "where joint.D.coordinate = -0.515778372 rad leads" in str(equilibria[1])
+    about = hanging().compile().linearize(equilibria[1])
     assert about.effort == pytest.approx([0.0], abs=1e-12)
-    assert about.eigenvalues == pytest.approx(found[1].values)
-    assert pytest.approx(found[1].K) == about.K
+    assert about.eigenvalues == pytest.approx(equilibria[1].values)
+    assert pytest.approx(equilibria[1].K) == about.K

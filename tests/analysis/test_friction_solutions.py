@@ -276,8 +276,8 @@ def test_the_command_lists_them(call, tmp_path):
     written = call("solutions", file, "--at", "5.5:6:4", "--csv", tmp_path / "all.csv")
     assert written.code == 0
     assert (tmp_path / "all.csv").read_text("utf-8").startswith("pose,crank.q [rad],solution,")
-    drawn = call("solutions", file, "--at", "5.5:6:4", "--plot", tmp_path / "all.png")
-    assert drawn.code == 0
+    outcome = call("solutions", file, "--at", "5.5:6:4", "--plot", tmp_path / "all.png")
+    assert outcome.code == 0
     assert call("solutions", file, "--at", "1", "--scale", "two").code == 2
 
 

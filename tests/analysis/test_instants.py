@@ -33,10 +33,10 @@ def test_coordinates_of_pairs_change_at_the_rate_of_their_slip(name):
     q = np.linspace(*RANGES[name], 241)
     h = 1e-5
     want = ["*.coordinate", "*.slip"]
-    here = mech.run(at=q, rates=1.0, want=want)
+    result = mech.run(at=q, rates=1.0, want=want)
     low, high = (mech.run(at=q + s, rates=1.0, want=want) for s in (-h, h))
     for joint in joints:
-        coordinate, slip = here.unwrapped(f"{joint}.coordinate"), here[f"{joint}.slip"]
+        coordinate, slip = result.unwrapped(f"{joint}.coordinate"), result[f"{joint}.slip"]
         moved = high[f"{joint}.coordinate"] - low[f"{joint}.coordinate"]
         rate = (moved - math.tau * np.round(moved / math.tau)) / (2 * h)
         scale = max(np.abs(slip).max(), 1e-3)

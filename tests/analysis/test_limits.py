@@ -320,12 +320,12 @@ def test_other_drivers_begin_where_their_laws_do():
 
 def test_limits_are_data():
     limits = fourbar(4.0, 3.0, 2.0, 3.5).compile().limits()
-    told = json.loads(json.dumps(limits.to_dict()))
-    assert told["driver"] == "crank.q"
-    assert told["unit"] == "rad"
-    assert told["whole_turn"] is False
-    assert [a["end"]["how"] for a in told["arcs"]] == ["folded", "extended"]
-    assert [a["end"]["q"] for a in told["arcs"]] == [a.end.q for a in limits.arcs]
+    document = json.loads(json.dumps(limits.to_dict()))
+    assert document["driver"] == "crank.q"
+    assert document["unit"] == "rad"
+    assert document["whole_turn"] is False
+    assert [a["end"]["how"] for a in document["arcs"]] == ["folded", "extended"]
+    assert [a["end"]["q"] for a in document["arcs"]] == [a.end.q for a in limits.arcs]
     assert str(limits).splitlines()[0] == "crank.q: 2 feasible arcs"
     assert "deg long" in limits.text(degrees=True)
     assert str(limits).splitlines()[-1].startswith("  singular poses of the second kind")

@@ -330,8 +330,10 @@ def test_a_motion_is_verified_up_to_its_dead_centre():
     mech = g.compile()
     end = mech.simulate("standstill").motion
     assert end.end == "dead centre"
-    near = mech.simulate("standstill", times=end.t_end * np.array([0.9, 0.999, 0.99999]), want="*")
-    assert mech.verify(near).ok, str(mech.verify(near))
+    result = mech.simulate(
+        "standstill", times=end.t_end * np.array([0.9, 0.999, 0.99999]), want="*"
+    )
+    assert mech.verify(result).ok, str(mech.verify(result))
 
 
 @pytest.mark.parametrize("power", [0, 1])

@@ -117,7 +117,7 @@ def python(code: str, *arguments: str, byte_code: Path, seconds: float = 120.0) 
     code, it is in that folder from the second process on."""
     cached = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     cached["PYTHONPYCACHEPREFIX"] = str(byte_code)
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         check=True,
         capture_output=True,
@@ -125,4 +125,4 @@ def python(code: str, *arguments: str, byte_code: Path, seconds: float = 120.0) 
         timeout=seconds,
         env=cached,
     )
-    return done.stdout
+    return result.stdout

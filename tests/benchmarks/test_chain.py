@@ -25,9 +25,9 @@ GOAL = 1.0  # [s] process time from text to plan of a thousand dyads
 
 def planned(text: str) -> Plan:
     """Read, decompose, check, compile and plan."""
-    made = loads(text).decompose()
-    assert made.graph.check() == []
-    return made.compile().plan(WANT)
+    graph = loads(text).decompose()
+    assert graph.graph.check() == []
+    return graph.compile().plan(WANT)
 
 
 def least(run: object) -> float:

@@ -151,13 +151,13 @@ def test_designs_of_a_pendulum_to_rest() -> None:
     request = {"want": ["motion.time_to_rest", "motion.error"], "simulate": {"until": "time=100"}}
     mech.study({address: np.linspace(0.2, 0.6, 16)}, **request)  # compiles
     start = time.process_time()
-    found = mech.study({address: np.linspace(0.2, 0.6, DESIGNS)}, **request)
+    study = mech.study({address: np.linspace(0.2, 0.6, DESIGNS)}, **request)
     seconds = (time.process_time() - start) / DESIGNS
-    error = float(found["motion.error"].max())
+    error = float(study["motion.error"].max())
     task = "a design of the pendulum on a pin to rest, 9 to 27 swings, llvm"
     ROWS.append(Row(task, seconds, TWO_CORES / 10_000, "20 s for 10,000 on two cores", 1.0, error))
-    assert set(found.status) == {"ok"}
-    assert found["motion.time_to_rest"][0] == pytest.approx(28.084229257323663, abs=1e-7)
+    assert set(study.status) == {"ok"}
+    assert study["motion.time_to_rest"][0] == pytest.approx(28.084229257323663, abs=1e-7)
 
 
 @pytest.mark.parametrize("accuracy", [1e-6, None])
@@ -168,9 +168,9 @@ def test_designs_of_watt_to_a_standstill(accuracy: float | None) -> None:
     request = {"want": ["motion.t_end", "motion.error"], "simulate": {**how, "start": START}}
     mech.study({address: np.linspace(0.5, 2.0, 16)}, **request)  # compiles
     start = time.process_time()
-    found = mech.study({address: np.linspace(0.5, 2.0, 4 * DESIGNS)}, **request)
+    study = mech.study({address: np.linspace(0.5, 2.0, 4 * DESIGNS)}, **request)
     seconds = (time.process_time() - start) / (4 * DESIGNS)
-    error, target = float(found["motion.error"].max()), accuracy or YARDSTICK
+    error, target = float(study["motion.error"].max()), accuracy or YARDSTICK
     task = f"a design of Watt's six-bar to its standstill, to {target:g}, llvm"
     goal = TWO_CORES / 100_000, "20 s for 100,000 on two cores", 1.0
     ROWS.append(Row(task, seconds, *goal, error))

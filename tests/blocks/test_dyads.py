@@ -152,10 +152,10 @@ def test_branch_says_on_which_side_of_B_the_pin_D_is(branch):
 
 def test_margin_is_the_squared_cosine_between_rod_and_guide():
     run = slider_crank(offset=0.07).run(at=EVERYWHERE, rates=RATE)
-    wanted = np.cos(run["dyad.i.angle"]) ** 2
-    assert np.abs(run["dyad.margin"] - wanted).max() <= ROUNDING
+    expected = np.cos(run["dyad.i.angle"]) ** 2
+    assert np.abs(run["dyad.margin"] - expected).max() <= ROUNDING
     transmission = np.sin(run["dyad.transmission_angle"]) ** 2
-    assert np.abs(transmission - wanted).max() <= ROUNDING
+    assert np.abs(transmission - expected).max() <= ROUNDING
 
 
 def test_turning_a_guide_round_moves_nothing_but_the_signs():
@@ -213,8 +213,8 @@ def test_crank_pin_on_the_guide_is_not_taken_for_a_pin_at_rest():
     """There every length of the dyad is zero for a moment."""
     graph = scotch_yoke(R, friction={"B": bm.friction.Coulomb(coefficient=0.2, radius=0.01)})
     run = graph.run(at=[0.0, 1e-13, 1.0], rates=RATE)
-    wanted = 0.2 * 0.01 * np.abs(run["dyad.B.reaction"])  # the yoke's block turns back
-    assert np.abs(run["dyad.B.friction"] / wanted - 1).max() <= ROUNDING
+    expected = 0.2 * 0.01 * np.abs(run["dyad.B.reaction"])  # the yoke's block turns back
+    assert np.abs(run["dyad.B.friction"] / expected - 1).max() <= ROUNDING
     assert not any(f.where == "dyad.B" for f in run.quality.flags)
 
 
@@ -264,10 +264,10 @@ def test_a_group_made_from_points_closes_there(make):
         *points, u, w = (complex(*chance.normal(size=2)) for _ in range(5))
         group, ports, places = make(*points, u / abs(u), w / abs(w))
         pose = group.kernels.position(*ports, group.parameters())
-        for (name, place), wanted in places.items():
+        for (name, place), expected in places.items():
             link = getattr(pose, name)
             found = link.o + link.e * place
-            assert abs(found - wanted) <= 1000 * ROUNDING / math.sqrt(pose.margin)
+            assert abs(found - expected) <= 1000 * ROUNDING / math.sqrt(pose.margin)
 
 
 REFUSED = {

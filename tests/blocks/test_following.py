@@ -232,11 +232,11 @@ def test_mode_that_comes_near_is_not_taken(copies, excess):
     q = np.linspace(0.02, TURN - 0.02, 60)
     shut = np.arccos(1 - excess * (2.0 + excess / 2)) if excess < 0.5 else 0.0  # of copy 0
     q = q[(q > 2 * shut) & (q < TURN - 2 * shut)]
-    wanted = parallelograms(excess, copies, general=False).run(at=q, want="*.j.angle")
-    found = parallelograms(excess, copies, general=True).run(at=q, want=["*.angle", "*.margin"])
-    root = np.sqrt(found.quality.margin["d"])
+    expected = parallelograms(excess, copies, general=False).run(at=q, want="*.j.angle")
+    result = parallelograms(excess, copies, general=True).run(at=q, want=["*.angle", "*.margin"])
+    root = np.sqrt(result.quality.margin["d"])
     for k in range(copies):
-        turn = np.exp(1j * (wanted[f"d{k}.j.angle"] - found[f"d.j{k}.angle"])) - 1
+        turn = np.exp(1j * (expected[f"d{k}.j.angle"] - result[f"d.j{k}.angle"])) - 1
         assert (np.abs(turn) * root).max() <= POSES
 
 

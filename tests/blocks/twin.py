@@ -123,22 +123,22 @@ class Twin:
         A crank's angle counts turns, so its pose is wound to it; the angle of a pair inside
         a group is brought to the turn in which the poses (n, 3) are.
         """
-        found = np.asarray(q, float).copy()
+        copy = np.asarray(q, float).copy()
         rows = {str(link): k for k, link in enumerate(self._moving())}
         for k, ref in enumerate(self.structure.driven.values()):
             block = self.structure.blocks[ref.block]
-            found[k] += getattr(block, "offset", 0.0)
+            copy[k] += getattr(block, "offset", 0.0)
             if self.structure.joint(ref).kind == "P":
                 continue
             joint = self.system.joints[str(ref)]
-            found[k] += joint.angle[0] - joint.angle[1]
+            copy[k] += joint.angle[0] - joint.angle[1]
             first, second = (rows.get(link) for link in joint.links)
             base = 0.0 if first is None else poses[first, 2]
             if isinstance(block, bm.GeneralGroup):
-                found[k] += TURN * np.round((poses[second, 2] - base - found[k]) / TURN)
+                copy[k] += TURN * np.round((poses[second, 2] - base - copy[k]) / TURN)
             else:
-                poses[second, 2] = base + found[k]
-        return found
+                poses[second, 2] = base + copy[k]
+        return copy
 
     def _guess(self, q):
         """Poses by blockmech itself: they fix the assembly mode, the judge refines them."""

@@ -81,18 +81,18 @@ def main() -> int:
         whole = Path(place) / "whole"
         begun = time.monotonic()
         subprocess.run(command(whole), check=True, capture_output=True)
-        longest, wanted = time.monotonic() - begun, parts(whole)
+        longest, expected = time.monotonic() - begun, parts(whole)
         folder = Path(place) / "stopped"
         for number in range(asked.runs):
             kind, left = stopped(folder, chance, longest)
             kinds[kind] += 1
             if left:
                 wrong.append(f"run {number}, {kind}: processes {left} are left")
-            if not parts(folder).items() <= wanted.items():
+            if not parts(folder).items() <= expected.items():
                 wrong.append(f"run {number}, {kind}: parts differ")
             if kind == "done before" or chance.random() < 0.2:
                 subprocess.run(command(folder), check=True, capture_output=True)
-                if parts(folder) != wanted:
+                if parts(folder) != expected:
                     wrong.append(f"run {number}: what was gone on with differs")
                 for path in folder.iterdir():
                     path.unlink()

@@ -153,11 +153,11 @@ def checked(names: tuple[str, ...]) -> str:
         mech = bm.Graph.load(path).compile()
         for what, ask in asked(mech):
             try:
-                found = ask()
+                outcome = ask()
             except bm.RequestError:  # a method or study that does not apply
                 continue
-            if not found.ok:
-                return f"{what}: {next(row.name for row in found.rows if not row.ok)}"
+            if not outcome.ok:
+                return f"{what}: {next(row.name for row in outcome.rows if not row.ok)}"
     return "nobody"
 
 

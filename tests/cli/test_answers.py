@@ -95,8 +95,8 @@ def test_modes_say_what_merges_and_where_there_is_none(ask):
 
 
 def test_each_driver_is_moved_with_the_others_held(call, fivebar):
-    said = call("limits", fivebar, "--at", "left=0", "--at", "right=60deg", "--json")
-    told = json.loads(said.out)["limits"]
+    outcome = call("limits", fivebar, "--at", "left=0", "--at", "right=60deg", "--json")
+    told = json.loads(outcome.out)["limits"]
     assert [t["driver"] for t in told] == ["left.q", "right.q"]
     assert told[1]["held"] == {"left.q": 0.0}
     one = call("limits", fivebar, "--driver", "right", "--at", "left=0", "--json")

@@ -69,10 +69,10 @@ def test_a_range_of_times_and_what_is_no_range():
 
 @pytest.mark.parametrize("text", ["0:360:37", "90", "0..180", "10,20,30"])
 def test_whole_tens_without_a_unit_are_noted(call, ruiz, text):
-    said = call("run", ruiz, "--at", text, "--want", "crank.drive")
-    assert said.code == 0
-    assert "these are radians" in said.err
-    assert "deg" in said.err
+    outcome = call("run", ruiz, "--at", text, "--want", "crank.drive")
+    assert outcome.code == 0
+    assert "these are radians" in outcome.err
+    assert "deg" in outcome.err
 
 
 def test_the_note_says_how_degrees_are_written(call, ruiz):
@@ -92,9 +92,9 @@ def test_lengths_are_not_taken_for_degrees(call, slide):
 def test_gallery_names_need_no_path(call, tmp_path):
     assert "watt_sixbar" in call("check", "watt_sixbar").out
     assert call("check", "joints/ruiz_fourbar").code == 0
-    said = call("check", "wat_sixbar")
-    assert (said.code, said.out) == (2, "")
-    assert 'did you mean "watt_sixbar"?' in said.err
+    outcome = call("check", "wat_sixbar")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert 'did you mean "watt_sixbar"?' in outcome.err
     assert "no such file" in call("check", "nothing_like_it").err
 
 
@@ -106,8 +106,8 @@ def test_a_file_comes_before_the_gallery(call, ruiz, tmp_path, monkeypatch):
 
 def test_until_and_sweep_take_units(call, ruiz):
     start = ("--start", "60°,300rpm", "--want", "crank.q")
-    said = call("simulate", ruiz, *start, "--until", "time=1ms", "--times", "0:1ms:2", "--json")
-    assert said.code == 0
+    outcome = call("simulate", ruiz, *start, "--until", "time=1ms", "--times", "0:1ms:2", "--json")
+    assert outcome.code == 0
     words = ("--vary", "weightlike.force.y=-1kN:-2kN:2", "--want", "max_abs(crank.drive)")
     assert "-2000" in call("sweep", ruiz, *words).out
 
@@ -123,9 +123,9 @@ def test_csv_goes_into_a_folder_and_no_other_format_is_called_csv(call, ruiz, tm
     assert call(*words, tmp_path).code == 0
     with open(tmp_path / "results.csv", encoding="utf-8") as stream:
         assert len(list(csv.reader(stream))) == 4
-    said = call(*words, tmp_path / "a.xlsx")
-    assert said.code == 2
-    assert "CSV is not written to .xlsx" in said.err
+    outcome = call(*words, tmp_path / "a.xlsx")
+    assert outcome.code == 2
+    assert "CSV is not written to .xlsx" in outcome.err
     assert not (tmp_path / "a.xlsx").exists()
 
 
@@ -148,9 +148,9 @@ def test_there_is_completion_for_each_shell(call, shell, capsys, monkeypatch):
 )
 def test_csv_of_other_commands_goes_where_that_of_run_goes(call, ruiz, tmp_path, words):
     asked = (words[0], ruiz, *words[1:], "--csv")
-    said = call(*asked, tmp_path / "a.xlsx")
-    assert (said.code, said.out) == (2, "")
-    assert "CSV is not written to .xlsx" in said.err
+    outcome = call(*asked, tmp_path / "a.xlsx")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "CSV is not written to .xlsx" in outcome.err
     assert call(*asked, tmp_path).code == 0
     written = (tmp_path / "results.csv").read_text("utf-8-sig")
     printed = call(*asked, "-")
@@ -161,9 +161,9 @@ def test_csv_of_other_commands_goes_where_that_of_run_goes(call, ruiz, tmp_path,
 
 def test_a_trade_is_printed_as_csv(call, ruiz, tmp_path):
     asked = ("trade", ruiz, "--want", "crank.drive", "--samples", "7", "--budget", "500ms", "--csv")
-    said = call(*asked, "-")
-    assert said.code == 0
-    first, *rows = csv.reader(said.out.splitlines())
+    outcome = call(*asked, "-")
+    assert outcome.code == 0
+    first, *rows = csv.reader(outcome.out.splitlines())
     assert "seconds [s]" in first
     assert rows
     assert call(*asked, tmp_path / "t.xlsx").code == 2
@@ -175,11 +175,11 @@ def test_plain_numbers_take_units_too(call, ruiz):
     words = ("run", ruiz, "--samples", "3", "--want", "crank.drive", "--json")
     how = ("--friction", "successive", "--tolerance")
     assert call(*words, *how, "1e3").out == call(*words, *how, "1kN").out
-    said = call(*words, *how, "3 mm")
-    assert (said.code, said.out) == (2, "")
+    outcome = call(*words, *how, "3 mm")
+    assert (outcome.code, outcome.out) == (2, "")
     assert (
         '--tolerance 3 mm: "3 mm" has another kind of unit. a number, in SI or with N, kN'
-        in said.err
+        in outcome.err
     )
     moved = ("simulate", ruiz, "--start", "60°,300rpm", "--until", "time=1ms", "--method", "rk4")
     assert call(*moved, "--step", "0.1ms").out == call(*moved, "--step", "1e-4").out

@@ -78,25 +78,25 @@ def show(call, ruiz, short, tmp_path):
         files = {"FILE": str(ruiz), "SHORT": str(short), "RECORD": str(record)}
         files["REPORT"] = str(tmp_path / "report.html")
         gallery = {name: str(GRAPHS / f"{name}.json") for name in ("watt_sixbar", JOINTS)}
-        said = call(*((files | gallery).get(word, word) for word in words))
+        outcome = call(*((files | gallery).get(word, word) for word in words))
         for page in PAGES:
-            (said.out + said.err).encode(page)
-        return said
+            (outcome.out + outcome.err).encode(page)
+        return outcome
 
     return showing
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_is_for_every_console(show, name):
-    said = show(name, "--help")
-    assert (said.code, said.err) == (0, "")
-    assert f"Usage: blockmech {name}" in said.out
+    outcome = show(name, "--help")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert f"Usage: blockmech {name}" in outcome.out
 
 
 @pytest.mark.parametrize("name", CALLS)
 def test_answers_are_for_every_console(show, name):
-    said = show(*CALLS[name])
-    assert (said.code, bool(said.out)) == (CODES[name], name not in WRONG)
+    outcome = show(*CALLS[name])
+    assert (outcome.code, bool(outcome.out)) == (CODES[name], name not in WRONG)
 
 
 class Terminal(io.TextIOWrapper):

@@ -21,9 +21,9 @@ def joints(tmp_path):
 
 
 def test_decompose_prints_the_formula_and_what_became_of_links_and_joints(call, joints):
-    said = call("decompose", joints)
-    assert (said.code, said.err) == (0, "")
-    lines = said.out.splitlines()
+    outcome = call("decompose", joints)
+    assert (outcome.code, outcome.err) == (0, "")
+    lines = outcome.out.splitlines()
     assert lines[:2] == [
         "slider_crank: I(crank) -> II RRP(rod, piston)",
         "3 moving links, 4 pairs, mobility 1",
@@ -42,51 +42,51 @@ def test_decompose_prints_the_formula_and_what_became_of_links_and_joints(call, 
 
 def test_decompose_writes_a_graph_that_computes_the_same(call, joints, tmp_path):
     graph = tmp_path / "graph.json"
-    said = call("decompose", joints, "-o", graph)
-    assert (said.code, said.err) == (0, "")
-    assert said.out.splitlines()[-1] == f"wrote {graph}"
+    outcome = call("decompose", joints, "-o", graph)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.splitlines()[-1] == f"wrote {graph}"
     assert call("check", graph).code == 0
-    one = bm.Graph.load(graph).run(samples=7)
+    result = bm.Graph.load(graph).run(samples=7)
     other = bm.Linkage.load(joints).run(samples=7)
-    assert np.array_equal(one["motor.drive"], other["driver.motor.drive"])
-    assert np.array_equal(one["rod_piston.S.N"], other["joint.S.N"])
+    assert np.array_equal(result["motor.drive"], other["driver.motor.drive"])
+    assert np.array_equal(result["rod_piston.S.N"], other["joint.S.N"])
 
 
 @pytest.mark.parametrize("general", ["groups", "one"])
 def test_decompose_makes_general_groups_where_they_are_asked_for(call, joints, tmp_path, general):
     graph = tmp_path / "graph.json"
-    said = call("decompose", joints, "--general", general, "-o", graph)
-    assert (said.code, said.err) == (0, "")
+    outcome = call("decompose", joints, "--general", general, "-o", graph)
+    assert (outcome.code, outcome.err) == (0, "")
     blocks = json.loads(graph.read_text(encoding="utf-8"))["blocks"]
     types = {block["type"] for block in blocks.values()}
     assert types == {"frame", "driver.crank", "group.general", "load.force"}
 
 
 def test_decompose_gives_data(call, joints):
-    said = call("decompose", joints, "--json")
-    found = json.loads(said.out)
-    assert found["formation"] == "I(crank) -> II RRP(rod, piston)"
-    assert found["links"]["rod"] == "rod_piston.i"
-    assert found["joints"]["S"] == {"pairs": ["rod_piston.S"], "turned": False}
-    assert found["drivers"]["motor"] == {"joint": "motor.A", "sign": 1, "offset": 0.0}
-    assert found["mobility"] == 1
+    outcome = call("decompose", joints, "--json")
+    document = json.loads(outcome.out)
+    assert document["formation"] == "I(crank) -> II RRP(rod, piston)"
+    assert document["links"]["rod"] == "rod_piston.i"
+    assert document["joints"]["S"] == {"pairs": ["rod_piston.S"], "turned": False}
+    assert document["drivers"]["motor"] == {"joint": "motor.A", "sign": 1, "offset": 0.0}
+    assert document["mobility"] == 1
 
 
 def test_decompose_writes_nothing_where_the_links_are_no_mechanism(call, joints, tmp_path):
     document = slider_crank()
     document["joints"]["X"] = pin("frame", "rod", (0.2, 0.1), (0.13, 0.06))  # holds the rod
     joints.write_text(json.dumps(document), encoding="utf-8")
-    said = call("decompose", joints, "-o", tmp_path / "graph.json")
-    assert said.code == 2
-    assert str(joints) in said.err
-    assert "rod" in said.err
-    assert "Traceback" not in said.err
+    outcome = call("decompose", joints, "-o", tmp_path / "graph.json")
+    assert outcome.code == 2
+    assert str(joints) in outcome.err
+    assert "rod" in outcome.err
+    assert "Traceback" not in outcome.err
     assert not (tmp_path / "graph.json").exists()
 
 
 def test_check_tells_the_formation_sequence_and_the_mobility(call, joints):
-    said = call("check", joints)
-    assert "I(crank) -> II RRP(rod, piston)" in said.out
+    outcome = call("check", joints)
+    assert "I(crank) -> II RRP(rod, piston)" in outcome.out
     facts = json.loads(call("check", joints, "--json").out)
     assert facts["formula"] == "I(crank) -> II RRP(rod, piston)"
     assert (facts["links"], facts["pairs"], facts["mobility"], facts["ok"]) == (3, 4, 1, True)
@@ -97,7 +97,7 @@ def test_a_slip_in_the_document_is_one_clear_message(call, joints):
     document["joints"]["A"]["links"][1] = "rodd"
     joints.write_text(json.dumps(document), encoding="utf-8")
     for command in ("check", "decompose", "run"):
-        said = call(command, joints)
-        assert said.code == 2
-        assert "joints.A.links[1]" in said.err
-        assert '"rod"' in said.err
+        outcome = call(command, joints)
+        assert outcome.code == 2
+        assert "joints.A.links[1]" in outcome.err
+        assert '"rod"' in outcome.err

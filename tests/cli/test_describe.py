@@ -14,9 +14,9 @@ from tests.model.documents import DOCUMENTS
 
 
 def test_blocks_lists_every_registered_type_with_its_joints(call):
-    said = call("blocks")
-    assert (said.code, said.err) == (0, "")
-    described = {part.split()[0]: part for part in said.out.split("\n\n")}
+    outcome = call("blocks")
+    assert (outcome.code, outcome.err) == (0, "")
+    described = {part.split()[0]: part for part in outcome.out.split("\n\n")}
     assert list(described) == list(REGISTRY)
     for name, text in described.items():
         if getattr(REGISTRY[name], "own_form", False):
@@ -44,9 +44,9 @@ def test_blocks_of_some_types_and_what_their_laws_are_functions_of(call):
 
 
 def test_outputs_of_a_file_with_units_and_what_they_are(call, ruiz):
-    said = call("outputs", ruiz)
-    assert (said.code, said.err) == (0, "")
-    head, *rows = said.out.splitlines()
+    outcome = call("outputs", ruiz)
+    assert (outcome.code, outcome.err) == (0, "")
+    head, *rows = outcome.out.splitlines()
     assert head.split() == ["output", "unit", "what"]
     outputs = mechanism("ruiz_fourbar").outputs
     assert [row.split()[0] for row in rows] == list(outputs)

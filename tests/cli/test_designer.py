@@ -60,10 +60,10 @@ SPELLED = [
 )
 def test_a_number_is_written_with_its_unit(path: str, said: Any, value: float) -> None:
     """It is the same mechanism as with the number in SI, and is kept in SI."""
-    made = bm.Graph.from_data(changed(path, said))
+    graph = bm.Graph.from_data(changed(path, said))
     plain = value if isinstance(said, str) else [0.0, value] if "gravity" in path else [value, 0.0]
-    assert made.to_data() == bm.Graph.from_data(changed(path, plain)).to_data()
-    assert made.compile().name == RUIZ["name"]
+    assert graph.to_data() == bm.Graph.from_data(changed(path, plain)).to_data()
+    assert graph.compile().name == RUIZ["name"]
 
 
 @pytest.mark.parametrize(("path", "said", "found", "remedy"), SPELLED)
@@ -192,9 +192,9 @@ def test_the_command_line_says_how_much_friction_could_be_overcome(
     file.write_text(json.dumps(changed("blocks/dyad/friction/C/coefficient", 400.0)), "utf-8")
     with pytest.raises(bm.FrictionError) as caught:
         bm.Graph.load(file).run(samples=5, want="crank.drive")
-    said = call("run", file, "--samples", "5", "--want", "crank.drive")
+    outcome = call("run", file, "--samples", "5", "--want", "crank.drive")
     (part,) = [p for p in str(caught.value).split("(") if "times the friction" in p]
-    assert part.split(")")[0] in said.out
+    assert part.split(")")[0] in outcome.out
 
 
 # ---- tables ------------------------------------------------------------------------------

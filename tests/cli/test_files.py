@@ -39,21 +39,21 @@ def test_check_says_in_one_line_what_the_mechanism_is(call, ruiz):
 
 def test_check_names_all_problems_at_once(call, ruiz, tmp_path):
     file = spoiled(ruiz, tmp_path / "bad.json", two_mistakes)
-    said = call("check", file)
-    assert said.code == 2
-    assert said.out == ""
+    outcome = call("check", file)
+    assert outcome.code == 2
+    assert outcome.out == ""
     for part in ("[unwired-joint]", "crank.A", "[unknown-joint]", "dyad.BB"):
-        assert part in said.err
+        assert part in outcome.err
     data = call("check", file, "--json")
     assert data.code == 2
     assert data.err == ""
-    found = json.loads(data.out)
-    assert found["ok"] is False
-    assert {(p["code"], p["where"]) for p in found["problems"]} >= {
+    document = json.loads(data.out)
+    assert document["ok"] is False
+    assert {(p["code"], p["where"]) for p in document["problems"]} >= {
         ("unwired-joint", "crank.A"),
         ("unwired-joint", "dyad.B"),
     }
-    assert "\n".join(str(bm.Problem(**p)) for p in found["problems"]) + "\n" == said.err
+    assert "\n".join(str(bm.Problem(**p)) for p in document["problems"]) + "\n" == outcome.err
 
 
 # -- new -----------------------------------------------------------------------------------
@@ -67,10 +67,10 @@ def test_new_copies_a_graph_of_the_gallery(call, tmp_path):
 
 
 def test_new_alone_lists_the_gallery(call):
-    said = call("new")
-    assert said.code == 0
-    assert said.out.split() == list(gallery())
-    assert "ruiz_fourbar" in said.out.split()
+    outcome = call("new")
+    assert outcome.code == 0
+    assert outcome.out.split() == list(gallery())
+    assert "ruiz_fourbar" in outcome.out.split()
 
 
 def test_the_wheel_leaves_out_what_the_gallery_leaves_out():
@@ -84,9 +84,9 @@ def test_the_wheel_leaves_out_what_the_gallery_leaves_out():
 def test_new_keeps_an_existing_file_unless_forced(call, tmp_path):
     target = tmp_path / "mine.json"
     target.write_text("mine", encoding="utf-8")
-    said = call("new", "ruiz_fourbar", target)
-    assert said.code == 2
-    assert "the file exists" in said.err
+    outcome = call("new", "ruiz_fourbar", target)
+    assert outcome.code == 2
+    assert "the file exists" in outcome.err
     assert target.read_text(encoding="utf-8") == "mine"
     assert call("new", "ruiz_fourbar", target, "--force").code == 0
     assert json.loads(target.read_text(encoding="utf-8"))["name"] == "ruiz_fourbar"
@@ -111,8 +111,8 @@ def test_new_keeps_an_existing_file_unless_forced(call, tmp_path):
 def test_draw_writes_a_picture_of_the_kind_that_the_name_says(
     call, ruiz, tmp_path, words, name, start
 ):
-    said = call("draw", ruiz, "-o", tmp_path / name, *words)
-    assert said == (0, f"wrote {tmp_path / name}\n", "")
+    outcome = call("draw", ruiz, "-o", tmp_path / name, *words)
+    assert outcome == (0, f"wrote {tmp_path / name}\n", "")
     assert (tmp_path / name).read_bytes().startswith(start)
 
 
@@ -122,6 +122,6 @@ def test_draw_traces_the_markers_that_are_named(call, ruiz, tmp_path):
         call("draw", ruiz, "-o", tmp_path / "x.svg", "--trace", traced)
         pictures[traced] = (tmp_path / "x.svg").read_bytes()
     assert pictures["dyad.C"] != pictures["dyad.B"]
-    said = call("draw", ruiz, "-o", tmp_path / "x.svg", "--trace", "dyad.X")
-    assert said.code == 2
-    assert "[unknown-marker] dyad.X" in said.err
+    outcome = call("draw", ruiz, "-o", tmp_path / "x.svg", "--trace", "dyad.X")
+    assert outcome.code == 2
+    assert "[unknown-marker] dyad.X" in outcome.err

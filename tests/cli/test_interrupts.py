@@ -67,9 +67,9 @@ def test_a_program_of_another_name_keeps_its_own_ctrl_c():
 
 def test_while_pictures_are_drawn_the_numbers_are_there(call, tmp_path, monkeypatch):
     monkeypatch.setattr("blockmech.draw.run_pictures", press)
-    said = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
-    assert (said.code, said.out) == (130, "")
-    assert said.err == "interrupted: the numbers are written, the pictures are not\n"
+    outcome = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
+    assert (outcome.code, outcome.out) == (130, "")
+    assert outcome.err == "interrupted: the numbers are written, the pictures are not\n"
     assert {p.name for p in (tmp_path / "out").iterdir()} == {*NUMBERS}
     assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))["samples"] == 3
 
@@ -82,8 +82,8 @@ def test_while_numbers_are_written_they_are_completed(call, tmp_path, monkeypatc
         yield from csv_chunks(*given, **settings)
 
     monkeypatch.setattr(output, "csv_chunks", pressed)
-    said = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
-    assert (said.code, said.out, len(said.err.splitlines())) == (130, "", 1)
+    outcome = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
+    assert (outcome.code, outcome.out, len(outcome.err.splitlines())) == (130, "", 1)
     assert {p.name for p in (tmp_path / "out").iterdir()} == {*NUMBERS}
 
 
@@ -96,8 +96,8 @@ def test_numbers_that_take_long_are_given_up(call, tmp_path, monkeypatch):
     monkeypatch.setattr(output, "csv_chunks", endless)
     monkeypatch.setattr(terminal, "INSISTS", None)
     monkeypatch.setattr(terminal, "SAVING", 0.05)
-    said = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
-    assert (said.code, said.out, said.err) == (130, "", "interrupted\n")
+    outcome = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
+    assert (outcome.code, outcome.out, outcome.err) == (130, "", "interrupted\n")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -115,9 +115,9 @@ def test_a_simulation_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
 
     monkeypatch.setattr(sys.modules["blockmech.cli.simulate"], "progress_bar", bar)
     monkeypatch.setattr(output, "csv_chunks", again)
-    said = call("simulate", SIXBAR, *LONG, "--out", tmp_path / "out")
-    assert (said.code, said.err) == (130, "interrupted\n")
-    assert "ended: interrupted, after" in said.out
+    outcome = call("simulate", SIXBAR, *LONG, "--out", tmp_path / "out")
+    assert (outcome.code, outcome.err) == (130, "interrupted\n")
+    assert "ended: interrupted, after" in outcome.out
     assert {p.name for p in (tmp_path / "out").iterdir()} == {*NUMBERS}
     assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))["samples"] == 201
 
@@ -125,10 +125,10 @@ def test_a_simulation_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
 def test_a_trade_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
     monkeypatch.setattr("blockmech.analysis.trade.measure._point", press)
     words = ["--want", "*.drive", "--want", "*.p", "--budget", "20s"]
-    said = call("trade", SIXBAR, *words)
-    assert (said.code, said.err) == (130, "interrupted: what was measured is kept\n")
-    said = call("trade", SIXBAR, "--out", tmp_path / "out")
-    assert said.code == 130
+    outcome = call("trade", SIXBAR, *words)
+    assert (outcome.code, outcome.err) == (130, "interrupted: what was measured is kept\n")
+    outcome = call("trade", SIXBAR, "--out", tmp_path / "out")
+    assert outcome.code == 130
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"trade.csv", "trade.json"}
 
 

@@ -31,8 +31,8 @@ def test_the_real_command_gives_exit_codes_and_streams_and_loads_no_matplotlib(s
     running = [started("run", file, "--json", env=env) for file in (short, tmp_path / "none.json")]
     answers = [process.communicate(timeout=60) for process in running]
     assert [process.returncode for process in running] == [1, 2]
-    found = bm.Graph.load(short).compile().run(on_gap="mark")
-    assert json.loads(answers[0][0]) == found.to_dict()
+    result = bm.Graph.load(short).compile().run(on_gap="mark")
+    assert json.loads(answers[0][0]) == result.to_dict()
     assert answers[1][0] == b""
     for _, err in answers:
         assert b"Traceback" not in err
@@ -50,26 +50,26 @@ def test_a_wrong_file_is_one_message_and_exit_code_2(call, tmp_path, command, co
         file.write_bytes(content)
     before = os.listdir(tmp_path)
     more = ("-o", tmp_path / "x.svg") if command == "draw" else ()
-    said = call(command, file, *more)
-    assert said.code == 2
-    assert said.out == ""
-    assert said.err.startswith("[")
-    assert "wrong.json" in said.err
-    assert said.err.count("\n") == 1
-    assert "Traceback" not in said.err
+    outcome = call(command, file, *more)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert outcome.err.startswith("[")
+    assert "wrong.json" in outcome.err
+    assert outcome.err.count("\n") == 1
+    assert "Traceback" not in outcome.err
     assert os.listdir(tmp_path) == before
 
 
 def test_help_and_version_are_known_and_debug_shows_the_traceback(call, tmp_path):
     assert call("--version") == (0, f"blockmech {bm.__version__}\n", "")
     for words in ([], ["--help"], ["run", "--help"], ["blocks", "-h"]):
-        said = call(*words)
-        assert "Usage: blockmech" in said.out + said.err
-        assert said.code == (2 if not words else 0)  # a call without a command is not complete
+        outcome = call(*words)
+        assert "Usage: blockmech" in outcome.out + outcome.err
+        assert outcome.code == (2 if not words else 0)  # a call without a command is not complete
     for words in (("--debug", "run", tmp_path / "x"), ("run", tmp_path / "x", "--debug")):
-        said = call(*words)
-        assert (said.code, said.err[:9]) == (2, "Traceback")
-        assert "FormatError" in said.err
+        outcome = call(*words)
+        assert (outcome.code, outcome.err[:9]) == (2, "Traceback")
+        assert "FormatError" in outcome.err
 
 
 def test_a_fault_of_blockmech_is_not_blamed_on_the_file(call, ruiz, monkeypatch):
@@ -77,10 +77,10 @@ def test_a_fault_of_blockmech_is_not_blamed_on_the_file(call, ruiz, monkeypatch)
         raise ZeroDivisionError("fault")
 
     monkeypatch.setattr(bm.Graph, "compile", fault)
-    said = call("run", ruiz)
-    assert said.code == 3
-    assert "ZeroDivisionError: fault" in said.err
-    assert "report" in said.err
+    outcome = call("run", ruiz)
+    assert outcome.code == 3
+    assert "ZeroDivisionError: fault" in outcome.err
+    assert "report" in outcome.err
 
 
 @POSIX

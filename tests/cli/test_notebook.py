@@ -37,12 +37,12 @@ ANSWERS: dict[str, tuple[Callable[[bm.Mechanism], Any], str]] = {
 @pytest.mark.parametrize("name", ANSWERS)
 def test_an_answer_is_its_text_wherever_it_is_shown(name: str) -> None:
     ask, word = ANSWERS[name]
-    found = ask(RUIZ.compile())
-    assert word in str(found)
-    assert repr(found).startswith(f"<{type(found).__name__}: {str(found).splitlines()[0]}")
-    assert "\n" not in repr(found)
-    assert word in found._repr_html_()
-    assert "(" + name not in repr(found).lower()  # no dump of fields
+    outcome = ask(RUIZ.compile())
+    assert word in str(outcome)
+    assert repr(outcome).startswith(f"<{type(outcome).__name__}: {str(outcome).splitlines()[0]}")
+    assert "\n" not in repr(outcome)
+    assert word in outcome._repr_html_()
+    assert "(" + name not in repr(outcome).lower()  # no dump of fields
 
 
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "fivebar_falling"])
@@ -182,9 +182,9 @@ def test_recorded_outputs_hold_a_file_to_what_it_does(call: Any, tmp_path: Any) 
     heavier = bm.Graph.load(file)
     heavier.gravity = (0.0, -0.001)
     heavier.save(file)
-    said = call("test", file)
-    assert said.code == 1
-    assert "FAILS" in said.out
+    outcome = call("test", file)
+    assert outcome.code == 1
+    assert "FAILS" in outcome.out
 
 
 def test_what_is_no_table_says_in_a_line_what_it_is() -> None:

@@ -22,21 +22,21 @@ def computed(file, **request):
 
 
 def test_run_alone_prints_a_table_and_writes_nothing(call, ruiz, tmp_path):
-    said = call("run", ruiz)
-    assert said.code == 0
-    assert said.out == table(bm.Graph.load(ruiz).run()) + "\n"
-    assert said.err == ""
+    outcome = call("run", ruiz)
+    assert outcome.code == 0
+    assert outcome.out == table(bm.Graph.load(ruiz).run()) + "\n"
+    assert outcome.err == ""
     assert os.listdir(tmp_path) == ["ruiz.json"]
 
 
 def test_run_alone_computes_what_it_prints(call, ruiz, monkeypatch):
-    wanted = []
+    expected = []
     monkeypatch.setattr(
         "blockmech.cli.output.table",
-        lambda result, of, **settings: wanted.append((len(result), len(of))) or "",
+        lambda result, of, **settings: expected.append((len(result), len(of))) or "",
     )
     assert [call("run", ruiz).code, call("run", ruiz, "--want", "*").code] == [0, 0]
-    (few, named), (all_, _) = wanted
+    (few, named), (all_, _) = expected
     assert few < 0.25 * named
     assert named == all_ == len(bm.Graph.load(ruiz).compile().outputs)
 
@@ -73,59 +73,59 @@ REQUESTS = [
 
 @pytest.mark.parametrize(("words", "request_"), REQUESTS, ids=lambda x: " ".join(x))
 def test_json_equals_the_run_in_python(call, ruiz, words, request_):
-    said = call("run", ruiz, "--json", *words)
-    assert (said.code, said.err) == (0, "")
-    assert json.loads(said.out) == computed(ruiz, **request_)
+    outcome = call("run", ruiz, "--json", *words)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert json.loads(outcome.out) == computed(ruiz, **request_)
 
 
 def test_several_drivers_are_given_by_name(call, fivebar):
-    said = call("run", fivebar, "--at", "right=2,2.5", "--at", "left=20deg", "--json")
-    assert said.code == 0
+    outcome = call("run", fivebar, "--at", "right=2,2.5", "--at", "left=20deg", "--json")
+    assert outcome.code == 0
     at = {"left": [20 * DEGREES], "right": [2.0, 2.5]}
-    assert json.loads(said.out) == computed(fivebar, at=at)
+    assert json.loads(outcome.out) == computed(fivebar, at=at)
 
 
 @pytest.mark.parametrize("text", ["0.1", "0.1m", "100mm"])
 def test_a_slide_is_given_in_metres(call, slide, text):
-    said = call("run", slide, "--at", text, "--json")
-    assert said.code == 0
-    assert json.loads(said.out) == computed(slide, at=[0.1])
+    outcome = call("run", slide, "--at", text, "--json")
+    assert outcome.code == 0
+    assert json.loads(outcome.out) == computed(slide, at=[0.1])
 
 
 # -- gaps ------------------------------------------------------------------------------
 
 
 def test_a_sample_without_an_answer_gives_exit_code_1_and_the_rest(call, short):
-    said = call("run", short, "--at", "0.3,3,6", "--json")
-    assert said.code == 1
-    assert json.loads(said.out) == computed(short, at=[0.3, 3.0, 6.0])
-    assert "no answer at 1 of 3 samples" in said.err
-    assert "no-assembly at dyad, 1 sample: crank.q = 3 rad" in said.err
+    outcome = call("run", short, "--at", "0.3,3,6", "--json")
+    assert outcome.code == 1
+    assert json.loads(outcome.out) == computed(short, at=[0.3, 3.0, 6.0])
+    assert "no answer at 1 of 3 samples" in outcome.err
+    assert "no-assembly at dyad, 1 sample: crank.q = 3 rad" in outcome.err
 
 
 def test_gaps_can_be_refused_and_then_nothing_is_written(call, short, tmp_path):
-    said = call("run", short, "--on-gap", "raise", "--csv", tmp_path / "x.csv")
-    assert said.code == 1
-    assert said.out == ""
-    assert said.err.startswith("[no-assembly] dyad at crank.q = ")
-    assert "Traceback" not in said.err
+    outcome = call("run", short, "--on-gap", "raise", "--csv", tmp_path / "x.csv")
+    assert outcome.code == 1
+    assert outcome.out == ""
+    assert outcome.err.startswith("[no-assembly] dyad at crank.q = ")
+    assert "Traceback" not in outcome.err
     assert os.listdir(tmp_path) == ["short.json"]
 
 
 def test_a_run_can_stop_before_the_first_gap(call, short):
-    said = call("run", short, "--at", "0.3,0.4,3,6", "--on-gap", "stop", "--json")
-    assert said.code == 1
-    assert json.loads(said.out) == computed(short, at=[0.3, 0.4])
-    assert "no answer at 1 of 4 samples" in said.err
+    outcome = call("run", short, "--at", "0.3,0.4,3,6", "--on-gap", "stop", "--json")
+    assert outcome.code == 1
+    assert json.loads(outcome.out) == computed(short, at=[0.3, 0.4])
+    assert "no answer at 1 of 4 samples" in outcome.err
 
 
 # -- files ------------------------------------------------------------------------------
 
 
 def test_csv_is_that_of_python(call, ruiz, tmp_path):
-    said = call("run", ruiz, "--samples", "9", "--csv", tmp_path / "x.csv")
-    assert said.code == 0
-    assert said.out.splitlines()[-1] == f"wrote {tmp_path / 'x.csv'}"
+    outcome = call("run", ruiz, "--samples", "9", "--csv", tmp_path / "x.csv")
+    assert outcome.code == 0
+    assert outcome.out.splitlines()[-1] == f"wrote {tmp_path / 'x.csv'}"
     text = bm.Graph.load(ruiz).run(samples=9).to_csv()
     assert (tmp_path / "x.csv").read_bytes() == text.encode()
     assert call("run", ruiz, "--samples", "9", "--csv", "-").out == text
@@ -133,13 +133,13 @@ def test_csv_is_that_of_python(call, ruiz, tmp_path):
 
 def test_csv_can_be_spelled_for_other_spreadsheets(call, ruiz):
     words = ("--at", "1", "--want", "crank.drive", "--csv", "-")
-    said = call("run", ruiz, *words, "--separator", ";", "--decimal", ",")
-    assert said.out.splitlines() == [
+    outcome = call("run", ruiz, *words, "--separator", ";", "--decimal", ",")
+    assert outcome.out.splitlines() == [
         "crank.q [rad];time [s];crank.drive [N m];status",
         f"1,0;0,1;{bm.Graph.load(ruiz).run(at=1)['crank.drive'][0]};ok".replace(".", ","),
     ]
-    said = call("run", ruiz, *words, "--separator", "tab")
-    assert said.out.splitlines()[0].split("\t")[-1] == "status"
+    outcome = call("run", ruiz, *words, "--separator", "tab")
+    assert outcome.out.splitlines()[0].split("\t")[-1] == "status"
 
 
 def test_degrees_are_named_in_the_units(call, ruiz):
@@ -159,23 +159,23 @@ def test_degrees_are_named_in_the_units(call, ruiz):
 def test_a_place_that_cannot_be_written_leaves_nothing(call, ruiz, tmp_path, option):
     (tmp_path / "file").write_text("old", encoding="utf-8")
     place = {"--out": "file", "--csv": "missing/x.csv"}.get(option, "missing/x.svg")
-    said = call("run", ruiz, "--samples", "9", option, tmp_path / place)
-    assert said.code == 2
-    assert said.out == ""
-    assert said.err.startswith("[cannot-write]")
-    assert str(tmp_path / place) in said.err
-    assert said.err.count("\n") == 1
+    outcome = call("run", ruiz, "--samples", "9", option, tmp_path / place)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert outcome.err.startswith("[cannot-write]")
+    assert str(tmp_path / place) in outcome.err
+    assert outcome.err.count("\n") == 1
     assert sorted(os.listdir(tmp_path)) == ["file", "ruiz.json"]
     assert (tmp_path / "file").read_text(encoding="utf-8") == "old"
 
 
 def test_out_writes_a_folder_of_results_and_pictures(call, ruiz, tmp_path):
-    said = call("run", ruiz, "--samples", "25", "--out", tmp_path / "new" / "ruiz")
-    assert said.code == 0
+    outcome = call("run", ruiz, "--samples", "25", "--out", tmp_path / "new" / "ruiz")
+    assert outcome.code == 0
     place = tmp_path / "new" / "ruiz"
     names = sorted(os.listdir(place))
     assert {"results.csv", "result.json"} < set(names)
-    assert [line for line in said.out.splitlines() if line.startswith("wrote ")] == [
+    assert [line for line in outcome.out.splitlines() if line.startswith("wrote ")] == [
         f"wrote {place / name}" for name in names
     ]
     result = bm.Graph.load(ruiz).run(samples=25)
@@ -190,22 +190,22 @@ def test_out_writes_a_folder_of_results_and_pictures(call, ruiz, tmp_path):
 
 
 def test_a_driver_without_a_law_asks_for_samples(call, fivebar):
-    said = call("run", fivebar)
-    assert said.code == 2
-    assert "[no-law] scene.drive.left" in said.err
-    assert "[no-law] scene.drive.right" in said.err
+    outcome = call("run", fivebar)
+    assert outcome.code == 2
+    assert "[no-law] scene.drive.left" in outcome.err
+    assert "[no-law] scene.drive.right" in outcome.err
 
 
 def test_explain_shows_the_plan_and_computes_nothing(call, ruiz):
-    said = call("run", ruiz, "--explain", "--want", "dyad.C.p")
-    assert said.code == 0
-    assert said.out == bm.Graph.load(ruiz).compile().explain("dyad.C.p") + "\n"
-    assert said.out.startswith("2 kernel calls for 1 output")
+    outcome = call("run", ruiz, "--explain", "--want", "dyad.C.p")
+    assert outcome.code == 0
+    assert outcome.out == bm.Graph.load(ruiz).compile().explain("dyad.C.p") + "\n"
+    assert outcome.out.startswith("2 kernel calls for 1 output")
 
 
 def test_run_does_not_write_over_the_file_that_it_reads(call, ruiz):
     before = ruiz.read_bytes()
-    done = call("run", ruiz, "--csv", ruiz)
-    assert done.code == 2
-    assert "it is the file that is read" in done.err
+    outcome = call("run", ruiz, "--csv", ruiz)
+    assert outcome.code == 2
+    assert "it is the file that is read" in outcome.err
     assert ruiz.read_bytes() == before

@@ -43,11 +43,11 @@ REQUESTS = [
 
 @pytest.mark.parametrize(("words", "request_"), REQUESTS)
 def test_json_is_what_python_computes_and_fits_the_schema(call, words, request_):
-    said = call("simulate", WATT, *words, "--json")
-    assert said.code == 0
-    found = json.loads(said.out)
-    jsonschema.validate(found, result_schema())
-    assert found == json.loads(json.dumps(simulated(**request_)))
+    outcome = call("simulate", WATT, *words, "--json")
+    assert outcome.code == 0
+    document = json.loads(outcome.out)
+    jsonschema.validate(document, result_schema())
+    assert document == json.loads(json.dumps(simulated(**request_)))
 
 
 def test_roles_of_drivers_are_options(call):
@@ -55,38 +55,38 @@ def test_roles_of_drivers_are_options(call):
     left, right = linkage.compile().drivers
     q = linkage.initial[right].q
     words = ["--until", "time=0.1", "--locked", f"{right}={q / DEGREES!r}deg", "--json"]
-    found = json.loads(call("simulate", FIVEBAR, *words).out)
-    jsonschema.validate(found, result_schema())
+    document = json.loads(call("simulate", FIVEBAR, *words).out)
+    jsonschema.validate(document, result_schema())
     same = linkage.compile().simulate("time=0.1", roles={right: q / DEGREES * DEGREES})
-    assert found == json.loads(json.dumps(same.to_dict()))
-    said = call("simulate", FIVEBAR, "--prescribed", left)
-    assert said.code == 2
-    assert f"roles.{left}: {left} has no law of motion" in said.err
+    assert document == json.loads(json.dumps(same.to_dict()))
+    outcome = call("simulate", FIVEBAR, "--prescribed", left)
+    assert outcome.code == 2
+    assert f"roles.{left}: {left} has no law of motion" in outcome.err
 
 
 def test_the_standstill_is_an_event_with_time_and_place(call):
-    found = json.loads(call("simulate", WATT, "--json").out)
-    (event,) = found["events"]
+    document = json.loads(call("simulate", WATT, "--json").out)
+    (event,) = document["events"]
     assert event["kind"] == "standstill"
-    assert event["time"] == found["motion"]["end_time"] == found["time"][-1]
+    assert event["time"] == document["motion"]["end_time"] == document["time"][-1]
     assert event["crank.q"] == pytest.approx(-3.7998507643768, abs=1e-12)
 
 
 def test_alone_it_prints_a_table_and_how_it_went_and_writes_nothing(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    said = call("simulate", WATT, "--deg")
-    assert said.code == 0
-    assert "standstill at 1.38475256594 s, crank.q = -217.7" in said.out
-    assert "method energy (all loads depend on the driver's coordinate alone)" in said.out
-    assert "estimated error" in said.out
+    outcome = call("simulate", WATT, "--deg")
+    assert outcome.code == 0
+    assert "standstill at 1.38475256594 s, crank.q = -217.7" in outcome.out
+    assert "method energy (all loads depend on the driver's coordinate alone)" in outcome.out
+    assert "estimated error" in outcome.out
     assert os.listdir(tmp_path) == []
 
 
 def test_a_folder_gets_the_numbers_and_the_pictures(call, tmp_path, monkeypatch):
     monkeypatch.setattr("blockmech.draw.simulation.FRAME", 0.4)  # [s] fewer pictures in a film
     out = tmp_path / "fall"
-    said = call("simulate", WATT, "--out", out)
-    assert said.code == 0
+    outcome = call("simulate", WATT, "--out", out)
+    assert outcome.code == 0
     pictures = ["animation.gif", "animation.html", "energy.png", "motion.png", "phase.png"]
     assert sorted(os.listdir(out)) == [*pictures, "result.json", "results.csv"]
     assert all((out / name).stat().st_size > 1000 for name in pictures)
@@ -95,9 +95,9 @@ def test_a_folder_gets_the_numbers_and_the_pictures(call, tmp_path, monkeypatch)
 
 
 def test_times_that_the_motion_does_not_reach_are_said_by_the_exit_code(call):
-    said = call("simulate", WATT, "--until", "standstill", "--times", "0,1,2")
-    assert said.code == 1
-    assert "1 of 3 times after the end are left out" in said.out
+    outcome = call("simulate", WATT, "--until", "standstill", "--times", "0,1,2")
+    assert outcome.code == 1
+    assert "1 of 3 times after the end are left out" in outcome.out
     top = call("simulate", WATT, "--until", "time=20", "--start", "1.4933373434657107")
     assert top.code == 1
     assert "failed: not decided" in top.out
@@ -108,10 +108,10 @@ def test_joint_friction_brakes_unless_it_is_waived(call, ruiz, tmp_path):
     data["scene"]["initial"] = {"crank": {"q": 1.0, "rate": 0.0}}
     path = tmp_path / "falling.json"
     path.write_text(json.dumps(data), encoding="utf-8")
-    said = call("simulate", path, "--until", "time=0.1")
-    assert said.code == 0
-    assert "the joints have friction" in said.out
-    assert "friction work" in said.out
+    outcome = call("simulate", path, "--until", "time=0.1")
+    assert outcome.code == 0
+    assert "the joints have friction" in outcome.out
+    assert "friction work" in outcome.out
     words = ("--friction", "successive", "--iterations", "3")
     assert call("simulate", path, "--until", "time=0.1", *words).code == 0
     assert "has no meaning" in call("simulate", path, "--friction", "newton", *words[2:]).err
@@ -128,12 +128,12 @@ def test_a_steady_state_tells_its_period_its_stability_and_how_it_was_found(call
     data["blocks"]["motor"]["law"] = series
     path = tmp_path / "forced.json"
     path.write_text(json.dumps(data), encoding="utf-8")
-    said = call("simulate", path, "--until", "steady")
-    assert said.code == 0
-    assert "method stroboscopic map (the loads depend on rate, time)" in said.out
-    assert "\nperiod 0.2 s\n" in said.out
-    assert "\nmultiplier " in said.out
-    assert "note: stable: a period leaves" in said.out
+    outcome = call("simulate", path, "--until", "steady")
+    assert outcome.code == 0
+    assert "method stroboscopic map (the loads depend on rate, time)" in outcome.out
+    assert "\nperiod 0.2 s\n" in outcome.out
+    assert "\nmultiplier " in outcome.out
+    assert "note: stable: a period leaves" in outcome.out
     data["blocks"]["spring"]["damping"] = 0.0
     data["blocks"]["motor"]["law"] = {"kind": "constant", "value": 3.0}
     path.write_text(json.dumps(data), encoding="utf-8")
@@ -151,8 +151,8 @@ STARTS = [  # words; (coordinate, rate) of both drivers, by the scene where they
 @pytest.mark.parametrize(("starts", "left", "right"), STARTS)
 def test_drivers_start_where_they_are_told(call, starts, left, right):
     words = [word for start in starts for word in ("--start", start)]
-    said = call("simulate", FIVEBAR, "--until", "time=0.1", *words, "--json")
-    first = {n: x["values"][0] for n, x in json.loads(said.out)["outputs"].items()}
+    outcome = call("simulate", FIVEBAR, "--until", "time=0.1", *words, "--json")
+    first = {n: x["values"][0] for n, x in json.loads(outcome.out)["outputs"].items()}
     for name, (q, rate) in {"left": left, "right": right}.items():
         assert (first[f"driver.{name}.q"], first[f"driver.{name}.rate"]) == (q, rate)
 
@@ -166,9 +166,9 @@ def test_a_slide_starts_in_metres_without_a_start_in_the_file(call, slide):
 
 def test_all_mistakes_of_starts_are_told_at_once(call):
     starts = ("lift=1", "rihgt=60deg", "left=x,2y", "left=1", "right=1,2,3", "1.2")
-    said = call("simulate", FIVEBAR, *(word for text in starts for word in ("--start", text)))
-    assert (said.code, said.out) == (2, "")
-    assert said.err.splitlines() == [
+    outcome = call("simulate", FIVEBAR, *(word for text in starts for word in ("--start", text)))
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.splitlines() == [
         '[bad-request] --start lift=1: no driver "lift". drivers: left, right. '
         'did you mean "left"?',
         '[bad-request] --start rihgt=60deg: no driver "rihgt". drivers: left, right. '
@@ -185,7 +185,7 @@ def test_all_mistakes_of_starts_are_told_at_once(call):
 
 
 def test_degrees_are_refused_for_a_slide(call, slide):
-    said = call("simulate", slide, "--start", "table=60deg,5deg/s")
-    assert (said.code, said.out) == (2, "")
-    assert '"60deg" has another kind of unit. a number, in SI or with m, mm, cm' in said.err
-    assert '"5deg/s" has another kind of unit. a number, in SI or with m/s, mm/s' in said.err
+    outcome = call("simulate", slide, "--start", "table=60deg,5deg/s")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert '"60deg" has another kind of unit. a number, in SI or with m, mm, cm' in outcome.err
+    assert '"5deg/s" has another kind of unit. a number, in SI or with m/s, mm/s' in outcome.err

@@ -44,10 +44,12 @@ def test_no_writer_takes_the_place_of_the_input(call, tmp_path, name, link):
     if callable(link):
         link(source, place)
     into = os.path.join(tmp_path, "out", "..", "out") if link == "another spelling" else str(folder)
-    said = call(*(w.replace("IN", str(source)).replace("DIR", into) for w in words))
-    assert said.code == 2
-    assert f"[cannot-write] {os.path.join(into, target)}: it is the file that is read" in said.err
-    assert said.err.count("\n") == 1
+    outcome = call(*(w.replace("IN", str(source)).replace("DIR", into) for w in words))
+    assert outcome.code == 2
+    assert (
+        f"[cannot-write] {os.path.join(into, target)}: it is the file that is read" in outcome.err
+    )
+    assert outcome.err.count("\n") == 1
     assert source.read_bytes() == place.read_bytes() == text
     assert [p.name for p in folder.iterdir()] == [target]
 
@@ -113,10 +115,10 @@ def test_every_picture_of_a_folder_is_known(tmp_path):
 )
 def test_a_name_that_is_too_long_is_one_message(call, ruiz, tmp_path, words):
     long = str(tmp_path / ("n" * 300))
-    said = call(*(w.replace("IN", str(ruiz)).replace("LONG", long) for w in words))
-    assert said.code == 2
-    assert "file name too long" in said.err
-    assert said.err.count("\n") == 1
+    outcome = call(*(w.replace("IN", str(ruiz)).replace("LONG", long) for w in words))
+    assert outcome.code == 2
+    assert "file name too long" in outcome.err
+    assert outcome.err.count("\n") == 1
 
 
 def test_a_name_of_255_letters_is_written(call, ruiz, tmp_path):

@@ -11,10 +11,10 @@ WANT = ("--want", "max_abs(crank.drive)", "--want", "min(dyad.margin)", "--sampl
 
 def test_a_sweep_prints_a_table_and_writes_one_with_a_picture(call, tmp_path):
     out, plot = tmp_path / "study.csv", tmp_path / "study.png"
-    said = call("sweep", RUIZ, "--vary", "dyad.l_i=4:6:5", *WANT, "--out", out, "--plot", plot)
-    assert said.code == 0
-    assert said.out.startswith("ruiz_fourbar: 5 designs at 9 poses")
-    assert f"wrote {out}\nwrote {plot}\n" in said.out
+    outcome = call("sweep", RUIZ, "--vary", "dyad.l_i=4:6:5", *WANT, "--out", out, "--plot", plot)
+    assert outcome.code == 0
+    assert outcome.out.startswith("ruiz_fourbar: 5 designs at 9 poses")
+    assert f"wrote {out}\nwrote {plot}\n" in outcome.out
     head, *rows = csv.reader(out.read_text("utf-8").splitlines())
     assert head == ["dyad.l_i [m]", "max_abs(crank.drive) [N m]", "min(dyad.margin) [-]", "status"]
     assert [row[0] for row in rows] == ["4.0", "4.5", "5.0", "5.5", "6.0"]
@@ -25,14 +25,14 @@ def test_a_sweep_prints_a_table_and_writes_one_with_a_picture(call, tmp_path):
 
 def test_numbers_scatter_by_distributions(call):
     words = ("--vary", "dyad.l_i=normal(6000mm,10mm)", "--vary", "frame.D.x=uniform(5.4,5.6)")
-    said = call("sweep", RUIZ, *words, *WANT, "--count", "32", "--sampling", "sobol")
-    assert said.code == 0
-    assert "12 of 32 designs shown" in said.out
+    outcome = call("sweep", RUIZ, *words, *WANT, "--count", "32", "--sampling", "sobol")
+    assert outcome.code == 0
+    assert "12 of 32 designs shown" in outcome.out
 
 
 def test_a_folder_takes_parts_and_workers_do_them(call, tmp_path):
     out, words = tmp_path / "parts", ("--vary", "dyad.l_i=5.9:6.1:5")
-    one = call("sweep", RUIZ, *words, *WANT)
+    outcome = call("sweep", RUIZ, *words, *WANT)
     other = call("sweep", RUIZ, *words, *WANT, "--out", out, "--workers", "1")
     assert other.code == 0
     assert other.out == f"{one.out}wrote {out}\n"
@@ -44,6 +44,6 @@ def test_a_folder_takes_parts_and_workers_do_them(call, tmp_path):
 
 def test_without_pyarrow_the_extra_is_named(call, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    said = call("sweep", RUIZ, "--vary", "dyad.l_i=6", *WANT, "--out", tmp_path / "a.parquet")
-    assert said.code == 2
-    assert 'pip install "blockmech[study]"' in said.err
+    outcome = call("sweep", RUIZ, "--vary", "dyad.l_i=6", *WANT, "--out", tmp_path / "a.parquet")
+    assert outcome.code == 2
+    assert 'pip install "blockmech[study]"' in outcome.err

@@ -61,12 +61,14 @@ def is_plain(text):
 @pytest.mark.parametrize("command", COMMANDS)
 def test_names_reach_a_terminal_as_plain_text(call, evil, command):
     more = COMMANDS[command]
-    said = call(command, evil, *more)
-    assert is_plain(said.out), repr(said)
-    assert is_plain(said.err)
-    assert said.code in (0, 1, 2)
+    outcome = call(command, evil, *more)
+    assert is_plain(outcome.out), repr(outcome)
+    assert is_plain(outcome.err)
+    assert outcome.code in (0, 1, 2)
     if command == "check":
-        assert said.out.startswith("<Graph \\u001b[31m=1+1\\r\\u0007\\u009b\\u202e: 5 moving links")
+        assert outcome.out.startswith(
+            "<Graph \\u001b[31m=1+1\\r\\u0007\\u009b\\u202e: 5 moving links"
+        )
 
 
 @pytest.mark.parametrize("where", ["type", "key", "value"])
@@ -76,10 +78,10 @@ def test_messages_about_a_file_are_plain_text(call, tmp_path, where):
     block[{"type": "type", "key": EVIL, "value": "length"}[where]] = EVIL
     path = tmp_path / "evil.json"
     path.write_text(json.dumps(data), "utf-8")
-    said = call("check", path)
-    assert (said.code, said.out) == (2, "")
-    assert "\\u001b[31m" in said.err
-    assert is_plain(said.err)
+    outcome = call("check", path)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "\\u001b[31m" in outcome.err
+    assert is_plain(outcome.err)
 
 
 def test_a_name_is_no_formula_of_a_spreadsheet_and_no_new_row(tmp_path):
@@ -104,10 +106,10 @@ def test_a_name_is_no_formula_of_a_spreadsheet_and_no_new_row(tmp_path):
 )
 def test_a_closed_stream_is_no_crash(words, closed, code):
     line = f'"{sys.executable}" -m blockmech {words} {closed}; exit "${{PIPESTATUS[0]}}"'
-    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
-    assert done.returncode == code
-    assert "Traceback" not in done.stdout + done.stderr
-    assert "Exception" not in done.stderr
+    result = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
+    assert result.returncode == code
+    assert "Traceback" not in result.stdout + result.stderr
+    assert "Exception" not in result.stderr
 
 
 @POSIX
@@ -115,9 +117,9 @@ def test_a_pipe_is_read_once(call, tmp_path):
     os.mkfifo(tmp_path / "pipe")
     text = (GRAPHS / "ruiz_fourbar.json").read_bytes()
     threading.Thread(target=(tmp_path / "pipe").write_bytes, args=(text,)).start()
-    said = call("check", tmp_path / "pipe")
-    assert (said.code, said.err) == (0, "")
-    assert "mobility 1" in said.out
+    outcome = call("check", tmp_path / "pipe")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "mobility 1" in outcome.out
 
 
 @POSIX

@@ -100,9 +100,9 @@ def test_a_wrong_call_is_one_sentence_and_leaves_nothing(
     monkeypatch.chdir(tmp_path)
     files = {"RUIZ": ruiz, "SHORT": short, "FIVEBAR": fivebar, "WATT": GRAPHS / "watt_sixbar.json"}
     before = sorted(os.listdir(tmp_path))
-    told = call(*(files.get(word, word) for word in words.split()))
-    assert (told.code, told.out) == (2, "")
-    assert said in told.err
-    assert "Traceback" not in told.err
-    assert told.err.count("\n") == 1
+    outcome = call(*(files.get(word, word) for word in words.split()))
+    assert (outcome.code, outcome.out) == (2, "")
+    assert said in outcome.err
+    assert "Traceback" not in outcome.err
+    assert outcome.err.count("\n") == 1
     assert sorted(os.listdir(tmp_path)) == before

@@ -99,9 +99,9 @@ def test_a_345_cam_moves_and_pushes_as_worked_out():
 @pytest.mark.parametrize(("name", "numbers"), [("indexing_table", 23), ("geared_fivebars", 18)])
 def test_files_of_couplings_give_what_mpmath_says(name, numbers):
     graph = bm.Graph.load(GRAPHS / "couplings" / f"{name}.json")
-    found = check_expectations(graph)
-    assert len(found) == numbers
-    assert [str(x) for x in found if not x.ok] == []
+    failures = check_expectations(graph)
+    assert len(failures) == numbers
+    assert [str(x) for x in failures if not x.ok] == []
 
 
 def test_a_flat_follower_on_that_cam_is_undercut_where_the_radius_vanishes():

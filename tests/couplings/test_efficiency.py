@@ -363,10 +363,10 @@ def test_several_drivers_move_as_newton_says():
 def test_a_motion_needs_no_drive_and_loses_what_the_mesh_takes():
     g = gears(motor=0.05, cm=0.1)
     g.start("pinion", q=1.0, rate=0.0)
-    found = g.compile().simulate("time=0.1", want="*", times=np.linspace(0.0, 0.1, 2001))
-    assert np.abs(found["pinion.drive"][1:]).max() <= 1e-9 * np.abs(found["mesh.effort"]).max()
-    heat = np.trapezoid(found["mesh.loss"], dx=0.1 / 2000)
-    assert heat == pytest.approx(found.motion.facts["friction_work"], rel=1e-6)
+    result = g.compile().simulate("time=0.1", want="*", times=np.linspace(0.0, 0.1, 2001))
+    assert np.abs(result["pinion.drive"][1:]).max() <= 1e-9 * np.abs(result["mesh.effort"]).max()
+    heat = np.trapezoid(result["mesh.loss"], dx=0.1 / 2000)
+    assert heat == pytest.approx(result.motion.facts["friction_work"], rel=1e-6)
 
 
 # -- files and mistakes ------------------------------------------------------------------

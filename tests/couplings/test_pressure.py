@@ -137,14 +137,14 @@ def test_several_drivers_rub_under_tooth_forces_and_lose_what_friction_takes():
     g.start("carrier", q=0.0, rate=10.0)
     g.start("planet", q=0.0, rate=30.0)
     mech = g.compile()
-    found = mech.simulate("time=0.05", want="*", times=np.linspace(0.0, 0.05, 7))
-    assert found.motion.facts["energy_balance"] < 1e-10
+    result = mech.simulate("time=0.05", want="*", times=np.linspace(0.0, 0.05, 7))
+    assert result.motion.facts["energy_balance"] < 1e-10
     state = {"at": "q", "rates": "rate", "accelerations": "acceleration"}
-    asked = {k: {d: found[f"{d}.{x}"] for d in ("carrier", "planet")} for k, x in state.items()}
+    asked = {k: {d: result[f"{d}.{x}"] for d in ("carrier", "planet")} for k, x in state.items()}
     run = mech.run(**asked)
     for driver in ("carrier", "planet"):
         assert np.abs(run[f"{driver}.drive"]).max() < 1e-12
-    assert run["sun.A.reaction"] == pytest.approx(found["sun.A.reaction"], rel=1e-12)
+    assert run["sun.A.reaction"] == pytest.approx(result["sun.A.reaction"], rel=1e-12)
 
 
 @pytest.mark.parametrize("preload", [0.0, 300.0])

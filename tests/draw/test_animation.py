@@ -39,9 +39,9 @@ def opened(path) -> tuple[int, list[np.ndarray]]:
 
 def data_of(html: str) -> dict:
     """The numbers that a page carries."""
-    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', html, re.DOTALL)
-    assert found is not None
-    return json.loads(found.group(1))
+    match = re.search(r'<script id="data" type="application/json">(.*?)</script>', html, re.DOTALL)
+    assert match is not None
+    return json.loads(match.group(1))
 
 
 def test_a_gif_has_the_frames_and_the_time_that_were_asked_for_on_axes_that_stay(tmp_path):
@@ -133,11 +133,11 @@ def test_a_result_is_animated_at_its_own_samples():
 
 
 def test_a_notebook_shows_the_player():
-    shown = animate(ruiz(), frames=FRAMES)
-    assert isinstance(shown, Animation)
-    assert shown.path is None
-    assert shown._repr_html_().startswith('<iframe srcdoc="')
-    assert "<script" not in shown._repr_html_()
+    film = animate(ruiz(), frames=FRAMES)
+    assert isinstance(film, Animation)
+    assert film.path is None
+    assert film._repr_html_().startswith('<iframe srcdoc="')
+    assert "<script" not in film._repr_html_()
 
 
 @pytest.mark.parametrize(
@@ -150,20 +150,20 @@ def test_numbers_without_sense_are_refused(wrong):
 
 def test_a_film_has_its_time_and_its_pictures(tmp_path):
     program = shutil.which("ffmpeg") or get_ffmpeg_exe()
-    made = animate(ruiz(), frames=FRAMES, seconds=1.2)
-    path = made.save(tmp_path / "a.mp4").path
+    film = animate(ruiz(), frames=FRAMES, seconds=1.2)
+    path = film.save(tmp_path / "a.mp4").path
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
-    shown = subprocess.run([program, "-v", "error", "-i", path, *raw], capture_output=True)
-    height, width, _ = made.pictures[0].shape
+    result = subprocess.run([program, "-v", "error", "-i", path, *raw], capture_output=True)
+    height, width, _ = film.pictures[0].shape
     size = (height // 2 * 2, width // 2 * 2, 3)
-    frames = np.frombuffer(shown.stdout, np.uint8).reshape(-1, *size).astype(float)
+    frames = np.frombuffer(result.stdout, np.uint8).reshape(-1, *size).astype(float)
     assert len(frames) == 36  # 1.2 s of 30 pictures a second
     for k in (0, 17, 35):
-        wanted = made.pictures[made.order[k * len(made.order) // 36]][: size[0], : size[1]]
-        assert np.abs(frames[k] - wanted).mean() < 4  # of 255: the film is compressed
-        other = made.pictures[made.order[(k * len(made.order) // 36 + 8) % len(made.order)]]
+        expected = film.pictures[film.order[k * len(film.order) // 36]][: size[0], : size[1]]
+        assert np.abs(frames[k] - expected).mean() < 4  # of 255: the film is compressed
+        other = film.pictures[film.order[(k * len(film.order) // 36 + 8) % len(film.order)]]
         moved = np.abs(frames[k] - other[: size[0], : size[1]]).mean()
-        assert moved > 1.1 * np.abs(frames[k] - wanted).mean()
+        assert moved > 1.1 * np.abs(frames[k] - expected).mean()
 
 
 def test_without_ffmpeg_a_film_is_refused_and_nothing_is_written(tmp_path, monkeypatch):

@@ -78,12 +78,15 @@ def test_figure_14_shows_the_size_of_every_reaction():
 
 def test_angles_are_multiples_of_pi_in_radians_and_degrees_where_asked():
     result = ruiz().run(samples=37)
-    for degrees, wanted in ((False, ["0", "π/3", "2π/3", "π"]), (True, ["0", "60", "120", "180"])):
+    for degrees, expected in (
+        (False, ["0", "π/3", "2π/3", "π"]),
+        (True, ["0", "60", "120", "180"]),
+    ):
         panels = pictures_of(result)["drive"]
         made = draw_panels(panels, abscissa(result, degrees=degrees))
         made.canvas.draw()
         ticks = [t.get_text() for t in made.axes[-1].get_xticklabels()]
-        assert [t for t in ticks if t in wanted] == wanted
+        assert [t for t in ticks if t in expected] == expected
     assert [of_pi(x * math.pi) for x in (-0.5, 1, 1.5, 2)] == [
         "\N{MINUS SIGN}π/2",
         "π",

@@ -60,8 +60,8 @@ def test_an_arrow_shows_where_the_driven_link_goes_however_its_joint_is_named(cr
 
 
 def test_a_diagram_names_joints_and_links_beside_the_blocks(crank):
-    made = crank.compile()
-    drawn = draw_diagram(crank.decompose().graph, made.names)
+    mechanism = crank.compile()
+    drawn = draw_diagram(crank.decompose().graph, mechanism.names)
     shown = words(drawn.labels)
     assert {"II RRP: rod, piston", "I crank: crank", "A (R)", "S (P)", "rod_piston"} <= shown
     assert "I(crank) → II RRP(rod, piston)" in shown

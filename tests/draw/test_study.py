@@ -20,21 +20,21 @@ CASES = {
 @pytest.mark.parametrize("kind", CASES)
 def test_each_kind_of_study_has_its_picture(kind, tmp_path):
     vary, more = CASES[kind]
-    found = mechanism("ruiz_fourbar").study(vary, want=WANT, samples=9, friction="none", **more)
-    figure = found.figure()
+    study = mechanism("ruiz_fourbar").study(vary, want=WANT, samples=9, friction="none", **more)
+    figure = study.figure()
     panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
     assert len(panels) == {"curves": 2, "maps": 2, "scatter": 4}[kind]
     assert "without an answer" in figure._supxlabel.get_text()
     words = " ".join(axes.get_ylabel() + axes.get_xlabel() for axes in figure.axes)
     assert "dyad.l_i [m]" in words
     assert "margin) [–]" in words.replace("\n", "")
-    found.plot(tmp_path / "study.png")
+    study.plot(tmp_path / "study.png")
     assert (tmp_path / "study.png").stat().st_size > 10_000
 
 
 def test_poses_alone_are_no_picture(tmp_path):
-    found = mechanism("ruiz_fourbar").study(
+    study = mechanism("ruiz_fourbar").study(
         {"dyad.l_i": [6.0]}, want="poses(crank.drive)", samples=5, friction="none"
     )
     with pytest.raises(bm.RequestError, match="no other number was kept"):
-        found.plot(tmp_path / "a.png")
+        study.plot(tmp_path / "a.png")

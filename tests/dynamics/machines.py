@@ -283,12 +283,12 @@ def watt_falling(q0: float, times: list[float], step: float = STEP) -> Any:
         return table[-1][-1]
 
     y, t, out = np.array([q0, 0], dtype=real), real(0), []
-    for wanted in times:
-        n = max(1, math.ceil((wanted - float(t)) / step))
-        h = (real(wanted) - t) / n
-        for _ in range(n if wanted > t else 0):
+    for expected in times:
+        n = max(1, math.ceil((expected - float(t)) / step))
+        h = (real(expected) - t) / n
+        for _ in range(n if expected > t else 0):
             y = ahead(y, h)
-        t = real(wanted)
+        t = real(expected)
         out.append(y)
     return np.array(out)
 

@@ -116,10 +116,10 @@ def test_braking_runs_back_the_way_it_came(rate):
 
 
 def test_a_hundred_thousand_turns_cost_what_one_turn_costs():
-    one = run(pendulum(), 0.0, "turns=1", 3.0)
+    result = run(pendulum(), 0.0, "turns=1", 3.0)
     many = run(pendulum(), 0.0, "turns=100000", 3.0)
-    assert many.cost.evaluations <= 3 * one.cost.evaluations  # one more pair of runs judges it
-    assert abs(many.t_end / one.t_end / 1e5 - 1) <= 1e-15
+    assert many.cost.evaluations <= 3 * result.cost.evaluations  # one more pair of runs judges it
+    assert abs(many.t_end / result.t_end / 1e5 - 1) <= 1e-15
     with mp.workdps(30):
         turn = 4 / mp.mpf(3) * mp.ellipk(mp.mpf(4) / 9)
     assert abs(many.at(float(5e4 * turn)).q - 5e4 * TURN) <= 1e-9

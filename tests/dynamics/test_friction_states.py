@@ -83,8 +83,11 @@ def rubbed(law, mu, slipping, t_end, z0=0.0, stop=-math.inf, restitution=0.0):
     struck.terminal, struck.direction = True, -1
     t, y, watch = 0.0, np.array([2.0, 0.0, z0]), struck if stop > -math.inf else None
     while t < t_end:
-        found = solve_ivp(slope, (t, t_end), y, "Radau", rtol=1e-11, atol=1e-14, events=watch)
-        t, y = found.t[-1], found.y[:, -1] * (1.0, -restitution if found.status else 1.0, 1.0)
+        trajectory = solve_ivp(slope, (t, t_end), y, "Radau", rtol=1e-11, atol=1e-14, events=watch)
+        t, y = (
+            trajectory.t[-1],
+            trajectory.y[:, -1] * (1.0, -restitution if trajectory.status else 1.0, 1.0),
+        )
     return y
 
 

@@ -189,5 +189,5 @@ def test_a_law_of_a_driver_that_counts_turns_has_no_period():
     r = rod((bm.Motor(law=law, driver="crank"), ON_CRANK)).simulate(
         times=TIMES, start={"crank": (1.0, 9.0)}
     )
-    wanted = judged(lambda q, w, t: -0.5 * q, 1.0, 9.0)
-    assert np.abs(r["crank.q"] - wanted).max() <= r.motion.error + AGREES
+    expected = judged(lambda q, w, t: -0.5 * q, 1.0, 9.0)
+    assert np.abs(r["crank.q"] - expected).max() <= r.motion.error + AGREES

@@ -101,24 +101,24 @@ def test_a_long_step_does_not_pass_the_whole_place(method):
     driven = changed(data)
     ends = []
     for target in (1e-3, 1e-6):
-        found = driven.simulate(
+        motion = driven.simulate(
             "time=0.057", method=method, accuracy=target, start={"crank": (1.86, 33.85)}
         ).motion
-        assert found.end == "no inertia"
-        assert found.error < 10 * target
-        ends.append(found)
+        assert motion.end == "no inertia"
+        assert motion.error < 10 * target
+        ends.append(motion)
     assert abs(ends[0].t_end - ends[1].t_end) <= ends[0].time_error + ends[1].time_error
 
 
 def test_steps_of_the_coordinate_stop_before_it_whatever_lies_behind_the_start(yoke):
     """Another such place just behind the start was taken for the only one."""
     start = {"crank": (-0.0136, 0.0)}
-    found = yoke.simulate("time=0.2", method=bm.FixedStep("euler_q", 1e-2), start=start).motion
-    assert found.end == "no inertia"
-    assert abs(found.q_end + math.pi) <= 1e-2
-    t = np.linspace(0.0, found.t_end, 65)
-    assert np.abs(found.at(t).q - exact(-0.0136, 0.0, t)).max() <= found.error < math.inf
-    assert abs(found.t_end - time_to_the_place(-0.0136, 0.0)) <= found.time_error
+    motion = yoke.simulate("time=0.2", method=bm.FixedStep("euler_q", 1e-2), start=start).motion
+    assert motion.end == "no inertia"
+    assert abs(motion.q_end + math.pi) <= 1e-2
+    t = np.linspace(0.0, motion.t_end, 65)
+    assert np.abs(motion.at(t).q - exact(-0.0136, 0.0, t)).max() <= motion.error < math.inf
+    assert abs(motion.t_end - time_to_the_place(-0.0136, 0.0)) <= motion.time_error
 
 
 @pytest.mark.parametrize("coefficient", [0.0, 0.1])

@@ -26,11 +26,11 @@ def test_every_graph_has_its_closed_form():
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_expected_numbers_are_those_of_the_closed_form(name):
-    entry, wanted = data_of(name)["expect"][0], MOTIONS[name]()
+    entry, expected = data_of(name)["expect"][0], MOTIONS[name]()
     asked = entry["simulate"] if "simulate" in entry else entry["at"]["crank"]
-    times = wanted.pop("times", None) or wanted.pop("at")
+    times = expected.pop("times", None) or expected.pop("at")
     assert (asked["times"] if isinstance(asked, dict) else asked) == pytest.approx(times, rel=1e-14)
-    for output, values in wanted.items():
+    for output, values in expected.items():
         assert entry["want"][output] == pytest.approx(values, rel=1e-13, abs=1e-13), output
 
 

@@ -54,10 +54,10 @@ def test_the_scene_gives_the_stops_and_the_run_ends_there_with_what_was_computed
 @pytest.mark.parametrize("method", ["auto", "dop853"])
 def test_a_machine_with_a_motor_runs_into_its_stop(method):
     motor = mechanism("pump", (("crank", None, 7.0),))
-    wanted = mechanism("pump").simulate("angle=7", method="dop853", accuracy=1e-11).motion
+    expected = mechanism("pump").simulate("angle=7", method="dop853", accuracy=1e-11).motion
     motion = motor.simulate("time=1", method=method).motion
     assert (motion.status, motion.end) == ("ended", "end stop")
-    assert motion.t_end == pytest.approx(wanted.t_end, abs=INTEGRATED)
+    assert motion.t_end == pytest.approx(expected.t_end, abs=INTEGRATED)
 
 
 @pytest.mark.parametrize("method", ["auto", "radau"])
@@ -239,9 +239,9 @@ def test_a_stop_at_infinity_is_none(method):
     free = mech.simulate("time=1", method=method, start=start, want=()).motion
     for bounds in ((-math.inf, 3.0), (-9.0, math.inf)):
         stops = {"crank": bounds}
-        found = mech.simulate("time=1", method=method, start=start, stops=stops, want=()).motion
-        assert found.end == "time"
-        assert abs(found.q_end - free.q_end) <= found.error + free.error
+        motion = mech.simulate("time=1", method=method, start=start, stops=stops, want=()).motion
+        assert motion.end == "time"
+        assert abs(motion.q_end - free.q_end) <= motion.error + free.error
 
 
 @pytest.mark.parametrize("method", ["dop853", "radau"])
@@ -256,13 +256,13 @@ def test_several_drivers_leave_a_stop_and_come_back_to_it_within_a_step(method, 
     graph.connect("frame.A", "a.A")
     graph.connect("a.B", "b.A")
     start = {"a": (0.3, 1.0), "b": (0.7, -2.0)}
-    found = (
+    motion = (
         graph.compile()
         .simulate("time=1", method=method, accuracy=accuracy, start=start, stops={"a": (0.3, 1.0)})
         .motion
     )
-    assert found.end == "end stop of a"
-    assert abs(found.t_end - 0.1288572182) <= found.time_error + 1e-10
+    assert motion.end == "end stop of a"
+    assert abs(motion.t_end - 0.1288572182) <= motion.time_error + 1e-10
 
 
 @pytest.mark.parametrize("error", [ValueError, ZeroDivisionError, np.linalg.LinAlgError])

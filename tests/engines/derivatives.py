@@ -61,8 +61,8 @@ def by_duals(precise: Precise, inputs: Mapping[str, Any], n: int, ways: Any, m: 
     """Derivatives (m, n) of each value of the program."""
     program = precise.plan.program
     parameters = zipped(seeded, tuple(program.parameters.values()), ways)
-    found = DualEngine(program).run(inputs, parameters, n, m)
-    return [z.real.d + 1j * z.imag.d if isinstance(z, Planar) else z.d for z in found]
+    result = DualEngine(program).run(inputs, parameters, n, m)
+    return [z.real.d + 1j * z.imag.d if isinstance(z, Planar) else z.d for z in result]
 
 
 def by_differences(precise: Precise, inputs: Mapping[str, float], ways: Any, m: int) -> list[Any]:
@@ -145,33 +145,33 @@ def of_document(linkage: bm.Linkage, request: Mapping[str, Any], step: float) ->
     a kink there are left out: differences across it are no derivative.
     """
     mechanism = linkage.compile()
-    found = mechanism.sensitivity("*", **request, on_gap="mark")
-    want = list(found)
+    sensitivity = mechanism.sensitivity("*", **request, on_gap="mark")
+    want = list(sensitivity)
     sizes: dict[str, float] = {}
-    for p in found.parameters.values():
+    for p in sensitivity.parameters.values():
         sizes[p.unit] = max(abs(p.value), sizes.get(p.unit, 0.0))
     dice, ways = random.Random(7), {}
-    for a, p in found.parameters.items():
+    for a, p in sensitivity.parameters.items():
         stays = p.value == 0.0 and any(word in a for word in EDGES)
         size = 0.0 if stays else abs(p.value) or 0.1 * sizes[p.unit] or 1.0
         ways[a] = size * dice.uniform(-1.0, 1.0)
     exact = dict.fromkeys(want, 0.0)
     for k, weight in EIGHTH.items():
         for h in (k * step, -k * step):
-            moved = {a: p.value + h * ways[a] for a, p in found.parameters.items()}
+            moved = {a: p.value + h * ways[a] for a, p in sensitivity.parameters.items()}
             run = linkage.replace(moved).compile().run(**request, want=want, on_gap="mark")
             exact = {x: d + weight * k / h * run[x] for x, d in exact.items()}
-    margin = min([1.0, *(x.min() for x in found.result.quality.margin.values())])
+    margin = min([1.0, *(x.min() for x in sensitivity.result.quality.margin.values())])
     largest: dict[str, float] = {}
     units = {x: mechanism.outputs[x].unit.removesuffix("/rad").removesuffix("/m") for x in want}
     for x, unit in units.items():
-        size = max(np.abs(exact[x]).max(), np.abs(found.result[x]).max())
+        size = max(np.abs(exact[x]).max(), np.abs(sensitivity.result[x]).max())
         largest[unit] = max(size, largest.get(unit, 0.0))
     noise = EPS / step * max(largest.values())  # of the differences: a unit below it is zero
     off = (
-        np.abs(np.einsum("m,mn->n", list(ways.values()), found[x]) - exact[x]).max()
+        np.abs(np.einsum("m,mn->n", list(ways.values()), sensitivity[x]) - exact[x]).max()
         / (largest[unit] if largest[unit] > noise else max(largest.values()))
         for x, unit in units.items()
-        if not (found.jumps[x].any() or found.kinks(x).any())
+        if not (sensitivity.jumps[x].any() or sensitivity.kinks(x).any())
     )
     return float(max(off) * margin)

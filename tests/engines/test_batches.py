@@ -30,21 +30,21 @@ def rows(result, order):
 def test_sample_is_the_same_alone_in_any_batch_and_in_any_order(engine, case, seed):
     mech, n = case.graph.compile(), 11
     request = swept(case, n, seed)
-    whole = mech.run(**request, engine=engine)
+    result = mech.run(**request, engine=engine)
     order = np.array(random.Random(seed).sample(range(n), n))
     shuffled = mech.run(**picked(request, order), engine=engine)
-    assert same_bits(rows(whole, order), shuffled) == []
+    assert same_bits(rows(result, order), shuffled) == []
     for k in range(n):
         alone = mech.run(**picked(request, [k]), engine=engine)
-        assert same_bits(rows(whole, [k]), alone) == []
+        assert same_bits(rows(result, [k]), alone) == []
 
 
 @pytest.mark.parametrize("chunk", [1, 2, 3, 7, 64, 100, 1000])
 @pytest.mark.parametrize("make", [ruiz, toggle, lambda: watt(spring=2.0, friction=True)])
 def test_chunks_change_no_bit(make, chunk):
     mech = make().compile()
-    whole = mech.run(samples=100, engine="numpy")
-    assert same_bits(whole, mech.run(samples=100, engine="numpy", chunk=chunk)) == []
+    result = mech.run(samples=100, engine="numpy")
+    assert same_bits(result, mech.run(samples=100, engine="numpy", chunk=chunk)) == []
 
 
 def test_long_batch_over_the_default_chunk_is_the_short_one():
@@ -62,12 +62,12 @@ def test_impossible_samples_do_not_touch_their_neighbours(engine):
     for seed in range(12):
         case = random_mechanism(Seeded(seed), Options(groups=(3, 4), kinds=("dyad.rrr",)))
         mech, request = case.graph.compile(), swept(case, 40)
-        whole = mech.run(**request, engine=engine)
-        good = np.array([s == "ok" for s in whole.quality.status])
+        result = mech.run(**request, engine=engine)
+        good = np.array([s == "ok" for s in result.quality.status])
         apart += 3 < good.sum() < 37
         kept = mech.run(**picked(request, good), engine=engine)
         assert kept.quality.status == ("ok",) * int(good.sum())
-        assert same_bits(rows(whole, good), kept) == []
+        assert same_bits(rows(result, good), kept) == []
     assert apart >= 3  # there was something to keep apart
 
 

@@ -39,18 +39,18 @@ LENGTHS = {"dyad.l_i": 1e-4, "dyad.l_j": 1e-4, "crank.length": 1e-4}
 def test_bounds_of_rounding_hold_60_digits(name):
     mech, dice = mechanism(name), random.Random(name)
     q = [dice.uniform(-0.3, 0.3) + mech.samples(None, 5, None, None, None).inputs["q_0"][2]]
-    found = mech.enclose(q, rates=1.3, accelerations=-0.7, friction="none", want=OUTPUTS)
-    assert found.proved
-    assert found.closes
-    assert_encloses(found, mech, "none")
+    enclosure = mech.enclose(q, rates=1.3, accelerations=-0.7, friction="none", want=OUTPUTS)
+    assert enclosure.proved
+    assert enclosure.closes
+    assert_encloses(enclosure, mech, "none")
 
 
 def test_friction_is_proved_and_holds_60_digits():
     mech = mechanism("ruiz_fourbar")
-    found = mech.enclose([0.3, 1.0, 2.5], want=["crank.drive", "*.reaction"])
-    assert found.proved
-    assert_encloses(found, mech, "newton")
-    assert found["crank.drive"].max() < 1e-8
+    enclosure = mech.enclose([0.3, 1.0, 2.5], want=["crank.drive", "*.reaction"])
+    assert enclosure.proved
+    assert_encloses(enclosure, mech, "newton")
+    assert enclosure["crank.drive"].max() < 1e-8
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
@@ -59,10 +59,12 @@ def test_dead_centres_are_bounded(gap):
     data["blocks"]["dyad"] |= {"l_i": 4.0, "l_j": 2.0}
     mech = changed(data)
     end = math.acos((5.5**2 + 2.0**2 - 6.0**2) / (2 * 5.5 * 2.0))  # B and D are l_i + l_j apart
-    found = mech.enclose(end - gap, rates=1.0, friction="none", want=["dyad.C.p", "dyad.margin"])
-    assert found.proved
-    assert found.closes
-    assert_encloses(found, mech, "none")
+    enclosure = mech.enclose(
+        end - gap, rates=1.0, friction="none", want=["dyad.C.p", "dyad.margin"]
+    )
+    assert enclosure.proved
+    assert enclosure.closes
+    assert_encloses(enclosure, mech, "none")
 
 
 @pytest.mark.parametrize(("name", "count"), [("ruiz_fourbar", 1000), *((n, 10) for n in GROUPS)])
@@ -77,13 +79,13 @@ def test_random_designs_are_inside(name, count):
     tolerance = dict(list(tolerance.items())[:4])
     q = mech.samples(None, 5, None, None, None).inputs["q_0"][2]
     want = ["crank.drive", "crank.tau_red"]
-    found = mech.enclose(q, tolerance=tolerance, want=want)
-    assert found.proved, found
+    enclosure = mech.enclose(q, tolerance=tolerance, want=want)
+    assert enclosure.proved, enclosure
     dice = np.random.default_rng(1)
     vary = {a: every[a].value + r * dice.uniform(-1, 1, count) for a, r in tolerance.items()}
-    study = mech.study(vary, want=[f"max({n})" for n in found], at=[q], sampling="paired")
-    for n in found:
-        assert found.contains(n, study[f"max({n})"][:, None]).all(), n
+    study = mech.study(vary, want=[f"max({n})" for n in enclosure], at=[q], sampling="paired")
+    for n in enclosure:
+        assert enclosure.contains(n, study[f"max({n})"][:, None]).all(), n
 
 
 def test_width_is_that_of_the_exact_range():
@@ -91,7 +93,7 @@ def test_width_is_that_of_the_exact_range():
     every, widths = mech.parameters(), []
     for size in (1e-4, 1e-6):
         tolerance = dict.fromkeys(LENGTHS, size)
-        found = mech.enclose(1.0, tolerance=tolerance, want="crank.drive")
+        enclosure = mech.enclose(1.0, tolerance=tolerance, want="crank.drive")
         drives = [
             remade(
                 mech, {a: every[a].value + s * size for a, s in zip(LENGTHS, side, strict=True)}
@@ -99,8 +101,8 @@ def test_width_is_that_of_the_exact_range():
             for side in itertools.product((-1, 1), repeat=3)
         ]
         exact = 0.5 * (max(drives) - min(drives))
-        assert exact <= found["crank.drive"][0] <= 1.01 * exact
-        widths.append(found["crank.drive"][0] / size)
+        assert exact <= enclosure["crank.drive"][0] <= 1.01 * exact
+        widths.append(enclosure["crank.drive"][0] / size)
     slope = mech.sensitivity("crank.drive", list(LENGTHS), at=1.0)["crank.drive"]
     assert widths[1] == pytest.approx(np.abs(slope).sum(), rel=1e-4)
 
@@ -132,26 +134,28 @@ def test_width_is_at_most_a_fifth_above_the_corners_of_lengths(name):
 
 
 def test_what_may_not_close_is_said():
-    found = mechanism("ruiz_fourbar").enclose(1.0, tolerance={"dyad.l_i": 3.0}, want="crank.drive")
-    assert not found.proved
-    assert not found.closes
-    assert "may not close" in str(found)
+    enclosure = mechanism("ruiz_fourbar").enclose(
+        1.0, tolerance={"dyad.l_i": 3.0}, want="crank.drive"
+    )
+    assert not enclosure.proved
+    assert not enclosure.closes
+    assert "may not close" in str(enclosure)
 
 
 def test_a_chain_of_forty_loops_is_bounded():
     mech = mechanism("n_four_bar")
     last = [n for n in mech.outputs if n.endswith(".C.p")][-1]
-    found = mech.enclose(0.3, rates=1.0, friction="none", want=last)
-    assert found.proved
-    assert abs(found[last][0]) < 1e-12
+    enclosure = mech.enclose(0.3, rates=1.0, friction="none", want=last)
+    assert enclosure.proved
+    assert abs(enclosure[last][0]) < 1e-12
 
 
 def test_a_shrunk_proof_fails(monkeypatch):
     inside = proofs.is_inside  # a box is twice what is needed: of 0.4 of it nothing is proved
     monkeypatch.setattr(proofs, "is_inside", lambda image, box: inside(image, 0.4 * box))
-    found = mechanism("ruiz_fourbar").enclose(1.0, want="crank.drive")
-    assert not found.proved
-    assert not np.isfinite(found["crank.drive"]).any()
+    enclosure = mechanism("ruiz_fourbar").enclose(1.0, want="crank.drive")
+    assert not enclosure.proved
+    assert not np.isfinite(enclosure["crank.drive"]).any()
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -96,10 +96,10 @@ def test_samples_that_need_continuation_are_done_again():
 def test_a_sample_is_the_same_alone_and_in_any_batch():
     mech = ruiz().compile()
     q = np.linspace(0.0, 6.0, 37)
-    whole = mech.run(at=q, engine="llvm", want=FORCES)
+    result = mech.run(at=q, engine="llvm", want=FORCES)
     for part in (slice(0, 1), slice(3, 10), slice(5, 13), slice(8, 24), slice(20, 37)):
         short = mech.run(at=q[part], engine="llvm", want=FORCES)
-        assert same_bits({k: whole[k][part] for k in whole}, short) == []
+        assert same_bits({k: result[k][part] for k in result}, short) == []
 
 
 def test_threads_change_no_bit(monkeypatch):
@@ -117,8 +117,8 @@ def test_values_are_called_whole_where_every_number_is_finite():
             column = np.linspace(-1.0, 1.0, 21)
             column[place] = x
             for odd, even in (("x0", "x1"), ("x1", "x0")):  # x0 is handed on as it is
-                found = engine.run({odd: column, even: np.ones(21)}, 21)
-                assert isinstance(found, Whole) == math.isfinite(x)
+                result = engine.run({odd: column, even: np.ones(21)}, 21)
+                assert isinstance(result, Whole) == math.isfinite(x)
     fixed = LlvmEngine(program_of(lambda a: (a, math.nan), 1))
     assert not isinstance(fixed.run({"x0": np.ones(9)}, 9), Whole)
 
@@ -170,8 +170,8 @@ def test_each_lane_of_a_loop_stops_by_itself(cap):
     program = program_of(lambda x, y: repeat(halved, (x, 0.0, x > y), cap, y)[:2], 2)
     x, y = np.array([8.0, 0.5, math.nan, 1.0, 1e9, 3.0, 0.0, -1.0, 5.0]), np.full(9, 0.7)
     found = LlvmEngine(program).run({"x0": x, "x1": y}, 9)[0]
-    wanted = np.array([ScalarEngine(program).one(pair)[0] for pair in zip(x, y, strict=True)])
-    assert np.array_equal(np.array(found).T, wanted, equal_nan=True)
+    expected = np.array([ScalarEngine(program).one(pair)[0] for pair in zip(x, y, strict=True)])
+    assert np.array_equal(np.array(found).T, expected, equal_nan=True)
 
 
 def test_what_branches_on_a_number_is_declined():
@@ -255,12 +255,12 @@ def test_a_study_of_many_designs_is_compiled(fresh, monkeypatch):
     monkeypatch.setattr(LlvmEngine, "run_designs", lambda *x: (asked.append(1), run(*x))[1])
     q, lengths = np.linspace(0.0, 6.0, 12), [5.8, 6.0, 6.3]
     want = {"crank.drive": "max_abs"}
-    found = ruiz().compile().study({"dyad.l_i": lengths}, at={"crank": q}, want=want)
+    study = ruiz().compile().study({"dyad.l_i": lengths}, at={"crank": q}, want=want)
     assert asked
     for k, length in enumerate(lengths):
         mech = ruiz().replace({"dyad.l_i": length}).compile()
         alone = mech.run(at=q, want="crank.drive", engine="llvm")["crank.drive"]
-        assert found["max_abs(crank.drive)"][k] == np.abs(alone).max()
+        assert study["max_abs(crank.drive)"][k] == np.abs(alone).max()
 
 
 def test_one_state_after_the_other_is_the_same_by_machine_code():

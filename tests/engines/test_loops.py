@@ -179,10 +179,10 @@ def test_rows(turns):
     of = Sizes(5, 3)
     (fast,) = compiled(reflected=partial(reflected, of=of))
     a = np.random.default_rng(turns).normal(size=of)
-    other = a.copy()
+    copy = a.copy()
     fast(a, turns)
-    reflected(of, other, turns)
-    np.testing.assert_array_equal(a, other)
+    reflected(of, copy, turns)
+    np.testing.assert_array_equal(a, copy)
 
 
 def test_records_of_arrays():

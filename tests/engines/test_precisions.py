@@ -81,10 +81,10 @@ def relative(found, exact):
 def test_other_precisions_agree_with_double_to_the_coarser_one(name, precision, eps):
     mech = MAKERS[name]().compile()
     exact = mech.run(samples=9, engine="numpy")
-    found = mech.run(samples=9, precision=precision)
-    worst = relative(found, exact)
+    result = mech.run(samples=9, precision=precision)
+    worst = relative(result, exact)
     assert max(worst.values()) <= ULPS * eps, max(worst, key=worst.get)
-    assert found.quality.status == exact.quality.status
+    assert result.quality.status == exact.quality.status
 
 
 @pytest.mark.skipif(EXTENDED > 1e-18, reason="long double is no wider than double here")
@@ -103,9 +103,9 @@ def test_crank_angle_stays_double_in_single_precision():
     # 1e8 + 0.3 rad has no sense in single precision: neighbours there are 8 rad apart.
     q = 1e8 + 0.3
     exact = ruiz().run(at=q, want=["dyad.C.p", "crank.q"])
-    found = ruiz().run(at=q, want=["dyad.C.p", "crank.q"], precision="complex64")
-    assert abs(found["dyad.C.p"][0] - exact["dyad.C.p"][0]) < 20 * SINGLE * 7.0
-    assert found["crank.q"][0] == q
+    result = ruiz().run(at=q, want=["dyad.C.p", "crank.q"], precision="complex64")
+    assert abs(result["dyad.C.p"][0] - exact["dyad.C.p"][0]) < 20 * SINGLE * 7.0
+    assert result["crank.q"][0] == q
 
 
 def test_pair_without_load_has_no_friction_in_single_precision():

@@ -70,9 +70,9 @@ def test_what_a_closure_holds_is_a_part_of_the_structure(monkeypatch):
 def test_kinds_of_numbers_are_a_part_of_the_structure():
     program = ruiz().compile().plan("crank.drive").program
     first, *_ = (name for name, x in program.parameters.items() if isinstance(x, float))
-    other = replace(program, parameters={**program.parameters, first: 1 + 1j})
+    variant = replace(program, parameters={**program.parameters, first: 1 + 1j})
     longer = replace(program, parameters={**program.parameters, first: (1.0, 2.0)})
-    assert len({key_of(program), key_of(other), key_of(longer)}) == 3
+    assert len({key_of(program), key_of(variant), key_of(longer)}) == 3
 
 
 def test_functions_of_users_have_no_key_and_are_traced_each_time():

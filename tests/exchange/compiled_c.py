@@ -27,8 +27,8 @@ def compiled(folder, name, *sources, compiler=None, shared=False, level="-O1"):
     how = ["-shared", "-fPIC"] if shared else []
     files = [str(folder / source) for source in sources]
     command = [compiler or COMPILERS[0], *FLAGS, level, *how, *files, "-lm", "-o", str(made)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr[:3000]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr[:3000]
     return made
 
 
@@ -54,11 +54,11 @@ class Called:
         self.library = ctypes.CDLL(str(library))
 
     def __call__(self, samples):
-        wanted = self.program.plan.program.inputs
-        given = samples.given(wanted)
-        n, k = samples.n, len(wanted)
+        expected = self.program.plan.program.inputs
+        given = samples.given(expected)
+        n, k = samples.n, len(expected)
         inputs = np.zeros((n, max(k, 1)))
-        for j, name in enumerate(wanted):
+        for j, name in enumerate(expected):
             inputs[:, j] = np.asarray(given[name], float)
         found, words = np.empty((n, len(self.program.outputs))), np.empty(n, np.intc)
         arrays = (ctypes.c_void_p(x.ctypes.data) for x in (inputs, found, words))

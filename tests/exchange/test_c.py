@@ -77,9 +77,9 @@ def test_the_test_program_passes(name, real, compiler, tmp_path):
     assert [path.name for path in files] == ["machine.h", "machine.c", "machine_test.c"]
     sources = ("machine.c", "machine_test.c")
     program = compiled(tmp_path, "test", *sources, compiler=compiler, level=level)
-    done = subprocess.run([str(program)], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stdout[:2000]
-    assert done.stdout.startswith("machine: 0 of 24 poses")
+    result = subprocess.run([str(program)], capture_output=True, text=True, timeout=60)
+    assert result.returncode == 0, result.stdout[:2000]
+    assert result.stdout.startswith("machine: 0 of 24 poses")
 
 
 @NEEDS_C

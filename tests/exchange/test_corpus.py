@@ -56,9 +56,9 @@ def test_positions_are_those_of_the_distances(name):
     run = linkage.run(at=turn(), want=["joint.*.p", "link.*.p"])
     places = {}
     for output in run:
-        words = output.split(".")
-        if words[0] == "joint" or len(words) == 4:
-            places.setdefault(words[-2], run[output])
+        parts = output.split(".")
+        if parts[0] == "joint" or len(parts) == 4:
+            places.setdefault(parts[-2], run[output])
     size = max(abs(a - b) for a in machine.points.values() for b in machine.points.values())
     called, compared = names_of(name, machine), 0
     for point, row in PLACES[key].items():

@@ -377,8 +377,8 @@ def test_the_command_writes_the_document_and_notes(tmp_path, capsys):
     source = tmp_path / "f.txt"
     source.write_text(drawings.PMKS_TEXT, "utf-8")
     assert main(["import", str(source), "-o", str(tmp_path / "f.json"), "--unit", "mm"]) == 0
-    said = capsys.readouterr()
-    assert "note: the file names no unit: lengths were taken as mm" in said.err
+    captured = capsys.readouterr()
+    assert "note: the file names no unit: lengths were taken as mm" in captured.err
     assert main(["check", str(tmp_path / "f.json")]) == 0
     assert main(["import", str(source), "-o", str(source)]) == 2  # never over the input
     assert source.read_text("utf-8") == drawings.PMKS_TEXT

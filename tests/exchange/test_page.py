@@ -214,6 +214,6 @@ def test_the_command_writes_a_page(tmp_path, call):
     file, made = GRAPHS / "whitworth_shaper.json", tmp_path / "p.html"
     assert str(made) in call("page", file, "-o", made, "--samples", "31").out
     assert '"n": 31' in made.read_text("utf-8")
-    said = call("page", file, "-o", made, "--slider", "crank.lenght")
-    assert said.code == 2
-    assert "crank_length" in said.err
+    outcome = call("page", file, "-o", made, "--slider", "crank.lenght")
+    assert outcome.code == 2
+    assert "crank_length" in outcome.err

@@ -84,6 +84,6 @@ def test_texts_run_nothing_in_a_report(tmp_path):
 
 def test_what_a_report_cannot_have_is_one_sentence(tmp_path, call):
     path = tmp_path / "r.html"
-    said = call("report", GRAPHS / "ruiz_fourbar.json", "-o", path, "--want", "crank.drve")
-    assert (said.code, path.exists()) == (2, False)
-    assert "crank.drive" in said.err
+    outcome = call("report", GRAPHS / "ruiz_fourbar.json", "-o", path, "--want", "crank.drve")
+    assert (outcome.code, path.exists()) == (2, False)
+    assert "crank.drive" in outcome.err

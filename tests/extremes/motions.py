@@ -274,13 +274,13 @@ PUMP_PERIOD = "0.1020467664516839220711779875373171"
 def long() -> Iterator[Motion]:
     """The pump of the gallery for hours: ten seconds, and whole turns of its steady state."""
     g = bm.Graph.load(GRAPHS / "pump.json")
-    made = g.compile()
+    mechanism = g.compile()
 
     @cache
     def settled() -> tuple[Any, Any]:
-        early = made.simulate("time=10").motion
+        early = mechanism.simulate("time=10").motion
         start = {"crank": (early.q_end, early.qd_end)}
-        return early, made.simulate("turns=1", start=start).motion
+        return early, mechanism.simulate("turns=1", start=start).motion
 
     for k in (2, 3, 4):
 
@@ -290,7 +290,7 @@ def long() -> Iterator[Motion]:
             last = mpf(float(turn.at(float(rest)).q))
             return {"crank": last + many * 2 * mp.pi * math.copysign(1.0, early.qd_end)}
 
-        start = {d: (x.q, x.rate) for d, x in made.scene.initial.items()}
+        start = {d: (x.q, x.rate) for d, x in mechanism.scene.initial.items()}
         yield Motion(f"pump over 1e{k} s", g, start, 10.0**k, turned, k < 4)
 
 

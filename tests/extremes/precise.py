@@ -115,8 +115,8 @@ class Precise:
         """Output -> its values; ``noise`` turns each number of the model into an mpmath one."""
         program = self.plan.program
         with mpmath.workdps(DIGITS):
-            found = self.run(inputs, [moved(v, noise) for v in program.parameters.values()])
-        return {n: [found[i] for i in self.plan.layout[n]] for n in self.plan.want}
+            result = self.run(inputs, [moved(v, noise) for v in program.parameters.values()])
+        return {n: [result[i] for i in self.plan.layout[n]] for n in self.plan.want}
 
 
 def half_ulp(seed: int, dtype: Any = np.float64) -> Callable[[float], Any]:

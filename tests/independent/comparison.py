@@ -57,9 +57,9 @@ def motion(run: Any, judge: Verdict, link: str = "") -> Iterator[tuple[str, floa
     """Errors of places, velocities and accelerations, by output; ``link`` heads their names."""
     kinds = ("p", "angle", judge.poses), ("v", "omega", judge.rates)
     for vector, scalar, rows in (*kinds, ("a", "alpha", judge.accelerations)):
-        wanted = {name: [float(x) for x in row] for name, row in rows.items()}
-        largest = max(max(np.hypot(x, y), judge.size * abs(w)) for x, y, w in wanted.values())
-        for name, (x, y, turn) in wanted.items():
+        expected = {name: [float(x) for x in row] for name, row in rows.items()}
+        largest = max(max(np.hypot(x, y), judge.size * abs(w)) for x, y, w in expected.values())
+        for name, (x, y, turn) in expected.items():
             off = abs(run[f"{link}{name}.{vector}"][0] - complex(x, y))
             yield f"{name}.{vector}", relative(off, largest, judge)
             off = run[f"{link}{name}.{scalar}"][0] - turn

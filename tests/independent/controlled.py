@@ -216,9 +216,11 @@ class Stopped:
         struck = free and y[0] == 1.0 and y[1] < 0
         flight = 2 * -y[1] * self.inertia / (m.k * abs(y[3])) if struck else np.inf
         steps = {"max_step": flight / 3}  # after a blow: none goes over the next
-        found = solve_ivp(rate, (t, min(corner, t + 2 * flight)), y, events=met, **EXACT, **steps)
-        t, y = found.t[-1], found.y[:, -1].copy()
-        if found.status == 0:
+        trajectory = solve_ivp(
+            rate, (t, min(corner, t + 2 * flight)), y, events=met, **EXACT, **steps
+        )
+        t, y = trajectory.t[-1], trajectory.y[:, -1].copy()
+        if trajectory.status == 0:
             return t, y, lies
         if lies:
             y[3] = min(y[3], 0.0)

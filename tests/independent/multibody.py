@@ -667,9 +667,9 @@ def forward_acceleration(
     matrix[: poses.size, : poses.size] = mass
     matrix[: poses.size, poses.size :] = -gradients[:held].T
     matrix[poses.size :, : poses.size] = gradients[:held]
-    found = solve(matrix, np.concatenate([free, -biases[:held]]))
-    report = _report(instant, found[poses.size :], {}, efforts)
-    return found[: poses.size].reshape(-1, 3), Reactions(*report)
+    solution = solve(matrix, np.concatenate([free, -biases[:held]]))
+    report = _report(instant, solution[poses.size :], {}, efforts)
+    return solution[: poses.size].reshape(-1, 3), Reactions(*report)
 
 
 def integrate(

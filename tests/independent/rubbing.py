@@ -77,12 +77,12 @@ def acceleration(
     right = np.zeros((n + held, 1 + len(laws)))
     right[:n, 0], right[n:, 0] = instant.applied() - remaining, -biases[:held]
     right[:n, 1:] = slips.T
-    found = np.linalg.solve(matrix, right)
+    solution = np.linalg.solve(matrix, right)
     places = {name: 2 * list(system.joints).index(name) for name in laws}
     said = [laws[x](abs(float(row @ instant.q_dot))) for x, row in zip(laws, slips, strict=True)]
     t = np.zeros(len(laws))
     for _ in range(200):
-        last, x = t, found[n:, 0] + found[n:, 1:] @ t
+        last, x = t, solution[n:, 0] + solution[n:, 1:] @ t
         loads = [
             np.hypot(x[k], x[k + 1]) if system.joints[name].type == "R" else abs(x[k])
             for name, k in places.items()
@@ -90,7 +90,7 @@ def acceleration(
         resists = [resisting(x, g) for x, g in zip(said, loads, strict=True)]
         t = np.array([-sides[name] * x for name, x in zip(laws, resists, strict=True)])
         if np.abs(t - last).max() <= 1e-15 * np.abs(t).max():
-            return (found[:n, 0] + found[:n, 1:] @ t).reshape(-1, 3)
+            return (solution[:n, 0] + solution[:n, 1:] @ t).reshape(-1, 3)
     raise mb.NoSolution("friction does not settle")
 
 

@@ -53,7 +53,7 @@ def instant(
     right[:n, 0] = here.applied() - remaining
     right[n:, 0] = -np.concatenate([biases[:held], drift[stuck]])
     right[:n, 1:] = S[slips].T
-    found = np.linalg.solve(matrix, right)
+    solution = np.linalg.solve(matrix, right)
     places = [2 * list(system.joints).index(name) for name in laws]
     pins = [system.joints[name].type == "R" for name in laws]
     slip = S @ here.q_dot
@@ -61,7 +61,7 @@ def instant(
     standing = [law(0.0) for law in laws.values()]
     t = np.zeros(len(slips))
     for _ in range(500):
-        last, x = t, found[:, 0] + found[:, 1:] @ t
+        last, x = t, solution[:, 0] + solution[:, 1:] @ t
         loads = [
             np.hypot(x[n + k], x[n + k + 1]) if pin else abs(x[n + k])
             for k, pin in zip(places, pins, strict=True)

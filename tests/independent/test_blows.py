@@ -45,18 +45,18 @@ def test_impulses_of_a_stop_of_a_slider_or_a_pin_are_those_of_momentum(name, met
     blow = motion.impacts[0]
     place = mech.run(at=blow.q, want=[name])[name][0]
     assert min(abs(place - x) for x in STOPS[name].values()) < 1e-13
-    wanted = slider_crank_blow(blow.q[0], blow.before[0], E, pin=name.startswith("dyad.C"))
-    found = mech.impulses(blow)
-    size = abs(wanted["P"])
+    expected = slider_crank_blow(blow.q[0], blow.before[0], E, pin=name.startswith("dyad.C"))
+    impulses = mech.impulses(blow)
+    size = abs(expected["P"])
     assert blow.driver == name
-    assert blow.impulse == pytest.approx(wanted["P"], rel=1e-9)
-    assert blow.after[0] - blow.before[0] == pytest.approx(wanted["jump"], rel=1e-9)
+    assert blow.impulse == pytest.approx(expected["P"], rel=1e-9)
+    assert blow.after[0] - blow.before[0] == pytest.approx(expected["jump"], rel=1e-9)
     pairs = {"crank.A": "A", "dyad.B": "B", "dyad.C": "C"}
     for pair, key in pairs.items():
-        assert abs(found[f"{pair}.reaction"] - wanted[key]) <= 1e-9 * size, pair
-    assert found["dyad.S.N"] == pytest.approx(wanted["N"], abs=1e-9 * size)
-    assert found["dyad.S.C"] == pytest.approx(wanted["C_guide"], abs=1e-9 * size)
-    assert abs(found["crank.drive"]) <= 1e-12 * size
+        assert abs(impulses[f"{pair}.reaction"] - expected[key]) <= 1e-9 * size, pair
+    assert impulses["dyad.S.N"] == pytest.approx(expected["N"], abs=1e-9 * size)
+    assert impulses["dyad.S.C"] == pytest.approx(expected["C_guide"], abs=1e-9 * size)
+    assert abs(impulses["crank.drive"]) <= 1e-12 * size
 
 
 def test_path_and_time_agree_on_a_stop_of_a_slider():
@@ -127,17 +127,19 @@ def test_blows_on_any_angle_of_a_five_bar_are_those_of_momentum(name, e, arm):
     links, bounds = ANGLES[name]
     mech = five_bar(name, e, arm, **bounds).compile()
     blow = mech.simulate("time=0.45", accuracy=1e-3).motion.impacts[0]
-    wanted = five_bar_blow(blow.q, blow.before, e, links, arm)
-    size = abs(wanted["P"])
+    expected = five_bar_blow(blow.q, blow.before, e, links, arm)
+    size = abs(expected["P"])
     assert blow.driver == name
-    assert blow.pushes[name] == pytest.approx(wanted["P"], rel=1e-12)
-    assert np.abs(blow.after - blow.before - wanted["jump"]).max() <= 1e-12 * abs(blow.before).max()
-    found = mech.impulses(blow)
+    assert blow.pushes[name] == pytest.approx(expected["P"], rel=1e-12)
+    assert (
+        np.abs(blow.after - blow.before - expected["jump"]).max() <= 1e-12 * abs(blow.before).max()
+    )
+    impulses = mech.impulses(blow)
     pairs = {"left.A": "A", "right.A": "E", "dyad.B": "B", "dyad.C": "C", "dyad.D": "D"}
     for pair, key in pairs.items():
-        assert abs(found[f"{pair}.reaction"] - wanted["pins"][key]) <= 1e-12 * size, pair
+        assert abs(impulses[f"{pair}.reaction"] - expected["pins"][key]) <= 1e-12 * size, pair
     if arm:
-        assert np.abs([*blow.friction.values()] - wanted["T"]).max() <= 1e-12 * size
+        assert np.abs([*blow.friction.values()] - expected["T"]).max() <= 1e-12 * size
     for driver in ("left", "right"):
         given = blow.pushes[name] if driver == name else 0.0
-        assert found[f"{driver}.drive"] == pytest.approx(given, abs=1e-12 * size)
+        assert impulses[f"{driver}.drive"] == pytest.approx(given, abs=1e-12 * size)

@@ -76,9 +76,9 @@ def test_numbers_of_a_film_have_derivatives():
     for name, address in zip(names, to, strict=True):
         step = 1e-4 * OIL[name]
         slope = (drive(name, OIL[name] + step) - drive(name, OIL[name] - step)) / (2 * step)
-        wanted = np.abs(slope).max()
-        assert np.abs(exact["driver.motor.drive", address] - slope).max() <= 1e-5 * wanted
-        assert wanted > 0
+        expected = np.abs(slope).max()
+        assert np.abs(exact["driver.motor.drive", address] - slope).max() <= 1e-5 * expected
+        assert expected > 0
 
 
 def test_two_drivers_move_as_maximal_coordinates_say():
@@ -88,11 +88,11 @@ def test_two_drivers_move_as_maximal_coordinates_say():
     poses = mb.assemble(system, system.home, q)
     poses, rates, _ = sticking.moved(system, poses, mb.rates(system, poses, rate), laws, t_end)
     here = mb.Instant(system, poses, rates)
-    wanted = [here.coordinate(system.joints[x]).value for x in start]
+    expected = [here.coordinate(system.joints[x]).value for x in start]
     motion = (
         with_films(ARM, start).simulate(f"time={t_end}", start=start, accuracy=1e-9, want=()).motion
     )
-    assert np.abs(motion.q_end - wanted).max() <= 1e-8
+    assert np.abs(motion.q_end - expected).max() <= 1e-8
 
 
 def test_couples_of_a_given_motion_are_the_films_at_the_reactions():

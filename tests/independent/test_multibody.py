@@ -91,22 +91,22 @@ def test_joint_C_of_the_ruiz_fourbar_is_at_rest_at_zero_only():
 
 @pytest.mark.parametrize("sense", [-1, 1])
 def test_joint_at_rest_may_be_given_a_sense_of_slip(sense):
-    wanted = RUIZ["rows"][0]["one_sided"][f"C:{sense:+d}"]
+    expected = RUIZ["rows"][0]["one_sided"][f"C:{sense:+d}"]
     found = mb.reactions(*ruiz(0.0), sense={"C": sense})
     assert found.at_rest == ()
     assert np.sign(found.joints["C"].friction) == -sense
     assert abs(found.joints["C"].friction) == pytest.approx(found.joints["C"].limit, rel=ROUNDING)
-    assert forces_off(found, wanted["reactions"]) < ROUNDING
-    assert off(found.drivers["crank"], wanted["driving_moment"]) < ROUNDING
+    assert forces_off(found, expected["reactions"]) < ROUNDING
+    assert off(found.drivers["crank"], expected["driving_moment"]) < ROUNDING
 
 
 @WIDE
 @RUIZ_ROWS
 def test_refined_poses_are_right_to_an_ulp(row):
     _, poses, _, _ = ruiz(row["crank"])
-    wanted = np.array(list(row["poses"].values()))
+    expected = np.array(list(row["poses"].values()))
     assert poses.dtype == np.longdouble
-    assert np.all(np.abs(poses.astype(float) - wanted) <= np.spacing(np.abs(wanted)))
+    assert np.all(np.abs(poses.astype(float) - expected) <= np.spacing(np.abs(expected)))
 
 
 # ---- Watt six-bar -------------------------------------------------------------------------------
@@ -360,9 +360,9 @@ def test_rates_and_accelerations_are_derivatives_of_the_poses():
     poses, rates = ({k: np.array(zoo(k * h)[part]) for k in (-2, -1, 0, 1, 2)} for part in (1, 2))
     _, _, v, a = zoo()
     tolerance = (h / 0.1) ** 4 / 30 * 10 + 1000 * DIGITS / h
-    for series, wanted in ((poses, v), (rates, a)):
+    for series, expected in ((poses, v), (rates, a)):
         slope = (8 * (series[1] - series[-1]) - (series[2] - series[-2])) / (12 * h)
-        assert off(slope, wanted) < tolerance
+        assert off(slope, expected) < tolerance
 
 
 @pytest.mark.parametrize("friction", [True, False])

@@ -167,8 +167,10 @@ def test_what_sticks_and_slips_moves_as_maximal_coordinates_say(case):
     assert [s.begin for s in motion.slips] == pytest.approx([t for t, _ in history], abs=1e-8)
     order = [list(radii).index(name.removeprefix("joint.")) for name in mech.frictional_joints]
     # A joint's own order of links may differ from that of the groups: the slip's sign with it.
-    wanted = [tuple(s[k] for k in order) for _, s in history]
-    assert [[abs(x) for x in s.sides] for s in motion.slips] == [list(map(abs, s)) for s in wanted]
+    expected = [tuple(s[k] for k in order) for _, s in history]
+    assert [[abs(x) for x in s.sides] for s in motion.slips] == [
+        list(map(abs, s)) for s in expected
+    ]
     assert sum(e.kind.startswith("sticking") for e in motion.events) >= sticks
     assert motion.facts["energy_balance"] <= 1e-11
     assert mech.verify(result).ok

@@ -40,8 +40,8 @@ def _arrays(numbers):
 
 def test_polynomial_starts_with_the_constant_term():
     law = laws.Polynomial(coefficients=[1.0, -2.0, 0.5])
-    wanted = 1.0 - 2.0 * X + 0.5 * X**2
-    assert np.abs(value(law, X) - wanted).max() <= ROUNDING * np.abs(wanted).max()
+    expected = 1.0 - 2.0 * X + 0.5 * X**2
+    assert np.abs(value(law, X) - expected).max() <= ROUNDING * np.abs(expected).max()
 
 
 def test_straight_lines_of_a_table_pass_its_points_and_end_with_them():
@@ -92,9 +92,9 @@ def test_fourier_series_is_the_sum_of_its_harmonics(turns, period):
         mean=1.0, cosines=[2.0, 0.0, 0.5], sines=[0.0, 3.0], turns=turns, period=period
     )
     w = 2 * math.pi / period if period else 1 / (turns or 1)
-    wanted = 1.0 + 2.0 * np.cos(w * X) + 0.5 * np.cos(3 * w * X) + 3.0 * np.sin(2 * w * X)
+    expected = 1.0 + 2.0 * np.cos(w * X) + 0.5 * np.cos(3 * w * X) + 3.0 * np.sin(2 * w * X)
     phase = 3 * w * np.abs(X)  # known to half an ulp
-    assert np.all(np.abs(value(law, X) - wanted) <= 10 * ROUNDING + 1e-15 * phase)
+    assert np.all(np.abs(value(law, X) - expected) <= 10 * ROUNDING + 1e-15 * phase)
 
 
 def test_motor_curve_is_a_straight_line():

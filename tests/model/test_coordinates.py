@@ -18,14 +18,14 @@ ROUNDING = 1e-13  # [rad or m] of coordinates of size 1, a few operations apart
 def test_a_single_pose_is_named_by_the_documents_coordinate():
     document = slider_crank()
     want = ["link.piston.*", "joint.B.reaction", "driver.motor.rate"]
-    one = linkage(document).run(at=0.4, want=want)
+    result = linkage(document).run(at=0.4, want=want)
     other = linkage(flipped(document, "O")).run(at=-0.4, want=want)
-    assert one.engine == other.engine == "scalar"
+    assert result.engine == other.engine == "scalar"
     assert other.drivers["driver.motor.q"].tolist() == [-0.4]
     assert other["driver.motor.rate"].tolist() == [-3.0]
     same = [name for name in want if name != "driver.motor.rate"]
     for name in linkage(document).compile().outputs.match(same):
-        assert np.array_equal(one[name], other[name])
+        assert np.array_equal(result[name], other[name])
 
 
 def test_samples_of_a_cycle_are_the_same_whatever_the_frame_of_the_crank():
@@ -106,20 +106,20 @@ def agree(one, other, within):
 
 def test_a_free_motion_is_the_same_in_the_other_coordinate():
     document = watt()
-    one = linkage(document).compile().simulate("time=2", want=["driver.crank.*", "link.6.p"])
-    other = linkage(flipped(document, "O2")).compile()
-    found = other.simulate("time=2", want=["driver.crank.*", "link.6.p"])
-    within = one.motion.error + found.motion.error
+    result = linkage(document).compile().simulate("time=2", want=["driver.crank.*", "link.6.p"])
+    mechanism = linkage(flipped(document, "O2")).compile()
+    found = mechanism.simulate("time=2", want=["driver.crank.*", "link.6.p"])
+    within = result.motion.error + found.motion.error
     assert within < 1e-12
-    agree(found["driver.crank.q"], -one["driver.crank.q"], within)
-    sway = np.abs(np.diff(one["driver.crank.acceleration"])).max()
-    sway /= np.abs(np.diff(one["driver.crank.q"])).max()  # [1/s2] how errors of the angle show
-    agree(found["driver.crank.acceleration"], -one["driver.crank.acceleration"], sway * within)
-    agree(found["link.6.p"], one["link.6.p"], within)
-    assert len(one.motion.events) > 0
-    agree([e.q for e in found.motion.events], [-e.q for e in one.motion.events], within)
-    agree(found.motion.q_end, -one.motion.q_end, within)
-    agree(found.motion.at(1.0).qd, -one.motion.at(1.0).qd, sway * within)
+    agree(found["driver.crank.q"], -result["driver.crank.q"], within)
+    sway = np.abs(np.diff(result["driver.crank.acceleration"])).max()
+    sway /= np.abs(np.diff(result["driver.crank.q"])).max()  # [1/s2] how errors of the angle show
+    agree(found["driver.crank.acceleration"], -result["driver.crank.acceleration"], sway * within)
+    agree(found["link.6.p"], result["link.6.p"], within)
+    assert len(result.motion.events) > 0
+    agree([e.q for e in found.motion.events], [-e.q for e in result.motion.events], within)
+    agree(found.motion.q_end, -result.motion.q_end, within)
+    agree(found.motion.at(1.0).qd, -result.motion.at(1.0).qd, sway * within)
     assert set(found.to_dict()["events"][0]) >= {"driver.crank.q", "driver.crank.rate"}
 
 
@@ -128,16 +128,16 @@ def test_a_free_motion_of_several_drivers_is_told_by_each_drivers_coordinate():
     document["initial"] = {"lift": {"q": 1.0, "rate": 0.2}, "bend": {"q": -1.4, "rate": 0.0}}
     want = ["driver.*.q", "link.lid.p"]
     asked = {"until": "time=0.05", "friction": "none", "want": want}
-    one = linkage(document).compile().simulate(**asked)
-    other = linkage(flipped(document, "elbow")).compile()
-    found = other.simulate(**asked)
-    within = one.motion.error + found.motion.error
-    agree(found["driver.lift.q"], one["driver.lift.q"], within)
-    agree(found["driver.bend.q"], -one["driver.bend.q"], within)
-    agree(found["link.lid.p"], one["link.lid.p"], within)
-    k = other.drivers.index("bend")
-    agree(found.motion.q_end[k], -one.motion.q_end[k], within)
-    held = other.simulate(**asked, stops={"bend": (1.39, 1.41)})
+    result = linkage(document).compile().simulate(**asked)
+    mechanism = linkage(flipped(document, "elbow")).compile()
+    found = mechanism.simulate(**asked)
+    within = result.motion.error + found.motion.error
+    agree(found["driver.lift.q"], result["driver.lift.q"], within)
+    agree(found["driver.bend.q"], -result["driver.bend.q"], within)
+    agree(found["link.lid.p"], result["link.lid.p"], within)
+    k = mechanism.drivers.index("bend")
+    agree(found.motion.q_end[k], -result.motion.q_end[k], within)
+    held = mechanism.simulate(**asked, stops={"bend": (1.39, 1.41)})
     assert held.motion.end == "end stop of bend"
 
 

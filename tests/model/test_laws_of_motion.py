@@ -179,5 +179,5 @@ def test_law_drives_a_mechanism_in_time():
         q, qd, qdd = law.at_times(t)
         assert np.allclose(r["crank.B.p"], 2 * np.exp(1j * q), rtol=0, atol=4 * EPS)
         assert np.allclose(r["crank.B.v"], 2j * qd * np.exp(1j * q), rtol=0, atol=1e-14)
-        wanted = 2 * (1j * qdd - qd**2) * np.exp(1j * q)
-        assert np.allclose(r["crank.B.a"], wanted, rtol=0, atol=1e-12)
+        expected = 2 * (1j * qdd - qd**2) * np.exp(1j * q)
+        assert np.allclose(r["crank.B.a"], expected, rtol=0, atol=1e-12)

@@ -217,17 +217,17 @@ def test_who_acts_on_whom_is_said_by_links_of_the_document():
 
 
 def test_the_force_of_a_pin_of_three_links_is_named_after_each_further_link():
-    found = run(DOCUMENTS["arm"]())
-    assert found.output("joint.knot.strut.reaction").by == "tie"
-    assert found.output("joint.knot.strut.reaction").on == "strut"
-    assert found.output("joint.knot.rocker.reaction").on == "rocker"
-    assert "joint.knot.reaction" not in found.mechanism.outputs
+    result = run(DOCUMENTS["arm"]())
+    assert result.output("joint.knot.strut.reaction").by == "tie"
+    assert result.output("joint.knot.strut.reaction").on == "strut"
+    assert result.output("joint.knot.rocker.reaction").on == "rocker"
+    assert "joint.knot.reaction" not in result.mechanism.outputs
 
 
 def test_flags_name_the_joint_of_the_document():
     document = four_bar()
-    found = linkage(document).run(at=[0.0], want=["joint.C.friction"])
-    assert {f.where for f in found.quality.flags} == {"joint.C"}
+    result = linkage(document).run(at=[0.0], want=["joint.C.friction"])
+    assert {f.where for f in result.quality.flags} == {"joint.C"}
 
 
 def test_a_gap_is_told_in_words_of_the_document():
@@ -247,9 +247,9 @@ def test_a_gap_is_told_in_words_of_the_document():
 def test_drivers_are_named_as_in_the_document():
     mechanism = linkage(DOCUMENTS["arm"]()).compile()
     assert set(mechanism.drivers) == {"lift", "bend"}
-    found = mechanism.run(at={"lift": [1.0, 1.1], "bend": -1.4}, want=["driver.bend.q"])
-    assert set(found.drivers) == {"driver.lift.q", "driver.bend.q"}
-    assert np.array_equal(found.drivers["driver.lift.q"], [1.0, 1.1])
+    result = mechanism.run(at={"lift": [1.0, 1.1], "bend": -1.4}, want=["driver.bend.q"])
+    assert set(result.drivers) == {"driver.lift.q", "driver.bend.q"}
+    assert np.array_equal(result.drivers["driver.lift.q"], [1.0, 1.1])
     with pytest.raises(RequestError, match="drivers: lift, bend"):
         mechanism.run(at={"left": 1.0, "bend": -1.4})
 
@@ -260,10 +260,10 @@ def test_a_load_keeps_its_name_beside_a_driver_or_a_group_of_that_name():
         "motor": {"type": "couple", "link": "crank", "moment": 2.0},
         "rod_piston": {"type": "force", "link": "piston", "at": [0, 0], "force": [-50, 4]},
     }
-    found = run(document, want=["motor.*", "rod_piston.*", "driver.motor.drive"])
-    assert np.array_equal(found["motor.on.couple"], np.full(SAMPLES, 2.0))
-    assert np.array_equal(found["rod_piston.at.force"], np.full(SAMPLES, -50 + 4j))
-    assert found.output("rod_piston.at.force").by == "rod_piston"
+    result = run(document, want=["motor.*", "rod_piston.*", "driver.motor.drive"])
+    assert np.array_equal(result["motor.on.couple"], np.full(SAMPLES, 2.0))
+    assert np.array_equal(result["rod_piston.at.force"], np.full(SAMPLES, -50 + 4j))
+    assert result.output("rod_piston.at.force").by == "rod_piston"
 
 
 def test_a_damped_spring_along_a_guide_is_one_load():
@@ -271,15 +271,15 @@ def test_a_damped_spring_along_a_guide_is_one_load():
     k, rest, c = 300.0, 0.05, 12.0
     numbers = {"stiffness": k, "rest_angle": rest, "damping": c}
     document["loads"]["damper"] = {"type": "torsion_spring", "joint": "S"} | numbers
-    found = run(document)
-    u = guide(document, found, "S")
+    result = run(document)
+    u = guide(document, result, "S")
     place = complex(*document["joints"]["S"]["at"][0])
-    e = np.exp(1j * found["link.piston.angle"])
-    s = found["link.piston.p"] + e * complex(*document["joints"]["S"]["at"][1]) - place
-    force = -k * ((s * np.conj(u)).real - rest) - c * found["joint.S.slip"]
-    assert np.abs(found["damper.b.force"] - force * u).max() <= ROUNDING * np.abs(force).max()
-    power = force * found["joint.S.slip"]
-    assert np.abs(found["damper.power"] - power).max() <= ROUNDING * np.abs(power).max()
+    e = np.exp(1j * result["link.piston.angle"])
+    s = result["link.piston.p"] + e * complex(*document["joints"]["S"]["at"][1]) - place
+    force = -k * ((s * np.conj(u)).real - rest) - c * result["joint.S.slip"]
+    assert np.abs(result["damper.b.force"] - force * u).max() <= ROUNDING * np.abs(force).max()
+    power = force * result["joint.S.slip"]
+    assert np.abs(result["damper.power"] - power).max() <= ROUNDING * np.abs(power).max()
 
 
 @pytest.mark.parametrize("general", ["", "groups", "one"])

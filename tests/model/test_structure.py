@@ -80,14 +80,14 @@ def test_formation_order_is_topological_with_ties_by_name():
 @given(mechanisms(), st.integers(0, 2**32 - 1))
 @settings(max_examples=15)
 def test_structure_is_the_same_for_any_order_of_writing(case, seed):
-    one = case.graph.structure()
+    structure = case.graph.structure()
     two = rewired(case.graph, random.Random(seed)).structure()
-    assert list(one.blocks) == list(two.blocks)
-    assert list(one.elements) == list(two.elements)
-    assert one.links == two.links
-    assert one.formula == two.formula
-    assert one.carried == two.carried
-    assert one.loaded == two.loaded
+    assert list(structure.blocks) == list(two.blocks)
+    assert list(structure.elements) == list(two.elements)
+    assert structure.links == two.links
+    assert structure.formula == two.formula
+    assert structure.carried == two.carried
+    assert structure.loaded == two.loaded
 
 
 @given(mechanisms())

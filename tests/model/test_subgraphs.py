@@ -19,25 +19,25 @@ BAR = bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0.3))
 
 def knee() -> bm.Graph:
     """A dyad without supports; its shin and thigh have names."""
-    found = bm.Graph("knee")
-    found.add("dyad", bm.RRR(l_i=6, l_j=3, links={"j": BAR}))
-    found.parameters |= {"shin": "dyad.l_j", "thigh": ["dyad.l_i"]}
-    return found
+    graph = bm.Graph("knee")
+    graph.add("dyad", bm.RRR(l_i=6, l_j=3, links={"j": BAR}))
+    graph.parameters |= {"shin": "dyad.l_j", "thigh": ["dyad.l_i"]}
+    return graph
 
 
 def two_knees(first, second, join=".") -> bm.Graph:
     """A crank and two dyads in a row, which are parts ``a`` and ``b``."""
-    found = bm.Graph("legs", gravity=(0.0, -9.81))
-    found.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0), "E": (9, 0)}))
-    found.add("crank", bm.Crank(length=2, links={"crank": BAR}))
-    found.add(f"a{join}dyad" if join != "." else "a", first)
-    found.add(f"b{join}dyad" if join != "." else "b", second)
-    found.connect("frame.A", "crank.A")
-    found.connect("crank.B", f"a{join}dyad.B")
-    found.connect("frame.D", f"a{join}dyad.D")
-    found.connect(f"a{join}dyad.C", f"b{join}dyad.B")
-    found.connect("frame.E", f"b{join}dyad.D")
-    return found
+    graph = bm.Graph("legs", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0), "E": (9, 0)}))
+    graph.add("crank", bm.Crank(length=2, links={"crank": BAR}))
+    graph.add(f"a{join}dyad" if join != "." else "a", first)
+    graph.add(f"b{join}dyad" if join != "." else "b", second)
+    graph.connect("frame.A", "crank.A")
+    graph.connect("crank.B", f"a{join}dyad.B")
+    graph.connect("frame.D", f"a{join}dyad.D")
+    graph.connect(f"a{join}dyad.C", f"b{join}dyad.B")
+    graph.connect("frame.E", f"b{join}dyad.D")
+    return graph
 
 
 def same(found, wanted, called=lambda name: name.replace("a.", "a-", 1).replace("b.", "b-", 1)):
@@ -125,20 +125,20 @@ def test_graphs_inside_of_graphs_inside(tmp_path):
 
     same(graph.run(at=[0.2, 0.9]), written_out().run(at=[0.2, 0.9]), called)
     assert graph.compile().parameters()["leg.length"].value == 3.3
-    other = graph.replace({"leg.length": 3.5, "leg.upper.shin": 3.1})
-    assert other.flat().blocks["leg.lower.dyad"].l_j == 3.5
-    assert other.flat().blocks["leg.upper.dyad"].l_j == 3.1
+    variant = graph.replace({"leg.length": 3.5, "leg.upper.shin": 3.1})
+    assert variant.flat().blocks["leg.lower.dyad"].l_j == 3.5
+    assert variant.flat().blocks["leg.upper.dyad"].l_j == 3.1
 
 
 def arm() -> bm.Graph:
     """An arm on its own frame: two such stand on each other."""
-    found = bm.Graph("arm", drive={"joint": bm.motion.ConstantRate(rate=2.0)})
-    found.add("base", bm.Frame(markers={"O": (0.1, 0.2), "G": {"at": (0.0, 0.3), "angle": 0.4}}))
-    found.add("joint", bm.Crank(length=1.5, links={"crank": BAR}))
-    found.add("slider", bm.SlideDrive())
-    found.connect("base.O", "joint.A")
-    found.connect("base.G", "slider.S")
-    return found
+    graph = bm.Graph("arm", drive={"joint": bm.motion.ConstantRate(rate=2.0)})
+    graph.add("base", bm.Frame(markers={"O": (0.1, 0.2), "G": {"at": (0.0, 0.3), "angle": 0.4}}))
+    graph.add("joint", bm.Crank(length=1.5, links={"crank": BAR}))
+    graph.add("slider", bm.SlideDrive())
+    graph.connect("base.O", "joint.A")
+    graph.connect("base.G", "slider.S")
+    return graph
 
 
 def test_a_frame_inside_stands_on_a_link_or_is_the_outer_frame():
@@ -213,9 +213,9 @@ def test_any_blocks_of_a_mechanism_may_be_a_part(seed):
 def test_studies_and_derivatives_reach_inside():
     other = bm.Subgraph(graph=knee(), parameters={"shin": 3.3, "thigh": 5.0})
     mech, plain = two_knees(knee(), other).compile(), written_out().compile()
-    found = mech.sensitivity("crank.drive", to=["b.shin", "a.thigh"], at=[1.3, 1.8])
-    wanted = plain.sensitivity("crank.drive", to=["b-dyad.l_j", "a-dyad.l_i"], at=[1.3, 1.8])
-    assert np.array_equal(found["crank.drive"], wanted["crank.drive"])
+    sensitivity = mech.sensitivity("crank.drive", to=["b.shin", "a.thigh"], at=[1.3, 1.8])
+    expected = plain.sensitivity("crank.drive", to=["b-dyad.l_j", "a-dyad.l_i"], at=[1.3, 1.8])
+    assert np.array_equal(sensitivity["crank.drive"], expected["crank.drive"])
 
 
 def test_derivatives_follow_a_number_that_moves_a_frame():
@@ -224,9 +224,9 @@ def test_derivatives_follow_a_number_that_moves_a_frame():
     graph.add("upper", bm.Subgraph(graph=arm(), on="lower.joint.B"))
     at = {"lower.joint": [0.3], "lower.slider": 0.1, "upper.joint": 0.5, "upper.slider": 0.2}
     want = "max(upper.joint.B.p.x)"
-    made = graph.compile().study({"lower.joint.length": [1.5, 2.0]}, want=want, at=at)
+    study = graph.compile().study({"lower.joint.length": [1.5, 2.0]}, want=want, at=at)
     longer = graph.replace({"lower.joint.length": 2.0}).run(at=at)["upper.joint.B.p"][0]
-    assert abs(made[want][1] - longer.real) < 1e-14
+    assert abs(study[want][1] - longer.real) < 1e-14
     slope = graph.compile().sensitivity(want, to="lower.joint.length", at=at)
     assert abs(float(np.ravel(slope[want])[0]) - np.cos(0.3)) < 1e-14
 
@@ -377,7 +377,7 @@ def test_wires_into_a_part_are_checked_like_others():
 
 def geared(join: str) -> bm.Graph:
     """Two cranks that a gear pair couples, and a controller that holds the first one's rate."""
-    found = bm.Graph("drive", gravity=(0.0, -9.81))
+    graph = bm.Graph("drive", gravity=(0.0, -9.81))
     parts = {
         "frame": bm.Frame(markers={"A": (0, 0), "E": (0.3, 0)}),
         "sun": bm.Crank(length=0.1, links={"crank": BAR}),
@@ -387,12 +387,12 @@ def geared(join: str) -> bm.Graph:
         "pid": bm.signals.Pid(kp=20.0, ki=4.0),
     }
     for name, block in parts.items():
-        found.add(name if name == "frame" else f"{join}{name}", block)
+        graph.add(name if name == "frame" else f"{join}{name}", block)
     wires = ["frame.A .sun.A", "frame.E .planet.A", "frame.A .motor.a", ".sun.crank .motor.b"]
     wires += [".sun.rate .pid.u", ".pid.y .motor.law"]
     for ends in wires:
-        found.connect(*(e.replace(".", join, 1) if e[0] == "." else e for e in ends.split()))
-    return found
+        graph.connect(*(e.replace(".", join, 1) if e[0] == "." else e for e in ends.split()))
+    return graph
 
 
 def test_couplings_signals_and_starts_inside_keep_their_names():
@@ -407,5 +407,5 @@ def test_couplings_signals_and_starts_inside_keep_their_names():
     how = {"method": "dop853", "times": [0.1, 0.5], "want": ["*"]}
     runs = [g.compile().simulate("time=0.5", **how) for g in (graph, plain)]
     for name in ("unit.planet.q", "unit.sun.rate", "unit.pid.y", "unit.planet.A.reaction"):
-        found, wanted = runs[0][name], runs[1][name.replace("unit.", "unit-")]
-        assert np.array_equal(found, wanted), name
+        found, expected = runs[0][name], runs[1][name.replace("unit.", "unit-")]
+        assert np.array_equal(found, expected), name

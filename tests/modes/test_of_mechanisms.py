@@ -310,9 +310,9 @@ def test_wrong_names_are_refused_with_the_right_ones():
 
 def test_json_holds_the_same_as_python():
     found = modes_at(5.0)
-    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    group = told["groups"][0]
-    assert told["drivers"] == {"crank": [5.0]}
+    document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    group = document["groups"][0]
+    assert document["drivers"] == {"crank": [5.0]}
     assert [m["margin"] for m in group["samples"][0]] == [
         m.margin for m in found["triad"].samples[0]
     ]

@@ -230,7 +230,7 @@ def test_the_package_is_whole_again_after_a_mistake():
 def test_random_mechanism_is_verified(seed):
     case = random_mechanism(Seeded(seed), ALL)
     mechanism = case.graph.compile()
-    found = mechanism.verify(**case.request)
-    if found.samples == 0:  # no friction solution
-        found = mechanism.verify(**case.request, friction="none")
-    assert found.ok, f"seed {seed}: {found}"
+    verification = mechanism.verify(**case.request)
+    if verification.samples == 0:  # no friction solution
+        verification = mechanism.verify(**case.request, friction="none")
+    assert verification.ok, f"seed {seed}: {found}"

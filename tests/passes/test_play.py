@@ -112,8 +112,8 @@ def graph_with_clearance(request):
     data = json.loads(path.read_text(encoding="utf-8"))
     for block in data["blocks"].values():
         block.pop("pressure_angle", None)  # with it no unit load tells where teeth lean
-    given = bm.Graph.load(path)
-    structure = given.compile().structure
+    graph = bm.Graph.load(path)
+    structure = graph.compile().structure
     pins = {}
     for name, block in structure.blocks.items():
         for joint in block.joints.values():
@@ -126,9 +126,9 @@ def graph_with_clearance(request):
     pins = {p: c for p, c in pins.items() if p.split(".")[0] in upstream}
 
     def bare(force):
-        found = json.loads(json.dumps(data))
-        bared(found, structure, marker, force)
-        return bm.Graph.from_json(json.dumps(found)).compile()
+        document = json.loads(json.dumps(data))
+        bared(document, structure, marker, force)
+        return bm.Graph.from_json(json.dumps(document)).compile()
 
     data.pop("expect", None)
     return bm.Graph.from_json(json.dumps(data)).compile(), bare, marker, pins
@@ -210,7 +210,7 @@ def test_without_the_key_nothing_moves():
 def test_play_has_derivatives_by_clearance_and_lengths():
     g = mechanism("four_bar").compile()
     to, h = ["dyad.clearance.C", "dyad.l_i"], {"dyad.clearance.C": 1e-6, "dyad.l_i": 1e-5}
-    found = g.sensitivity(["dyad.M.play.x"], to=to, at=PLACES)
+    sensitivity = g.sensitivity(["dyad.M.play.x"], to=to, at=PLACES)
     for address in to:
         value = {"dyad.clearance.C": CLEARANCE["C"], "dyad.l_i": 3.5}[address]
 
@@ -219,7 +219,7 @@ def test_play_has_derivatives_by_clearance_and_lengths():
             return varied.run(at=PLACES, want="dyad.M.play.x")["dyad.M.play.x"]
 
         quotient = (play(1) - play(-1)) / (2 * h[address])
-        assert found["dyad.M.play.x", address] == pytest.approx(quotient, rel=1e-6, abs=1e-10)
+        assert sensitivity["dyad.M.play.x", address] == pytest.approx(quotient, rel=1e-6, abs=1e-10)
 
 
 def test_a_reaction_that_turns_between_samples_is_flagged_at_its_smaller_one():

@@ -87,14 +87,14 @@ def in_the_mirror(mech, request):
 
 
 def check_mirror(graph, request):
-    one = solve(graph, request)
+    solution = solve(graph, request)
     other = solve(mirrored(graph), in_the_mirror(graph.compile(), request))
-    assert other.quality.status == one.quality.status
-    for name, values in image(one).items():
+    assert other.quality.status == solution.quality.status
+    for name, values in image(solution).items():
         found = other[name]
         if name.endswith(".angle"):
             found, values = half_turns_alike(found), half_turns_alike(values)
-        assert same(found, values, one), name
+        assert same(found, values, solution), name
 
 
 def half_turns_alike(angle):
@@ -141,15 +141,15 @@ def test_powers_of_units_are_read_right():
 def check_scale(graph, request, length, force):
     mech = graph.compile()
     slides = {d: 1.0 if mech.structure.driver_joint(d).rotary else length for d in mech.drivers}
-    wanted = solve(graph, request)
+    expected = solve(graph, request)
     bigger = {k: {d: x * slides[d] for d, x in v.items()} for k, v in request.items()}
-    found = solve(scaled(graph, length, force), bigger)
-    assert found.quality.status == wanted.quality.status
-    for name, values in numbers(wanted).items():
-        if wanted.unit(name) == "SI":
+    solution = solve(scaled(graph, length, force), bigger)
+    assert solution.quality.status == expected.quality.status
+    for name, values in numbers(expected).items():
+        if expected.unit(name) == "SI":
             continue  # of mixed units; drives and energies stand for it
-        a, b = powers(wanted.unit(name))
-        assert same(found[name], values * length**a * force**b, wanted), name
+        a, b = powers(expected.unit(name))
+        assert same(solution[name], values * length**a * force**b, expected), name
 
 
 @EACH
@@ -173,8 +173,8 @@ def test_other_units_change_no_digit_of_a_random_mechanism(case, length, force):
 @given(mechanisms(ALL), st.integers(0, 2**32 - 1))
 @settings(max_examples=12)
 def test_order_of_writing_changes_no_bit_of_a_random_mechanism(case, seed):
-    one = solve(case.graph, case.request)
+    solution = solve(case.graph, case.request)
     other = solve(rewired(case.graph, random.Random(seed)), case.request)
-    assert set(one) == set(other)
-    assert same_bits(numbers(one), numbers(other)) == []
-    assert str(one.mechanism) == str(other.mechanism)
+    assert set(solution) == set(other)
+    assert same_bits(numbers(solution), numbers(other)) == []
+    assert str(solution.mechanism) == str(other.mechanism)

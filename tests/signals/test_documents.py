@@ -30,9 +30,9 @@ def test_the_pump_runs_as_by_its_crank_angle_alone(folder):
     (entry,) = json.loads((folder / f"{PUMP}.json").read_text("utf-8"))["expect"]
     r = document.compile().simulate(**entry["simulate"], want=list(entry["want"]))
     again = Pump().run(entry["simulate"]["times"])
-    for (name, wanted), row in zip(entry["want"].items(), again, strict=True):
-        np.testing.assert_allclose(row, wanted, rtol=1e-12)
-        np.testing.assert_allclose(r[name], wanted, rtol=entry["rtol"], atol=entry["atol"])
+    for (name, expected), row in zip(entry["want"].items(), again, strict=True):
+        np.testing.assert_allclose(row, expected, rtol=1e-12)
+        np.testing.assert_allclose(r[name], expected, rtol=entry["rtol"], atol=entry["atol"])
 
 
 def test_a_document_says_the_same_in_a_file_and_in_python(tmp_path):
@@ -52,8 +52,8 @@ def test_a_document_says_the_same_in_a_file_and_in_python(tmp_path):
     theirs = bm.Linkage.load(CONTROL / "joints" / f"{PUMP}.json").to_data()
     for section in ("loads", "signals", "wires", "links", "joints", "drivers", "initial"):
         assert own[section] == theirs[section], section
-    made = m.decompose()
-    assert bm.Graph.from_json(made.graph.to_json()).compile().drivers == ("shaft",)
+    graph = m.decompose()
+    assert bm.Graph.from_json(graph.graph.to_json()).compile().drivers == ("shaft",)
 
 
 def test_every_output_that_is_a_number_is_read_with_its_own_sign_and_place():
@@ -127,9 +127,11 @@ def test_an_algebraic_loop_of_a_document_is_told_by_name():
 
 def test_designs_of_a_document_under_control_vary_its_numbers():
     m = bm.Linkage.load(CONTROL / "joints" / f"{PUMP}.json")
-    there = m.replace({"signals.pid.ki": 4.0}).compile().simulate("time=0.5", want=["pid.integral"])
+    result = (
+        m.replace({"signals.pid.ki": 4.0}).compile().simulate("time=0.5", want=["pid.integral"])
+    )
     here = m.compile().simulate("time=0.5", want=["pid.integral"])
-    assert there["pid.integral"][-1] != here["pid.integral"][-1]
+    assert result["pid.integral"][-1] != here["pid.integral"][-1]
 
 
 def test_a_study_of_what_follows_states_is_refused_as_a_run_is():

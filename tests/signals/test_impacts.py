@@ -38,14 +38,14 @@ def led(restitution, sample=None):
 def test_a_controlled_wheel_bounces_lies_and_leaves_as_by_another_integration(method, sample):
     """Bouncing, behind its first rest at the stop and, by one method, behind its second one."""
     times = [0.7, 2.5, 5.5] if method == "dop853" else [0.7, 2.5]
-    wanted = [Stopped(0.3, sample).run(t) for t in times]
+    expected = [Stopped(0.3, sample).run(t) for t in times]
     mech = led(0.3, sample).compile()
     r = mech.simulate(f"time={times[-1]}", times=times, want=WANT, method=method)
     assert r.motion.end == "time"
     states = np.transpose([r[name] for name in WANT])
-    np.testing.assert_allclose(states, [state for state, _ in wanted], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(states, [state for state, _ in expected], rtol=1e-9, atol=1e-9)
     seen = np.array([i.t for i in r.motion.impacts])
-    for t, (_, blows) in zip(times, wanted, strict=True):
+    for t, (_, blows) in zip(times, expected, strict=True):
         np.testing.assert_allclose(seen[seen < t][:7], blows[:7], rtol=1e-9)
     left = [e.t for e in r.motion.events if e.kind == "leaves its stop"]
     counts = [(sum(at < t for at in left), sum(x.begin < t for x in r.motion.lying)) for t in times]
@@ -55,9 +55,9 @@ def test_a_controlled_wheel_bounces_lies_and_leaves_as_by_another_integration(me
 def test_states_along_a_bouncing_motion_are_those_of_each_flight():
     t = np.array([0.4, 0.6, 0.85, 1.4, 1.9])
     r = led(0.3).compile().simulate("time=2", times=t, want=[*WANT, "wheel.acceleration"])
-    wanted = np.array([Stopped(0.3).run(x)[0] for x in t])
-    np.testing.assert_allclose(np.array([r[n] for n in WANT]).T, wanted, rtol=1e-9, atol=1e-9)
-    pull = 1.5 * wanted[:, 3] / 2.0
+    expected = np.array([Stopped(0.3).run(x)[0] for x in t])
+    np.testing.assert_allclose(np.array([r[n] for n in WANT]).T, expected, rtol=1e-9, atol=1e-9)
+    pull = 1.5 * expected[:, 3] / 2.0
     np.testing.assert_allclose(r["wheel.acceleration"], pull * (t != 1.4), rtol=1e-8)
 
 
@@ -87,12 +87,12 @@ def test_a_current_that_begins_at_nothing_does_not_push_through_a_stop(restituti
     assert r.motion.end == ("time" if restitution == 0.0 else "end stop")
     assert r["wheel.q"][-1] == pytest.approx(1.0, abs=1e-14)
     if restitution == 0.0:  # at rest: e = 1, u = 8 + 6 t, L i' = u - R i
-        wanted = 8 + 6 * 0.5 - 0.6 * (1 - np.exp(-5.0)) - 8 * np.exp(-5.0)
-        assert r["motor.current"][-1] == pytest.approx(wanted, rel=1e-9)
+        expected = 8 + 6 * 0.5 - 0.6 * (1 - np.exp(-5.0)) - 8 * np.exp(-5.0)
+        assert r["motor.current"][-1] == pytest.approx(expected, rel=1e-9)
 
 
 def test_with_several_drivers_signals_go_on_as_with_one():
-    one = led(0.3).compile().simulate("time=2.5", want=WANT)
+    result = led(0.3).compile().simulate("time=2.5", want=WANT)
     g = led(0.3)
     g.blocks["frame"] = bm.Frame(markers={"A": (0.0, 0.0), "E": (1.0, 0.0)})
     g.add("other", bm.Crank(links={"crank": bm.Link(inertia=3.0)}))
@@ -104,7 +104,7 @@ def test_with_several_drivers_signals_go_on_as_with_one():
     g.start("other")
     two = g.compile().simulate("time=2.5", want=[*WANT, "other.rate"])
     for name in WANT:
-        assert two[name][-1] == pytest.approx(one[name][-1], rel=1e-9, abs=1e-9)
+        assert two[name][-1] == pytest.approx(result[name][-1], rel=1e-9, abs=1e-9)
     t = np.linspace(0.0, 2.5, 1001)
     run = g.compile().simulate("time=2.5", times=t, want=["pid.integral"])
     spline = np.trapezoid(run["pid.integral"], t) / 3.0

@@ -82,8 +82,8 @@ def test_the_files_expect_what_the_judge_says(name):
     entry = json.loads((CONTROL / f"{name}.json").read_text("utf-8"))["expect"][0]
     times = entry["simulate"]["times"]
     if name == "sampled_fourbar":
-        said = Sampled(20.0, 40.0, 10.0, 0.01, (-150.0, 150.0)).run(1.0, times[-1])
-        judge = {"crank.q": said["q"], "motor.current": said["current"]}
+        result = Sampled(20.0, 40.0, 10.0, 0.01, (-150.0, 150.0)).run(1.0, times[-1])
+        judge = {"crank.q": result["q"], "motor.current": result["current"]}
         assert all(entry["want"][k] == pytest.approx([x], rel=1e-11) for k, x in judge.items())
     else:
         judge = Continuous(20.0, 40.0, 0.5, 50.0, 10.0).run(1.0, times)
@@ -273,19 +273,19 @@ def test_signals_without_states_leave_the_method_to_the_loads():
 
     by_signal = controlled().compile().simulate("time=1", accuracy=1e-10).motion
     by_law = controlled(laws.Polynomial(of="rate", coefficients=[20.0, -2.0])).compile()
-    other = by_law.simulate("time=1", accuracy=1e-10).motion
-    assert (by_signal.method, other.method) == ("dop853", "dop853")
-    assert by_signal.q_end == pytest.approx(other.q_end, rel=1e-11)
+    motion = by_law.simulate("time=1", accuracy=1e-10).motion
+    assert (by_signal.method, motion.method) == ("dop853", "dop853")
+    assert by_signal.q_end == pytest.approx(motion.q_end, rel=1e-11)
 
 
 def test_a_function_of_python_with_memory_is_the_block_that_it_says():
-    wanted = speed_control(signals.Pid(kp=3.0, ki=5.0)).compile()
+    expected = speed_control(signals.Pid(kp=3.0, ki=5.0)).compile()
 
     def control(u, total):
         return 3.0 * u + 5.0 * total, u
 
     own = speed_control(signals.Python(call=control, memory={"total": 0.0})).compile()
-    ends = [m.simulate("time=1", accuracy=1e-10).motion.q_end for m in (wanted, own)]
+    ends = [m.simulate("time=1", accuracy=1e-10).motion.q_end for m in (expected, own)]
     assert ends[0] == pytest.approx(ends[1], rel=1e-12)
 
 

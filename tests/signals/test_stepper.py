@@ -31,7 +31,7 @@ def fourbar():
 def test_a_sampled_controller_in_a_loop_of_steps_is_the_sampled_block():
     block = compiled(data_of("sampled_fourbar"))
     names = ["crank.q", "crank.rate", "motor.current"]
-    wanted = block.simulate("time=0.2", times=[0.2], want=names, accuracy=1e-10)
+    expected = block.simulate("time=0.2", times=[0.2], want=names, accuracy=1e-10)
     env = fourbar().stepper(names, accuracy=1e-12)
     seen, total = env.observe(), 0.0
     for _ in range(20):
@@ -42,7 +42,7 @@ def test_a_sampled_controller_in_a_loop_of_steps_is_the_sampled_block():
         seen = env.step(0.01, {"volts": min(max(v, -150.0), 150.0)})
     assert env.t == pytest.approx([0.2])
     for name in names:
-        assert seen[name][0] == pytest.approx(wanted[name][0], rel=1e-9)
+        assert seen[name][0] == pytest.approx(expected[name][0], rel=1e-9)
 
 
 def test_copies_go_their_own_ways_and_come_back():

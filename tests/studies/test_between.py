@@ -170,12 +170,12 @@ def test_poles_narrower_than_the_samples_are_found():
     def peaks(row, x):
         return np.sin(x) + 3.0 * width[row] ** 2 / ((x - at[row]) ** 2 + width[row] ** 2)
 
-    found = search(peaks, np.linspace(0.0, 6.2, 72), 80)
+    match = search(peaks, np.linspace(0.0, 6.2, 72), 80)
     for i in range(80):
         near = at[i] + np.linspace(-1, 1, 20001) * width[i] / 4
         near = np.append(near, np.linspace(0.0, 6.2, 20001)).clip(0.0, 6.2)
-        assert found.value[i] == pytest.approx(peaks(np.array([i]), near[None]).max(), rel=1e-7)
-        assert found.value[i] >= peaks(np.array([i]), near[None]).max() * (1 - 1e-13)
+        assert match.value[i] == pytest.approx(peaks(np.array([i]), near[None]).max(), rel=1e-7)
+        assert match.value[i] >= peaks(np.array([i]), near[None]).max() * (1 - 1e-13)
 
 
 @pytest.mark.parametrize("turn", [True, False])

@@ -97,10 +97,10 @@ def test_rates_leave_nothing_for_the_drive(name):
     assert np.array_equal(first, state[1])
     qdd = dict(zip(mech.drivers, np.atleast_1d(second), strict=True))
     motion = {"rates": rate, "accelerations": qdd, "friction": "none"}
-    left = mech.run(q, want="*.drive", **motion)
+    result = mech.run(q, want="*.drive", **motion)
     held = mech.run(q, want="*.drive", rates=rate, friction="none")
-    for name in left:
-        assert abs(left[name][0]) < 1e-11 * max(1.0, abs(held[name][0]))
+    for name in result:
+        assert abs(result[name][0]) < 1e-11 * max(1.0, abs(held[name][0]))
     heavier = rhs(0.0, state, {"scene.gravity.y": -20.0})[1]
     assert not np.allclose(heavier, second)
 

@@ -181,5 +181,5 @@ def test_the_picture_marks_the_block(tmp_path):
     identification = bm.design.identify(drawn(), NUMBERS[:2], record(400), friction="none")
     identification.plot(tmp_path / "r.png")
     assert (tmp_path / "r.png").stat().st_size > 10_000
-    words = identification.figure()._supxlabel.get_text().replace("\n", " ")
-    assert "dyad" in words.partition("the model misses something at")[2]
+    variant = identification.figure()._supxlabel.get_text().replace("\n", " ")
+    assert "dyad" in variant.partition("the model misses something at")[2]

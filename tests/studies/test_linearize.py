@@ -188,8 +188,8 @@ def test_pictures(tmp_path):
     assert (tmp_path / "bode.png").stat().st_size > 10_000
     labels = [t.get_text() for t in linear.figure().axes[0].get_legend().get_texts()]
     assert labels[0] == "left.q by left.drive"
-    made = linear.animate(0, tmp_path / "mode.html", amplitude=0.05)
-    assert made.path.stat().st_size > 1000
+    film = linear.animate(0, tmp_path / "mode.html", amplitude=0.05)
+    assert film.path.stat().st_size > 1000
     with pytest.raises(bm.RequestError, match="from 0 on"):
         linear.animate(9)
 

@@ -46,16 +46,16 @@ def test_a_replaced_number_is_that_of_the_new_document_alone():
     graph = bm.Graph.load(GRAPHS / "engine.json")
     parameters = parameters_of(graph.sections())
     table = next(a for a in parameters if a.endswith("law.values[3]"))
-    other = graph.replace({table: np.float64(7.5), "frame.O.x": 0.5})
-    changed = parameters_of(other.sections())
+    variant = graph.replace({table: np.float64(7.5), "frame.O.x": 0.5})
+    changed = parameters_of(variant.sections())
     assert {a for a in parameters if changed[a].value != parameters[a].value} == {
         table,
         "frame.O.x",
     }
     assert changed[table].value == 7.5
-    assert "expect" not in other.to_data()
+    assert "expect" not in variant.to_data()
     assert parameters_of(graph.sections()) == parameters
-    assert other.compile().parameters()["frame.O.x"].value == 0.5
+    assert variant.compile().parameters()["frame.O.x"].value == 0.5
 
 
 @pytest.mark.parametrize(

@@ -116,12 +116,12 @@ def test_drivers_may_come_in_another_order_near_by():
 
 def pendulum(**more):
     """A bar on a crank that is driven; a force where the bar's pin is."""
-    made = bm.Linkage("pendulum", gravity=(0.0, -10.0))
-    made.add_link("bar", pose=(0.0, 0.0, 0.3), mass=2.0, inertia=0.1, **more)
-    made.add_joint("A", "R", ["frame", "bar"], at=[(0.0, 0.0), (0.5, 0.0)])
-    made.add_load("push", bm.Force(force=(3.0, 4.0)), link="bar", at=(0.5, 0.0))
-    made.add_driver("motor", "A", bm.motion.ConstantRate(rate=0.0))
-    return made
+    linkage = bm.Linkage("pendulum", gravity=(0.0, -10.0))
+    linkage.add_link("bar", pose=(0.0, 0.0, 0.3), mass=2.0, inertia=0.1, **more)
+    linkage.add_joint("A", "R", ["frame", "bar"], at=[(0.0, 0.0), (0.5, 0.0)])
+    linkage.add_load("push", bm.Force(force=(3.0, 4.0)), link="bar", at=(0.5, 0.0))
+    linkage.add_driver("motor", "A", bm.motion.ConstantRate(rate=0.0))
+    return linkage
 
 
 def test_what_coincides_by_chance_moves_by_itself():

@@ -25,7 +25,7 @@ def test_reductions_are_those_of_the_run(fourbar):
         "dyad.C.p.x": "max",
         "mechanism.friction_efficiency": "value",
     }
-    found = fourbar.study({"dyad.l_i": [5.9, 6.1]}, at=TURN, want=want)
+    study = fourbar.study({"dyad.l_i": [5.9, 6.1]}, at=TURN, want=want)
     for k, l_i in enumerate((5.9, 6.1)):
         run = remade(fourbar, {"dyad.l_i": l_i}).run(at=TURN, engine="numpy", want=[
             "crank.drive", "dyad.C.reaction", "dyad.C.p", "mechanism.friction_efficiency"
@@ -34,8 +34,8 @@ def test_reductions_are_those_of_the_run(fourbar):
         names = "crank.drive", "dyad.C.reaction", "dyad.C.p.x"
         drive, reaction, x = (extremes(run, name) for name in names)
         low, high = drive.minimum.value, drive.maximum.value
-        assert found[f"at(crank.drive, {TURN['crank'][3]})"][k] == tau[3]
-        np.testing.assert_array_equal(found["poses(dyad.C.reaction)"][k], R)
+        assert study[f"at(crank.drive, {TURN['crank'][3]})"][k] == tau[3]
+        np.testing.assert_array_equal(study["poses(dyad.C.reaction)"][k], R)
         near = {
             "mean(crank.drive)": tau.mean(),
             "rms(crank.drive)": np.sqrt(np.mean(tau**2)),
@@ -50,12 +50,12 @@ def test_reductions_are_those_of_the_run(fourbar):
             "mechanism.friction_efficiency": run["mechanism.friction_efficiency"],
         }
         for label, x in near.items():
-            np.testing.assert_allclose(found[label][k], x, rtol=24 * np.finfo(float).eps)
+            np.testing.assert_allclose(study[label][k], x, rtol=24 * np.finfo(float).eps)
 
 
 def test_a_design_that_does_not_assemble_is_a_row_with_its_reason(fourbar):
     lengths = np.linspace(3.5, 7.0, 8)
-    found = fourbar.study(
+    study = fourbar.study(
         {"dyad.l_i": lengths}, at=TURN, want=["max_abs(crank.drive)", "min(dyad.margin)"]
     )
     for k, l_i in enumerate(lengths):
@@ -63,13 +63,13 @@ def test_a_design_that_does_not_assemble_is_a_row_with_its_reason(fourbar):
             at=TURN, want=["crank.drive", "dyad.margin"], on_gap="mark", engine="numpy"
         )
         gaps = run.quality.gaps
-        assert found.status[k] == (run.quality.status[gaps[0]] if gaps else "ok")
-        assert found.found.poses[k] == len(gaps)
-        assert np.isnan(found["max_abs(crank.drive)"][k]) == bool(gaps)
-    first = found.reason(0)
+        assert study.status[k] == (run.quality.status[gaps[0]] if gaps else "ok")
+        assert study.found.poses[k] == len(gaps)
+        assert np.isnan(study["max_abs(crank.drive)"][k]) == bool(gaps)
+    first = study.reason(0)
     assert first.startswith("no-assembly at dyad: ")
     assert "of 24 poses, the first at crank.q = " in first
-    assert found["min(dyad.margin)"][0] < 0
+    assert study["min(dyad.margin)"][0] < 0
 
 
 def test_the_engine_is_named_and_may_be_chosen(fourbar, fresh):
@@ -77,45 +77,45 @@ def test_the_engine_is_named_and_may_be_chosen(fourbar, fresh):
     request = {"at": TURN, "want": "poses(dyad.C.p)"}
     lengths = [5.9, 6.1]
     small = remade(fourbar, {}).study({"dyad.l_i": lengths}, **request)
-    made = fourbar.study({"dyad.l_i": lengths}, engine="llvm", **request)
-    assert (small.engine, made.engine) == ("numpy", "llvm")
+    study = fourbar.study({"dyad.l_i": lengths}, engine="llvm", **request)
+    assert (small.engine, study.engine) == ("numpy", "llvm")
     for k, l_i in enumerate(lengths):
         run = remade(fourbar, {"dyad.l_i": l_i}).run(at=TURN, want="dyad.C.p", engine="llvm")
-        np.testing.assert_array_equal(made["poses(dyad.C.p)"][k], run["dyad.C.p"])
+        np.testing.assert_array_equal(study["poses(dyad.C.p)"][k], run["dyad.C.p"])
     with pytest.raises(bm.RequestError, match="the study did not keep it"):
-        made.unit("dyad.C.p")
+        study.unit("dyad.C.p")
 
 
 def test_self_locking_designs_say_so():
     fourbar = mechanism("ruiz_fourbar")
     values = {"dyad.friction.C.radius": [0.0075, 9.0]}
-    found = fourbar.study(values, want="max_abs(crank.drive)", samples=9)
+    study = fourbar.study(values, want="max_abs(crank.drive)", samples=9)
     other = remade(fourbar, {"dyad.friction.C.radius": 9.0})
     run = other.run(samples=9, want=["crank.drive"], on_gap="mark", engine="numpy")
-    assert found.status == ("ok", run.quality.status[run.quality.gaps[0]])
-    assert found.status[1] != "ok"
+    assert study.status == ("ok", run.quality.status[run.quality.gaps[0]])
+    assert study.status[1] != "ok"
 
 
 def test_a_grid_is_an_array_over_its_numbers(fourbar):
     vary = {"dyad.l_i": [5.8, 6.0, 6.2], "dyad.links.i.mass": [0.0, 30.0]}
-    found = fourbar.study(vary, at=TURN, want="max_abs(crank.drive)")
-    table = found.grid("max_abs(crank.drive)")
+    study = fourbar.study(vary, at=TURN, want="max_abs(crank.drive)")
+    table = study.grid("max_abs(crank.drive)")
     assert table.shape == (3, 2)
-    data = found.to_xarray()
+    data = study.to_xarray()
     assert data["max_abs(crank.drive)"].dims == ("dyad.l_i", "dyad.links.i.mass")
     assert data["max_abs(crank.drive)"].attrs["units"] == "N m"
     one = data["max_abs(crank.drive)"].sel({"dyad.l_i": 6.0, "dyad.links.i.mass": 30.0})
-    assert float(one) == table[1, 1] == found["max_abs(crank.drive)"][3]
+    assert float(one) == table[1, 1] == study["max_abs(crank.drive)"][3]
 
 
 def test_blocks_of_any_size_say_the_same(fourbar, monkeypatch):
     vary = {"dyad.l_i": np.linspace(5.8, 6.2, 11), "dyad.friction.C.coefficient": [0.0, 0.2]}
     request = {"at": TURN, "want": ["mean(crank.drive)", "poses(dyad.C.p)"]}
-    whole = fourbar.study(vary, **request)
+    study = fourbar.study(vary, **request)
     monkeypatch.setattr(Runner, "size", lambda self, n: 3)
     parts = fourbar.study(vary, **request)
-    for label in whole:
-        np.testing.assert_array_equal(whole[label], parts[label])
+    for label in study:
+        np.testing.assert_array_equal(study[label], parts[label])
 
 
 def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
@@ -129,34 +129,34 @@ def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
 
     lengths = np.linspace(5.8, 6.2, 9)
     how = {"at": TURN, "want": "max(crank.drive)", "engine": "numpy"}  # in blocks of that size
-    found = fourbar.study({"dyad.l_i": lengths}, progress=say, **how)
+    study = fourbar.study({"dyad.l_i": lengths}, progress=say, **how)
     assert told[0] == ("2 of 9 designs", 2, 9)
-    assert found.interrupted
-    assert found.n == 4
+    assert study.interrupted
+    assert study.n == 4
     whole = fourbar.study({"dyad.l_i": lengths}, **how)
-    np.testing.assert_array_equal(found["max(crank.drive)"], whole["max(crank.drive)"][:4])
-    assert np.isnan(found.grid("max(crank.drive)")[4:]).all()
+    np.testing.assert_array_equal(study["max(crank.drive)"], whole["max(crank.drive)"][:4])
+    assert np.isnan(study.grid("max(crank.drive)")[4:]).all()
 
 
 @pytest.mark.parametrize("sampling", ["latin", "sobol", "random"])
 def test_points_of_distributions_are_the_same_for_a_seed(fourbar, sampling):
     vary = {"dyad.l_i": bm.dist.Normal(6.0, 0.01), "frame.D.x": bm.dist.Uniform(5.4, 5.6)}
     request = {"at": TURN, "want": "max(crank.drive)", "sampling": bm.dist.Sample(256, sampling)}
-    found = fourbar.study(vary, **request)
+    study = fourbar.study(vary, **request)
     again = fourbar.study(vary, **request)
     second = {"sampling": bm.dist.Sample(256, sampling, seed=1)}
-    np.testing.assert_array_equal(found["dyad.l_i"], again["dyad.l_i"])
-    assert (found["dyad.l_i"] != fourbar.study(vary, **request | second)["dyad.l_i"]).any()
+    np.testing.assert_array_equal(study["dyad.l_i"], again["dyad.l_i"])
+    assert (study["dyad.l_i"] != fourbar.study(vary, **request | second)["dyad.l_i"]).any()
     spread = 4 / np.sqrt(256)  # four standard errors
-    assert abs(found["dyad.l_i"].mean() - 6.0) < spread * 0.01
-    assert abs(found["frame.D.x"].std() - 0.2 / np.sqrt(12)) < spread * 0.2
-    assert 5.4 <= found["frame.D.x"].min() < found["frame.D.x"].max() <= 5.6
+    assert abs(study["dyad.l_i"].mean() - 6.0) < spread * 0.01
+    assert abs(study["frame.D.x"].std() - 0.2 / np.sqrt(12)) < spread * 0.2
+    assert 5.4 <= study["frame.D.x"].min() < study["frame.D.x"].max() <= 5.6
 
 
 def test_what_a_program_cannot_vary_is_compiled_design_by_design(fourbar):
-    found = fourbar.study({"dyad.branch": [1, -1]}, at=TURN, want="mean(dyad.C.p.y)")
-    assert found.alone == "dyad.branch chooses between structures"
-    assert found["mean(dyad.C.p.y)"][0] > 0 > found["mean(dyad.C.p.y)"][1]
+    study = fourbar.study({"dyad.branch": [1, -1]}, at=TURN, want="mean(dyad.C.p.y)")
+    assert study.alone == "dyad.branch chooses between structures"
+    assert study["mean(dyad.C.p.y)"][0] > 0 > study["mean(dyad.C.p.y)"][1]
     rates = fourbar.study({"scene.drive.crank.rate": [1.0, 2.0]}, at=TURN, want="max(dyad.i.omega)")
     assert rates["max(dyad.i.omega)"][1] == 2 * rates["max(dyad.i.omega)"][0]
     triad = mechanism("stephenson_3_triad")
@@ -171,11 +171,11 @@ def test_numbers_of_a_linkage_that_go_into_its_graph_vary_in_one_program():
     plain = bm.Linkage.load(JOINTS / "ruiz_fourbar.json").compile()
     link = next(a for a in plain.parameters() if a.endswith(".mass"))
     out = f"driver.{plain.drivers[0]}.drive"
-    found = plain.study({link: [1.0, 2.0]}, want=f"max({out})", samples=9)
-    assert not found.alone
+    study = plain.study({link: [1.0, 2.0]}, want=f"max({out})", samples=9)
+    assert not study.alone
     other = remade(plain, {link: 2.0})
     largest = extremes(other.run(samples=9, want=[out]), out).maximum.value
-    assert found[f"max({out})"][1] == pytest.approx(largest, rel=1e-12)
+    assert study[f"max({out})"][1] == pytest.approx(largest, rel=1e-12)
     place = next(a for a in plain.parameters() if a.startswith("joints.") and a.endswith(".x"))
     value = plain.parameters()[place].value
     moved = plain.study({place: [value, value + 1e-3]}, want=f"max({out})", samples=9)
@@ -184,31 +184,31 @@ def test_numbers_of_a_linkage_that_go_into_its_graph_vary_in_one_program():
 
 
 def test_tables_leave_as_csv_parquet_and_frames(fourbar, tmp_path):
-    found = fourbar.study(
+    study = fourbar.study(
         {"dyad.l_i": [4.0, 6.0]}, at=TURN, want=["max(crank.drive)", "mean(dyad.C.p)"]
     )
-    head, bad, good = found.to_csv(tmp_path / "a.csv").splitlines()
+    head, bad, good = study.to_csv(tmp_path / "a.csv").splitlines()
     assert head.split(",")[:2] == ["dyad.l_i [m]", "max(crank.drive) [N m]"]
     assert head.endswith("mean(dyad.C.p).x [m],mean(dyad.C.p).y [m],status")
     assert bad.startswith("4.0,,,")
-    assert float(good.split(",")[1]) == found["max(crank.drive)"][1]
+    assert float(good.split(",")[1]) == study["max(crank.drive)"][1]
     import pyarrow.parquet as parquet
 
-    found.to_parquet(tmp_path / "a.parquet")
+    study.to_parquet(tmp_path / "a.parquet")
     table = parquet.read_table(tmp_path / "a.parquet")
-    assert table.column("max(crank.drive)").to_pylist()[1] == found["max(crank.drive)"][1]
+    assert table.column("max(crank.drive)").to_pylist()[1] == study["max(crank.drive)"][1]
     assert table.schema.field("dyad.l_i").metadata == {b"unit": b"m"}
-    assert found.to_dataframe().attrs["units"]["mean(dyad.C.p).x"] == "m"
+    assert study.to_dataframe().attrs["units"]["mean(dyad.C.p).x"] == "m"
 
 
 @pytest.mark.parametrize("module", ["xarray", "pyarrow"])
 def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, module):
     import sys
 
-    found = fourbar.study({"dyad.l_i": [6.0]}, at=TURN, want="max(crank.drive)")
+    study = fourbar.study({"dyad.l_i": [6.0]}, at=TURN, want="max(crank.drive)")
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(bm.MissingEngineError, match=r"blockmech\[study\]"):
-        found.to_xarray() if module == "xarray" else found.to_parquet(tmp_path / "a.parquet")
+        study.to_xarray() if module == "xarray" else study.to_parquet(tmp_path / "a.parquet")
 
 
 NORMAL = {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}
@@ -265,21 +265,21 @@ def test_distributions_refuse_what_is_none(make):
 @pytest.mark.parametrize("vary", [{"dyad.l_i": [5.5, 6.0, 6.5]}, {"crank.length": [1.8, 2.0, 9.0]}])
 def test_a_study_is_verified_by_designs_made_again(vary):
     mech = ruiz().compile()
-    found = mech.study(vary, want=["max_abs(crank.drive)", "rms(dyad.D.reaction)"], samples=25)
-    checked = mech.verify(found)
+    study = mech.study(vary, want=["max_abs(crank.drive)", "rms(dyad.D.reaction)"], samples=25)
+    checked = mech.verify(study)
     assert checked.ok, str(checked)
-    assert [row.name for row in checked.rows] == [f"{w.label} made again" for w in found.columns]
-    assert checked.samples == sum(word == "ok" for word in found.status)
+    assert [row.name for row in checked.rows] == [f"{w.label} made again" for w in study.columns]
+    assert checked.samples == sum(word == "ok" for word in study.status)
 
 
 def test_a_falsified_study_is_caught():
     mech = ruiz().compile()
-    found = mech.study({"dyad.l_i": [5.5, 6.0, 6.5]}, want="max_abs(crank.drive)", samples=25)
-    found.found.values["max_abs(crank.drive)"][1] *= 1 + 1e-9
-    assert not mech.verify(found).ok
+    study = mech.study({"dyad.l_i": [5.5, 6.0, 6.5]}, want="max_abs(crank.drive)", samples=25)
+    study.found.values["max_abs(crank.drive)"][1] *= 1 + 1e-9
+    assert not mech.verify(study).ok
 
 
 def test_a_study_of_another_mechanism_is_refused():
-    found = ruiz().compile().study({"dyad.l_i": [6.0]}, want="max(crank.drive)", samples=5)
+    study = ruiz().compile().study({"dyad.l_i": [6.0]}, want="max(crank.drive)", samples=5)
     with pytest.raises(bm.RequestError, match="another mechanism"):
-        ruiz().compile().verify(found)
+        ruiz().compile().verify(study)

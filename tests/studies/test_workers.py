@@ -116,9 +116,9 @@ def test_local_processes_give_the_same_though_one_is_killed(fourbar, whole, tmp_
             killed.append(multiprocessing.active_children()[0])
             killed[0].kill()
 
-    found = fourbar.study(VARY, **REQUEST, out=tmp_path / "there", workers=2, progress=kill)
+    study = fourbar.study(VARY, **REQUEST, out=tmp_path / "there", workers=2, progress=kill)
     assert killed[0].exitcode == -signal.SIGKILL
-    assert_same(whole, found)
+    assert_same(whole, study)
     assert files(tmp_path / "here") == files(tmp_path / "there")
 
 
@@ -135,10 +135,10 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed(fourbar, whole, tmp_
                 killed.append(next(iter(client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        found = fourbar.study(
+        study = fourbar.study(
             VARY, **REQUEST, out=tmp_path / "there", workers=client, progress=kill
         )
-        assert_same(whole, found)
+        assert_same(whole, study)
         assert killed
         assert files(tmp_path / "here") == files(tmp_path / "there")
         assert_same(whole, fourbar.study(VARY, **REQUEST, workers=client))
@@ -196,10 +196,10 @@ def test_a_script_without_a_guard_is_told_so(tmp_path):
     )
     script = tmp_path / "script.py"
     script.write_text("\n".join(lines), encoding="utf-8")
-    said = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
-    assert said.returncode == 1
-    assert "[workers-died] workers: the processes ended before" in said.stderr
-    assert 'ask below "if __name__ == ...", and see' in said.stderr
+    result = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
+    assert result.returncode == 1
+    assert "[workers-died] workers: the processes ended before" in result.stderr
+    assert 'ask below "if __name__ == ...", and see' in result.stderr
 
 
 # ---- what stands in a part's place ---------------------------------------------------------

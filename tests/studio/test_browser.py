@@ -221,11 +221,11 @@ def test_a_link_holds_the_document(page, studio):
 
 def test_texts_of_a_hostile_document_are_text(page, studio):
     evil = '<img src=x onerror="document.title=1"><script>document.title=2</script>'
-    made = bm.Linkage("four")
-    made.title = evil
-    made.add_link("link")
-    made.add_joint("A", "R", ["frame", "link"], point=0j)
-    data = made.to_data()
+    linkage = bm.Linkage("four")
+    linkage.title = evil
+    linkage.add_link("link")
+    linkage.add_joint("A", "R", ["frame", "link"], point=0j)
+    data = linkage.to_data()
     data["joints"] = {evil.replace(".", " ").replace("/", " "): data["joints"]["A"]}
     hand = Sheet(page, studio, {"text": bm.Linkage.from_data(data).to_json(), "name": "evil"})
     page.wait_for_timeout(300)

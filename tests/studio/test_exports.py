@@ -67,6 +67,6 @@ def test_nothing_is_exported_of_what_does_not_move():
 
 def test_the_numbers_are_those_of_the_command_line(tmp_path):
     path = tmp_path / "run.csv"
-    wanted = ["--want", "driver.motor.drive", "--csv", str(path)]
-    assert main(["run", str(GRAPHS / "joints" / "ruiz_fourbar.json"), *wanted]) == 0
+    expected = ["--want", "driver.motor.drive", "--csv", str(path)]
+    assert main(["run", str(GRAPHS / "joints" / "ruiz_fourbar.json"), *expected]) == 0
     assert exported("numbers .csv", asked("ruiz_fourbar.json"))[1] == path.read_bytes()

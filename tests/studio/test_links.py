@@ -39,7 +39,7 @@ def test_a_drawn_four_bar_moves_as_the_file_does():
     assert pane.problems == ()
     assert "RRR" in pane.said
     motor = pane.mechanism.drivers[0]
-    drawn = pane.mechanism.run(
+    result = pane.mechanism.run(
         at={motor: [0.0, 1.0]}, want=["link.link2.omega"], friction="none", rates={motor: 10.0}
     )
     file = opened(GRAPHS / "joints" / "ruiz_fourbar.json").run(
@@ -47,7 +47,7 @@ def test_a_drawn_four_bar_moves_as_the_file_does():
     )
     length = abs(complex(7.607142857142857, 2.135403697) - 5.5)
     assert length == pytest.approx(3, abs=1e-8)  # how exactly it was drawn
-    assert drawn["link.link2.omega"] == pytest.approx(file["link.rocker.omega"], rel=1e-7)
+    assert result["link.link2.omega"] == pytest.approx(file["link.rocker.omega"], rel=1e-7)
 
 
 def test_every_step_of_a_drawing_is_undone():
@@ -148,9 +148,9 @@ def test_a_block_slides_on_a_moving_link():
     pane.act("Slider", "B", angle=math.pi / 2, on="link1")
     pane.act("Driver", "A")
     assert pane.problems == ()
-    found = pane.mechanism.run(at=[0.7], rates=1.0, want=["link.link1.omega"])
+    result = pane.mechanism.run(at=[0.7], rates=1.0, want=["link.link1.omega"])
     b = 1j * complex(math.cos(0.7), math.sin(0.7))  # the rocker points from C to B
-    assert found["link.link1.omega"][0] == pytest.approx((1j * b / (b + 2j)).imag, abs=1e-14)
+    assert result["link.link1.omega"][0] == pytest.approx((1j * b / (b + 2j)).imag, abs=1e-14)
 
 
 def test_a_pin_and_the_guide_of_its_block_move_together():
@@ -219,9 +219,9 @@ def test_a_machine_with_cylinders_is_moved_as_a_whole():
     """Places that rounded poses do not bring together stay apart, and it runs as before."""
     sheet = Hand(opened(GRAPHS / "joints" / "excavator.json"))
     places = {name: pin.z + 0.7 - 0.35j for name, pin in sketching.pins_of(sheet.form).items()}
-    made = bm.Linkage.from_data(sketching.moved(sheet.form, places)).compile()
+    mechanism = bm.Linkage.from_data(sketching.moved(sheet.form, places)).compile()
     names = [f"link.{name}.omega" for name in ("boom", "arm", "bucket")]
-    one, other = (m.run(samples=5, want=names) for m in (sheet.mechanism, made))
+    one, other = (m.run(samples=5, want=names) for m in (sheet.mechanism, mechanism))
     for name in names:
         assert other[name] == pytest.approx(one[name], rel=1e-11)
 
@@ -249,8 +249,8 @@ def test_a_cylinder_lifts_an_arm():
     assert pane.problems == ()
     (driver,) = pane.mechanism.drivers
     q = 1.5
-    found = pane.mechanism.run(at={driver: [q]}, rates=0.0, want=["joint.B.p"])
-    b = found["joint.B.p"][0]
+    result = pane.mechanism.run(at={driver: [q]}, rates=0.0, want=["joint.B.p"])
+    b = result["joint.B.p"][0]
     assert abs(b) == pytest.approx(2, abs=1e-13)
     assert abs(b - (1 - 1j)) == pytest.approx(q, abs=1e-13)
 
@@ -291,9 +291,9 @@ def test_a_rack_turns_the_pinion_that_reaches_it():
     assert rack["radius"] == 0.5
     assert [wheel["radius"] for wheel in drawing.of_links(pane.form)["wheels"]] == [0.5]
     motor = rack["driver"]
-    found = pane.mechanism.run(at={motor: [0.2]}, rates={motor: 1.0}, want=["link.link.omega"])
+    result = pane.mechanism.run(at={motor: [0.2]}, rates={motor: 1.0}, want=["link.link.omega"])
     v = 1.0  # of the rack along +x; the point of the pinion below its centre moves with it
-    assert found["link.link.omega"][0] * 0.5 == pytest.approx(v, rel=1e-12)
+    assert result["link.link.omega"][0] * 0.5 == pytest.approx(v, rel=1e-12)
 
 
 def test_a_cam_lifts_a_valve_as_its_law_says():
@@ -310,8 +310,8 @@ def test_a_cam_lifts_a_valve_as_its_law_says():
     (cam,) = pane.sheet.form["couplings"].values()
     motor = cam["driver"]
     q = [0.0, math.pi / 2, math.pi, 2 * math.pi]
-    found = pane.mechanism.run(at={motor: q}, rates={motor: 1.0}, want=["link.link1.p"])
-    height = found["link.link1.p"].imag - 2.0
+    result = pane.mechanism.run(at={motor: q}, rates={motor: 1.0}, want=["link.link1.p"])
+    height = result["link.link1.p"].imag - 2.0
     assert height == pytest.approx([0.0, 0.1, 0.2, 0.0], abs=1e-12)
     pane.act("Cam", "C", "A")
     assert "in this order" in pane.said

@@ -98,8 +98,8 @@ def test_a_dragged_joint_moves_alone(name, k):
     for spot in handles.values():
         old = complex(motion.at(*spot)[k])
         new = old + 0.05 + 0.03j
-        made = bm.Graph.from_data(dragged(now.form, motion, k, old, new)).compile()
-        after = places(made, motion, k, angle_of_crank(made, old, new, motion, k))
+        mechanism = bm.Graph.from_data(dragged(now.form, motion, k, old, new)).compile()
+        after = places(mechanism, motion, k, angle_of_crank(mechanism, old, new, motion, k))
         for joint, z in before.items():
             near = new if abs(z - old) < 1e-9 else z
             assert abs(after[joint] - near) < 1e-9, joint
@@ -116,10 +116,10 @@ def places(mechanism, motion, k, q=None):
     }
     inner = {f"{n}.C" for n, b in mechanism.structure.blocks.items() if "C" in b.joints}
     want = {*map(str, joints.values()), *inner}
-    found = mechanism._of_blocks.run(
+    result = mechanism._of_blocks.run(
         at={driver: q}, rates={driver: 0.0}, want=[f"{n}.p" for n in want], friction="none"
     )
-    return {name: complex(found[f"{name}.p"][0]) for name in want}
+    return {name: complex(result[f"{name}.p"][0]) for name in want}
 
 
 def angle_of_crank(mechanism, old, new, motion, k):

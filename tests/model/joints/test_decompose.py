@@ -94,9 +94,9 @@ def test_a_driven_joint_on_a_moving_link_is_a_driving_link_there():
     data["links"]["arm"] = {"pose": [1.7, 1.2, 0.2]}
     data["joints"]["E"] = pin("rod", "arm", (1.2, 0), (0, 0))
     data["drivers"]["wrist"] = {"joint": "E"}
-    found = read(data).decompose()
-    assert found.data["blocks"]["wrist"]["type"] == "driver.crank"
-    assert {"from": "rocker_rod.E", "to": "wrist.A"} in found.data["wires"]
+    graph = read(data).decompose()
+    assert graph.data["blocks"]["wrist"]["type"] == "driver.crank"
+    assert {"from": "rocker_rod.E", "to": "wrist.A"} in graph.data["wires"]
 
 
 def lift(rod_off=0.0, angle=(0.0, 0.0)):
@@ -120,10 +120,10 @@ def lift(rod_off=0.0, angle=(0.0, 0.0)):
 
 
 def test_a_driven_length_between_pivots_is_a_cylinder():
-    found = read(lift()).decompose()
-    name, block = next((n, b) for n, b in found.data["blocks"].items() if n != "frame")
+    graph = read(lift()).decompose()
+    name, block = next((n, b) for n, b in graph.data["blocks"].items() if n != "frame")
     assert (name, block["type"]) == ("jack", "driven.rrr")
-    sign, offset = found.graph.structure().coordinate("jack")
+    sign, offset = graph.graph.structure().coordinate("jack")
     assert sign == 1
     assert offset == pytest.approx(0.2 + 1.2, rel=1e-15)
 
@@ -134,17 +134,17 @@ def test_a_cylinder_whose_line_points_the_other_way_drives_the_same():
     assert turned.data["blocks"]["jack"]["type"] == "driven.rrr"
     assert turned.names.joints["S"].turned
     for s in (0.7, 0.9):
-        one = straight.run(at={"jack": s}, rates={"jack": 1.0})
+        result = straight.run(at={"jack": s}, rates={"jack": 1.0})
         other = turned.compile().run(at={"jack": -s}, rates={"jack": -1.0})
-        assert one["link.arm.angle"] == pytest.approx(other["link.arm.angle"], abs=ROUNDING)
-        assert one["joint.S.slip"] == pytest.approx(-other["joint.S.slip"], abs=ROUNDING)
+        assert result["link.arm.angle"] == pytest.approx(other["link.arm.angle"], abs=ROUNDING)
+        assert result["joint.S.slip"] == pytest.approx(-other["joint.S.slip"], abs=ROUNDING)
 
 
 def test_a_cylinder_pinned_off_its_line_is_a_general_group():
-    found = read(lift(rod_off=0.05)).decompose()
+    graph = read(lift(rod_off=0.05)).decompose()
     assert "group.general" in types(lift(rod_off=0.05))
-    assert found.graph.structure().driven == {"jack": ("barrel_rod_arm", "S")}
-    assert found.data["blocks"]["barrel_rod_arm"]["home"]["drivers"].keys() == {"jack"}
+    assert graph.graph.structure().driven == {"jack": ("barrel_rod_arm", "S")}
+    assert graph.data["blocks"]["barrel_rod_arm"]["home"]["drivers"].keys() == {"jack"}
 
 
 def test_a_general_group_knows_all_drivers_on_which_it_depends():
@@ -167,11 +167,11 @@ def test_a_motor_that_follows_the_angle_of_links_leaves_their_frames_alone():
     spring["loads"] = {"m": {"type": "torsion_spring", "joint": "C", "stiffness": 3.0}}
     assert "group.general" in types(motor)
     assert "dyad.rrr" in types(spring)
-    found, wanted = (
+    found, expected = (
         read(d).compile().run(at={"motor": 1.1}, rates={"motor": 0.0}) for d in (motor, spring)
     )
     for name in ("driver.motor.drive", "joint.B.reaction", "joint.D.reaction"):
-        assert np.abs(found[name] - wanted[name]).max() <= ROUNDING * np.abs(wanted[name]).max()
+        assert np.abs(found[name] - expected[name]).max() <= ROUNDING * np.abs(expected[name]).max()
 
 
 def test_a_slide_whose_frame_a_law_reads_is_left_alone():
@@ -193,10 +193,10 @@ def test_a_slide_whose_frame_a_law_reads_is_left_alone():
         "drivers": {"push": {"joint": "S"}, "turn": {"joint": "R"}},
         "loads": {"m": {"type": "motor", "links": ["slide", "arm"], "law": law}},
     }
-    made = loads(json.dumps(data)).decompose()
-    assert made.data["blocks"]["slide"]["type"] == "group.general"
+    graph = loads(json.dumps(data)).decompose()
+    assert graph.data["blocks"]["slide"]["type"] == "group.general"
     at = {"push": 0.7, "turn": 1.1}
-    run = made.compile().run(at=at, rates=dict.fromkeys(at, 0.0))
+    run = graph.compile().run(at=at, rates=dict.fromkeys(at, 0.0))
     assert run["driver.turn.drive"][0] == pytest.approx(-2.0 * 1.1, rel=1e-12)
     assert run["link.slide.angle"][0] == pytest.approx(-0.4, abs=1e-14)
 
@@ -219,8 +219,8 @@ def test_a_load_follows_the_coordinate_of_the_document(kind):
     q = np.array([-2.1, -1.2, -0.7])
     run = read(data).compile().run(at={"motor": q}, rates={"motor": 0.0})
     x = {"polynomial": lambda: 1.0 + 2.0 * q - 0.5 * q * q, "fourier": lambda: series(q)}
-    wanted = x.get(kind, lambda: spline(q))()
-    assert run["driver.motor.drive"] == pytest.approx(wanted, abs=1e-13)  # drives second on first
+    expected = x.get(kind, lambda: spline(q))()
+    assert run["driver.motor.drive"] == pytest.approx(expected, abs=1e-13)  # drives second on first
 
 
 def series(q):
@@ -260,8 +260,8 @@ def test_names_that_blocks_use_themselves_do_no_harm():
     for general in ("", "groups", "one"):
         run = read(data).decompose(general).compile().run(at={"frame": 1.0}, rates={"frame": 0.0})
         i = run["link.i.p"][0], run["link.i.angle"][0]
-        wanted = i[0] + (0.5 + 0.5j) * cmath.exp(1j * i[1])
-        assert run["link.i.C.p"][0] == pytest.approx(wanted, abs=ROUNDING)
+        expected = i[0] + (0.5 + 0.5j) * cmath.exp(1j * i[1])
+        assert run["link.i.C.p"][0] == pytest.approx(expected, abs=ROUNDING)
         assert run["link.frame.A.p"][0] == 3 + 3j
         assert run["link.frame.frame.p"][0] == 1 + 1j
 
@@ -291,8 +291,8 @@ def test_whole_turns_in_poses_do_not_lengthen_the_way_from_home():
     assert other.data["blocks"]["rocker_rod"]["home"]["drivers"] == {"motor": pytest.approx(1.0)}
     at = {"motor": [0.6, 1.4]}
     for name in ("link.rocker.angle", "link.rod.p"):
-        found, wanted = (d.compile().run(at=at, rates={"motor": 0.0})[name] for d in (other, one))
-        assert found == pytest.approx(wanted, abs=ROUNDING)
+        found, expected = (d.compile().run(at=at, rates={"motor": 0.0})[name] for d in (other, one))
+        assert found == pytest.approx(expected, abs=ROUNDING)
 
 
 # -- near a dead centre ------------------------------------------------------------------------
@@ -341,10 +341,10 @@ def test_nearly_parallel_guides_are_placed_as_well_as_their_angle_is_known(turn)
     data, height = nearly_parallel(turn)
     linkage = read(data)
     assert linkage.check() == []
-    found = linkage.run(at=math.pi / 2, want="link.j.p")
-    assert found["link.j.p"][0].real == pytest.approx(-2.0 * math.cos(turn), abs=16 * EPS / turn)
-    assert found["link.j.p"][0].imag == pytest.approx(height, rel=4 * EPS)
-    (margin,) = found.quality.margin.values()
+    result = linkage.run(at=math.pi / 2, want="link.j.p")
+    assert result["link.j.p"][0].real == pytest.approx(-2.0 * math.cos(turn), abs=16 * EPS / turn)
+    assert result["link.j.p"][0].imag == pytest.approx(height, rel=4 * EPS)
+    (margin,) = result.quality.margin.values()
     assert margin[0] == pytest.approx(math.sin(turn) ** 2, rel=1e-6)
 
 

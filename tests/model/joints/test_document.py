@@ -41,19 +41,19 @@ GOOD = {
 @pytest.mark.parametrize("data", GOOD.values(), ids=list(GOOD))
 def test_a_file_keeps_its_content_and_then_its_bytes(data):
     text = read(data).to_json()
-    kept = json.loads(text)
+    document = json.loads(text)
     for section in ("links", "joints", "drivers", "loads"):
-        assert kept.get(section, {}) == data.get(section, {})
+        assert document.get(section, {}) == data.get(section, {})
     assert linkage_of(text).to_json() == text
 
 
 def test_saving_and_loading_a_file(tmp_path):
     path = tmp_path / "linkage.json"
-    made = read(machines.SLIDER_CRANK)
-    made.save(path)
+    document = read(machines.SLIDER_CRANK)
+    document.save(path)
     loaded = bm.Linkage.load(path)
     assert loaded.file == str(path)
-    assert loaded.to_json() == made.to_json()
+    assert loaded.to_json() == document.to_json()
 
 
 def test_the_sections_that_are_not_computed_with_travel_along():
@@ -72,34 +72,34 @@ def test_the_sections_that_are_not_computed_with_travel_along():
         "source": "a book",
         "notes": ["one", "two"],
     }
-    kept = json.loads(read(machines.SLIDER_CRANK | more).to_json())
-    assert {key: kept[key] for key in more} == more
+    document = json.loads(read(machines.SLIDER_CRANK | more).to_json())
+    assert {key: document[key] for key in more} == more
 
 
 def test_made_in_python_it_is_the_same_document():
     said = machines.SLIDER_CRANK
-    made = bm.Linkage("slider_crank", gravity=(0.0, -9.81))
+    linkage = bm.Linkage("slider_crank", gravity=(0.0, -9.81))
     for name, link in said["links"].items():
-        made.add_link(name, **link)
+        linkage.add_link(name, **link)
     for name, joint in said["joints"].items():
         rest = {key: value for key, value in joint.items() if key not in ("type", "links", "at")}
-        made.add_joint(name, joint["type"], joint["links"], joint["at"], **rest)
+        linkage.add_joint(name, joint["type"], joint["links"], joint["at"], **rest)
     law = bm.motion.ConstantRate(rate=100.0, **{"from": 0.0, "to": 6.283185307179586})
-    made.add_driver("motor", "O", law)
-    made.add_load("gas", "force", link="piston", at=(0.0, 0.0), force=(-500.0, 0.0))
-    assert made.to_json() == read(said).to_json()
+    linkage.add_driver("motor", "O", law)
+    linkage.add_load("gas", "force", link="piston", at=(0.0, 0.0), force=(-500.0, 0.0))
+    assert linkage.to_json() == read(said).to_json()
 
 
 def test_a_mistake_in_python_names_its_place_in_the_document():
-    made = bm.Linkage()
+    linkage = bm.Linkage()
     with pytest.raises(bm.GraphError) as caught:
-        made.add_link("rod", mass=-1.0, pose=[0, 0, "x"])
+        linkage.add_link("rod", mass=-1.0, pose=[0, 0, "x"])
     assert {p.where for p in caught.value.problems} == {"links.rod.mass", "links.rod.pose[2]"}
-    made.add_link("rod", pose=(0, 0, 0))
+    linkage.add_link("rod", pose=(0, 0, 0))
     with pytest.raises(bm.GraphError, match="taken-name"):
-        made.add_link("rod", pose=(0, 0, 0))
+        linkage.add_link("rod", pose=(0, 0, 0))
     with pytest.raises(bm.GraphError, match="no type"):
-        made.add_load("wind", "storm", link="rod")
+        linkage.add_load("wind", "storm", link="rod")
 
 
 def test_all_mistakes_of_a_file_are_said_at_once_with_file_and_key():

@@ -13,18 +13,18 @@ CRANK, ROD, TURN = 0.05, 0.2, 0.7  # [m], [m], [rad] of the whole drawing
 
 def slider_crank(piston: tuple[float, float, float] | None, **guide) -> bm.Linkage:
     """Drawn at dead centre, its guide along a line through the crank's bearing."""
-    drawn = bm.Linkage("drawn")
+    linkage = bm.Linkage("drawn")
     along = cmath.rect(1.0, TURN)
     for link in ("crank", "rod"):
-        drawn.add_link(link)
-    drawn.add_link("piston", pose=piston)
-    drawn.add_joint("A", "R", ["frame", "crank"], point=(0.0, 0.0))
-    drawn.add_joint("B", "R", ["crank", "rod"], point=CRANK * 1j * along)
+        linkage.add_link(link)
+    linkage.add_link("piston", pose=piston)
+    linkage.add_joint("A", "R", ["frame", "crank"], point=(0.0, 0.0))
+    linkage.add_joint("B", "R", ["crank", "rod"], point=CRANK * 1j * along)
     pin = math.sqrt(ROD**2 - CRANK**2) * along
-    drawn.add_joint("C", "R", ["rod", "piston"], point=pin)
-    drawn.add_joint("S", "P", ["frame", "piston"], point=pin, **guide)
-    drawn.add_driver("motor", "A")
-    return drawn
+    linkage.add_joint("C", "R", ["rod", "piston"], point=pin)
+    linkage.add_joint("S", "P", ["frame", "piston"], point=pin, **guide)
+    linkage.add_driver("motor", "A")
+    return linkage
 
 
 @pytest.mark.parametrize("piston", [None, (0.1, -0.3, 2.0)])

@@ -60,10 +60,10 @@ def test_a_file_names_them_and_the_request_says_the_same(joint, turn):
 def test_links_in_the_other_order_are_the_mirror_image(joint):
     name, stops = f"joint.{joint}.coordinate", STOPS[joint]
     mirrored = {OTHER.get(key, key): -x if key in OTHER else x for key, x in stops.items()}
-    one = document({name: stops}).compile().simulate("time=0.02").motion
+    motion = document({name: stops}).compile().simulate("time=0.02").motion
     two = document({name: mirrored}, reverse=joint).compile().simulate("time=0.02").motion
-    assert two.q_end == pytest.approx(one.q_end, rel=1e-12)
-    assert two.impacts[0].impulse == pytest.approx(-one.impacts[0].impulse, rel=1e-10)
+    assert two.q_end == pytest.approx(motion.q_end, rel=1e-12)
+    assert two.impacts[0].impulse == pytest.approx(-motion.impacts[0].impulse, rel=1e-10)
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.1])
