@@ -32,10 +32,10 @@ def test_numbers_scatter_by_distributions(call):
 
 def test_a_folder_takes_parts_and_workers_do_them(call, tmp_path):
     out, words = tmp_path / "parts", ("--vary", "dyad.l_i=5.9:6.1:5")
-    outcome = call("sweep", RUIZ, *words, *WANT)
+    alone = call("sweep", RUIZ, *words, *WANT)
     other = call("sweep", RUIZ, *words, *WANT, "--out", out, "--workers", "1")
     assert other.code == 0
-    assert other.out == f"{one.out}wrote {out}\n"
+    assert other.out == f"{alone.out}wrote {out}\n"
     assert len(list(out.glob("*.parquet"))) == 1
     refused = call("sweep", RUIZ, "--vary", "dyad.l_i=5", *WANT, "--out", out)
     assert refused.code == 2

@@ -72,8 +72,8 @@ REFUSED = {
 }
 KNOWN = {
     bm.Graph: "blocks, extras, file, gravity, name, parameters, scene, title, wires",
-    bm.Linkage: "couplings, dimensions, drivers, extras, file, gravity, initial, joints, links, loads, "
-    "motion, name, signals, stops, title, wires",
+    bm.Linkage: "couplings, dimensions, drivers, extras, file, gravity, initial, joints, links, "
+    "loads, motion, name, signals, stops, title, wires",
 }
 
 

@@ -233,4 +233,4 @@ def test_random_mechanism_is_verified(seed):
     verification = mechanism.verify(**case.request)
     if verification.samples == 0:  # no friction solution
         verification = mechanism.verify(**case.request, friction="none")
-    assert verification.ok, f"seed {seed}: {found}"
+    assert verification.ok, f"seed {seed}: {verification}"
