@@ -159,10 +159,10 @@ def _modes_shown(s: Subject) -> Any:
             linear.animate(number, Path(home) / "it.html")
 
 
-def _study(s: Subject, **more: Any) -> Any:
+def _study(s: Subject, **options: Any) -> Any:
     vary = {address: np.array([1.0, 1.001]) * x for address, x in islice(s.numbers.items(), 1)}
     want = [f"{how}({s.output})" for how in ("max_abs", "min", "max", "range", "mean", "rms")]
-    return s.mechanism.study(vary, want=want, **s.places, **more)
+    return s.mechanism.study(vary, want=want, **s.places, **options)
 
 
 def _study_out(s: Subject) -> Any:

@@ -88,9 +88,9 @@ def room(module):
 def files():
     """What imports what; read when a test asks for it, not by all who collect tests."""
     known = set(MODULES)
-    found = nx.DiGraph((a, b) for a in known for b in set(imports(a, late=True)) & known - {a})
-    found.remove_nodes_from(["blockmech"])  # the public names, which nothing inside needs
-    return found
+    result = nx.DiGraph((a, b) for a in known for b in set(imports(a, late=True)) & known - {a})
+    result.remove_nodes_from(["blockmech"])  # the public names, which nothing inside needs
+    return result
 
 
 def test_every_room_imports_from_those_below_it():

@@ -61,7 +61,7 @@ def test_what_is_no_name_is_refused_where_names_are_asked(odd: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("ask", "said"),
+    ("ask", "message"),
     [
         (lambda m, r: bm.draw.draw(r, "a.svg"), "subject: got <Result .* a graph, a linkage or a"),
         (lambda m, r: bm.draw.plot(m, "a.svg"), "result: got <Mechanism .* run it first: "),
@@ -93,9 +93,9 @@ def test_what_is_no_name_is_refused_where_names_are_asked(odd: Any) -> None:
         ),
     ],
 )
-def test_what_a_signature_says_is_asked_of_every_call(ask: Any, said: str) -> None:
+def test_what_a_signature_says_is_asked_of_every_call(ask: Any, message: str) -> None:
     mechanism = RUIZ.compile()
-    with pytest.raises(bm.RequestError, match=said):
+    with pytest.raises(bm.RequestError, match=message):
         ask(mechanism, mechanism.run(at=1.0))
 
 

@@ -74,11 +74,11 @@ def records():
 
 
 def test_every_quantity_in_a_record_has_its_unit():
-    found = list(records())
-    assert len(found) > 20
+    result = list(records())
+    assert len(result) > 20
     bare = [
         name
-        for name, text, fields in found
+        for name, text, fields in result
         for annotation, line in fields
         if annotation in ("Complex", "Real")
         and not UNIT.search(text)

@@ -94,9 +94,9 @@ def test_every_recorded_message_has_its_file():
 
 
 def test_all_mistakes_of_a_file_are_said_at_once():
-    found = codes(ROOT / "graphs" / "broken" / "many_mistakes.json")
+    result = codes(ROOT / "graphs" / "broken" / "many_mistakes.json")
     kinds = {"wrong-type", "wrong-value", "missing-key", "unknown-key"}
-    assert kinds | {"unknown-marker", "unknown-joint", "unwired-joint"} == set(found)
+    assert kinds | {"unknown-marker", "unknown-joint", "unwired-joint"} == set(result)
 
 
 # Files that a repository cannot hold.
@@ -205,8 +205,8 @@ def test_every_code_in_the_source_is_declared():
     ]
     firsts = [c.args[0] for c in calls if getattr(c.func, "id", "") in makers and c.args]
     firsts += [key.value for c in calls for key in c.keywords if key.arg == "code"]
-    found = {first.value for first in firsts if isinstance(first, ast.Constant)}
-    assert found - set(FILE_CODES) == NOT_FROM_FILES
+    result = {first.value for first in firsts if isinstance(first, ast.Constant)}
+    assert result - set(FILE_CODES) == NOT_FROM_FILES
 
 
 # Floods: files half as large as they may be in which everything is wrong, in half the time.

@@ -277,8 +277,8 @@ def test_expected_numbers_are_those_of_the_independent_judge(name):
     document = data_of(name, JOINTS)
     (entry,) = document["expect"]
     assert "multibody.py" in entry["source"]
-    found = by_the_judge(document, entry["at"])
+    result = by_the_judge(document, entry["at"])
     for output, values in entry["want"].items():
-        expected = np.array(found[output], float)
+        expected = np.array(result[output], float)
         error = np.abs(np.array(values) - expected).max()
         assert error <= AGAIN * np.abs(expected).max(), output

@@ -33,13 +33,13 @@ def is_text_of_no_encoding(call):
 
 
 def test_every_text_is_read_and_written_in_an_encoding_that_is_named():
-    found = [
+    result = [
         f"{path.relative_to(ROOT).as_posix()}:{node.lineno}: {ast.unparse(node)}"
         for path in FILES
         for node in nodes(path, ("_text(", "open("))
         if isinstance(node, ast.Call) and is_text_of_no_encoding(node)
     ]
-    assert found == []
+    assert result == []
 
 
 MODULES_OF_POSIX = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}

@@ -57,9 +57,9 @@ def test_parts_without_lines_leave_no_gap():
 
 
 def test_designs_leave_with_their_graphs():
-    found = synthesis.path_generator([(0, 0), (1, 0.5), (2, 0.2), (1.5, -0.3)], starts=40)
-    (first, *_) = json.loads(json.dumps(found.to_dict(), allow_nan=False))["designs"]
-    assert bm.Graph.from_data(first["graph"]).compile().name == found[0].graph.name
+    result = synthesis.path_generator([(0, 0), (1, 0.5), (2, 0.2), (1.5, -0.3)], starts=40)
+    (first, *_) = json.loads(json.dumps(result.to_dict(), allow_nan=False))["designs"]
+    assert bm.Graph.from_data(first["graph"]).compile().name == result[0].graph.name
 
 
 @pytest.mark.parametrize("name", ["joints/engine", "joints/ruiz_fourbar"])

@@ -196,21 +196,21 @@ def test_rerun_marks_gaps_and_does_not_raise():
 
 def test_wire_shows_motion_forward_and_force_back():
     r = ruiz().run(at=[1.0, 2.0])
-    found = r.wire("crank.B", "dyad.B")
+    result = r.wire("crank.B", "dyad.B")
     forward = {"p": "B.p", "v": "B.v", "a": "B.a", "om": "crank.omega", "al": "crank.alpha"}
     for name, output in forward.items():
-        assert np.array_equal(found[name], r[f"crank.{output}"])
-    assert np.array_equal(found["F"], -r["dyad.B.reaction"])
-    assert np.array_equal(found["M"], -r["dyad.B.friction"])
+        assert np.array_equal(result[name], r[f"crank.{output}"])
+    assert np.array_equal(result["F"], -r["dyad.B.reaction"])
+    assert np.array_equal(result["M"], -r["dyad.B.friction"])
 
 
 def test_wire_to_a_prismatic_pair_carries_its_couple():
     r = toggle().run(at=0.3)
-    found = r.wire("frame.G", "ram.S")
-    assert found["power"][0] == 0.0  # the frame does not move
-    assert found["om"][0] == found["al"][0] == 0.0
+    result = r.wire("frame.G", "ram.S")
+    assert result["power"][0] == 0.0  # the frame does not move
+    assert result["om"][0] == result["al"][0] == 0.0
     n = 1j * np.exp(0.2j)
-    assert (found["F"] * np.conj(n)).real[0] == pytest.approx(-r["ram.S.N"][0], rel=1e-14)
+    assert (result["F"] * np.conj(n)).real[0] == pytest.approx(-r["ram.S.N"][0], rel=1e-14)
 
 
 def test_shares_of_blocks_add_up_to_what_is_reduced_to_the_driver():

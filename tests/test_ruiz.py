@@ -188,10 +188,10 @@ def test_self_locking_is_reported_and_no_number_is_handed_out(engine):
     assert flag.code in ("fold", "asymptote")
     assert 0 < flag.value < 1
     assert np.isnan(r["crank.drive"][0])
-    found = r.to_dict()
-    assert found["outputs"]["crank.drive"]["values"] == [None]
-    assert found["outputs"]["dyad.C.reaction"]["values"] == [None]
-    assert found["quality"]["status"] == ["self-locked"]
+    result = r.to_dict()
+    assert result["outputs"]["crank.drive"]["values"] == [None]
+    assert result["outputs"]["dyad.C.reaction"]["values"] == [None]
+    assert result["quality"]["status"] == ["self-locked"]
 
 
 def test_self_locking_spoils_forces_only():

@@ -216,13 +216,13 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("request_", "said"), WRONG, ids=lambda x: str(x)[:40])
-def test_wrong_request_gets_one_clear_sentence(request_, said):
+@pytest.mark.parametrize(("request_", "message"), WRONG, ids=lambda x: str(x)[:40])
+def test_wrong_request_gets_one_clear_sentence(request_, message):
     with pytest.raises(bm.RequestError) as caught:
         turning(STEADY).run(**request_, want=WANT)
     (problem,) = caught.value.problems
     assert problem.code == "bad-request"
-    assert said in str(problem)
+    assert message in str(problem)
 
 
 def test_several_drivers_must_be_named():
@@ -300,13 +300,13 @@ SETTINGS = [
 ]
 
 
-@pytest.mark.parametrize(("settings", "code", "said"), SETTINGS, ids=lambda x: str(x)[:40])
-def test_wrong_setting_gets_one_clear_sentence(settings, code, said):
+@pytest.mark.parametrize(("settings", "code", "message"), SETTINGS, ids=lambda x: str(x)[:40])
+def test_wrong_setting_gets_one_clear_sentence(settings, code, message):
     with pytest.raises(bm.RequestError) as caught:
         ruiz().run(**{"at": [1.0, 2.0]} | settings)
     (problem,) = caught.value.problems
     assert problem.code == code
-    assert said in str(problem)
+    assert message in str(problem)
 
 
 def test_all_wrong_settings_are_told_at_once():

@@ -24,17 +24,17 @@ POINTS = np.array([0.5 + 2.2j, 0.9 + 2.9j, 0.4 + 3.2j, -0.4 + 3.1j, -1.2 + 2.6j,
 
 @pytest.mark.parametrize(("links", "count"), [(4, 1), (6, 2), (8, 16), (10, 230)])
 def test_there_are_as_many_chains_as_the_literature_counts(links, count):
-    found = chains(links)
-    assert len(found) == count
-    for chain in found:
+    result = chains(links)
+    assert len(result) == count
+    for chain in result:
         assert chain.number_of_nodes() == links
         assert 2 * chain.number_of_edges() == 3 * links - 4
         assert nx.is_biconnected(chain)
 
 
 def test_no_two_chains_are_alike():
-    found = chains(8)
-    assert not any(nx.is_isomorphic(a, b) for i, a in enumerate(found) for b in found[:i])
+    result = chains(8)
+    assert not any(nx.is_isomorphic(a, b) for i, a in enumerate(result) for b in result[:i])
 
 
 def test_frames_and_drivers_are_counted_by_symmetry():
@@ -188,7 +188,7 @@ def test_what_is_no_path_is_refused(points, angles, words):
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "arguments"),
     [
         (lambda: function_generator([0.0, 1.0], [0.0, 1.0]), "three angles or more"),
         (lambda: function_generator([0.0, 1.0, 0.5], [0.0, 1.0, 2.0]), "rising or falling"),
@@ -198,8 +198,8 @@ def test_what_is_no_path_is_refused(points, angles, words):
         (lambda: path_generator(POINTS, starts=0), "2 or more"),
     ],
 )
-def test_what_is_no_task_is_refused(call, words):
-    with pytest.raises(bm.RequestError, match=words):
+def test_what_is_no_task_is_refused(call, arguments):
+    with pytest.raises(bm.RequestError, match=arguments):
         call()
 
 

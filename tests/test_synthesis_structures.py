@@ -19,9 +19,9 @@ ANGLES = np.radians([0, 40, 80, 120, 160, 200])
 def test_structures_are_counted_by_hand():
     """Four links: one. Six: Watt's and Stephenson's chains, traced by links that need all dyads."""
     assert len(structures(4)) == 1
-    found = structures(6)
-    assert len(found) == len({s.name for s in found}) == 8
-    for s in found:
+    result = structures(6)
+    assert len(result) == len({s.name for s in result}) == 8
+    for s in result:
         assert s.tracer not in s.chain[s.frame]
         assert s.crank in s.chain[s.frame]
         assert len(s.dyads) == 2

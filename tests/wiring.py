@@ -41,12 +41,12 @@ def amplification(run: Any) -> float:
     """By how much groups in a row may multiply rounding: 1 / sqrt(margin) along the supports."""
     structure, margins = run.mechanism.structure, run.quality.margin
     good = np.array([s == "ok" for s in run.quality.status])
-    found = {structure.frame: np.ones(run.n)}
+    result = {structure.frame: np.ones(run.n)}
     for block in structure.blocks:
-        own = np.max([found[s] for s in (structure.frame, *structure.supports(block))], axis=0)
+        own = np.max([result[s] for s in (structure.frame, *structure.supports(block))], axis=0)
         with np.errstate(all="ignore"):
-            found[block] = own / np.sqrt(margins[block]) if block in margins else own
-    return max((float(c[good].max(initial=1.0)) for c in found.values()), default=1.0)
+            result[block] = own / np.sqrt(margins[block]) if block in margins else own
+    return max((float(c[good].max(initial=1.0)) for c in result.values()), default=1.0)
 
 
 def continue_from_zero(k, edges, base, rows):

@@ -43,10 +43,10 @@ def reference(name: str):
 def true_error(name: str, run: bm.Result) -> float:
     other, good = reference(name)
     rate = max(float(np.max(np.abs(v))) for k, v in run.samples.inputs.items() if k[:3] == "qd_")
-    found = {n: np.abs(other[n][good]) for n in run}
-    size = {n: float(np.max(x, initial=0.0)) for n, x in found.items()}
+    result = {n: np.abs(other[n][good]) for n in run}
+    size = {n: float(np.max(x, initial=0.0)) for n, x in result.items()}
     worst = 0.0
-    for name_, exact in found.items():
+    for name_, exact in result.items():
         unit = run.unit(name_)
         largest = max(size[n] for n in run if run.unit(n) == unit)
         largest = max(largest, rate**2 if unit == "rad/s2" else 0.0)
@@ -77,10 +77,10 @@ def test_the_true_error_is_within_the_estimate_and_that_within_the_target(
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "engine", "whitworth_shaper"])
 def test_a_sweep_as_recommended_by_a_trade_is_within_its_target(name: str) -> None:
     mech = mechanism(name)
-    found = trade(mech, want=present(mech), budget=60.0, samples=SAMPLES)
+    result = trade(mech, want=present(mech), budget=60.0, samples=SAMPLES)
     for target in TARGETS:
-        best = found.best(target)
-        assert best in found.pareto if best else target < 1e-9
+        best = result.best(target)
+        assert best in result.pareto if best else target < 1e-9
         if best:
             fresh = mech.run(samples=SAMPLES, want=present(mech), on_gap="mark", **best.options)
             assert true_error(name, fresh) <= target

@@ -63,8 +63,8 @@ def loop(stiffness=0.0):
 
 
 def test_watts_first_loop_is_that_of_mpmath():
-    found = {e.kind: e for e in loop().equilibria()}
-    low, high = found["stable"], found["unstable"]
+    result = {e.kind: e for e in loop().equilibria()}
+    low, high = result["stable"], result["unstable"]
     q = math.remainder(low.q[0], math.tau)
     assert q == pytest.approx(-1.67045867527852, abs=1e-13)
     assert low.K[0, 0] == pytest.approx(17.1229950360555, rel=1e-13)
@@ -90,8 +90,8 @@ def effort(system, q):
     poses = mb.assemble(system, system.home, [q], follow=True, refine=True)
     rates = mb.rates(system, poses, [0.0])
     accelerations = mb.accelerations(system, poses, rates, [0.0])
-    found = mb.reactions(system, poses, rates, accelerations, friction=False)
-    return found.drivers[next(iter(system.drivers))], poses
+    result = mb.reactions(system, poses, rates, accelerations, friction=False)
+    return result.drivers[next(iter(system.drivers))], poses
 
 
 def inertia(system, q):

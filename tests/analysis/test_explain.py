@@ -6,18 +6,18 @@ from tests.machines import ruiz, watt
 
 def test_shares_name_the_blocks_and_stages_that_an_output_drags_in():
     mech = watt().compile()
-    found = {s.name: s for s in shares(mech, ["first.C.p", "last.C.v", "crank.drive"])}
-    assert found["first.C.p"].blocks == ("crank", "first")
-    assert found["first.C.p"].stages == ("position",)
-    assert found["last.C.v"].blocks == ("crank", "first", "last")
-    assert "force" in found["crank.drive"].stages
+    result = {s.name: s for s in shares(mech, ["first.C.p", "last.C.v", "crank.drive"])}
+    assert result["first.C.p"].blocks == ("crank", "first")
+    assert result["first.C.p"].stages == ("position",)
+    assert result["last.C.v"].blocks == ("crank", "first", "last")
+    assert "force" in result["crank.drive"].stages
 
 
 def test_the_dearest_output_saves_most_and_one_that_others_need_saves_little():
-    found = shares(ruiz().compile(), ["crank.drive", "dyad.j.alpha", "crank.q"])
-    assert found[0].name == "crank.drive"
-    assert found[0].saves == 2  # reactions of the dyad and of the crank
-    assert all(s.saves == 0 for s in found[1:])  # the drive needs it anyway
+    result = shares(ruiz().compile(), ["crank.drive", "dyad.j.alpha", "crank.q"])
+    assert result[0].name == "crank.drive"
+    assert result[0].saves == 2  # reactions of the dyad and of the crank
+    assert all(s.saves == 0 for s in result[1:])  # the drive needs it anyway
 
 
 def test_many_outputs_are_told_by_the_stage_that_they_need():

@@ -179,15 +179,15 @@ def scotch_yoke():
 )
 def test_harmonic_motion_turns_where_it_should(what, amplitude, highest, lowest):
     mechanism = scotch_yoke()
-    found = mechanism.extremes(what)
+    result = mechanism.extremes(what)
     few = extremes(mechanism.run(samples=5, want=what.removesuffix(".x")), what)
     assert abs(few.maximum.value - amplitude) <= 4 * EPS * amplitude  # samples do not limit it
-    assert abs(found.maximum.value - amplitude) <= 4 * EPS * amplitude
-    assert abs(found.minimum.value + amplitude) <= 4 * EPS * amplitude
-    assert apart(found.maximum.at["crank.q"], highest) <= PLACE
-    assert apart(found.minimum.at["crank.q"], lowest) <= PLACE
-    assert apart(found.maximum.time * 5.0, found.maximum.at["crank.q"]) <= 4 * EPS * TURN
-    assert [t.kind for t in found.turns].count("maximum") == 1
+    assert abs(result.maximum.value - amplitude) <= 4 * EPS * amplitude
+    assert abs(result.minimum.value + amplitude) <= 4 * EPS * amplitude
+    assert apart(result.maximum.at["crank.q"], highest) <= PLACE
+    assert apart(result.minimum.at["crank.q"], lowest) <= PLACE
+    assert apart(result.maximum.time * 5.0, result.maximum.at["crank.q"]) <= 4 * EPS * TURN
+    assert [t.kind for t in result.turns].count("maximum") == 1
 
 
 def test_vector_has_extremes_of_parts_and_of_its_magnitude():
@@ -202,12 +202,12 @@ def test_vector_has_extremes_of_parts_and_of_its_magnitude():
 
 def test_range_that_ends_early_has_its_extreme_at_the_end():
     run = scotch_yoke().run(at=np.linspace(0.2, 1.0, 7), want="dyad.O.p")
-    found = extremes(run, "dyad.O.p.x")
-    assert found.maximum.end
-    assert found.minimum.end
-    assert found.maximum.at == {"crank.q": 0.2}
-    assert found.minimum.at == {"crank.q": 1.0}
-    assert found.turns == ()
+    result = extremes(run, "dyad.O.p.x")
+    assert result.maximum.end
+    assert result.minimum.end
+    assert result.maximum.at == {"crank.q": 0.2}
+    assert result.minimum.at == {"crank.q": 1.0}
+    assert result.turns == ()
 
 
 def test_full_turning_link_has_no_extreme_of_its_angle_inside():
@@ -348,5 +348,5 @@ def test_result_with_many_rates_cannot_be_followed():
 def test_an_extreme_is_at_a_place_that_the_mechanism_reaches():
     """The angle of a slider is its guide's, also where the rod is too short for the guide."""
     law = bm.motion.ConstantRate(rate=1.0, start=0.6, end=3.0)
-    found = extremes(slider_crank(crank=2.0, rod=1.0, law=law).compile(), "dyad.j.angle")
-    assert found.minimum.at["crank.q"] >= math.pi - math.asin(0.5)
+    result = extremes(slider_crank(crank=2.0, rod=1.0, law=law).compile(), "dyad.j.angle")
+    assert result.minimum.at["crank.q"] >= math.pi - math.asin(0.5)

@@ -227,15 +227,15 @@ def test_a_document_of_links_and_joints_has_its_own_names():
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("asked", "message"),
     [
         ({"want": ["crank.torque"]}, "no output has that name"),
         ({"scale": -1.0}, "not a row of numbers that are 0 or above"),
         ({"at": "up"}, "is not a number with a unit"),
     ],
 )
-def test_mistakes_are_one_message(asked, said):
-    with pytest.raises(bm.RequestError, match=said):
+def test_mistakes_are_one_message(asked, message):
+    with pytest.raises(bm.RequestError, match=message):
         ruiz().compile().friction_solutions(**{"at": 1.0, **asked})
 
 

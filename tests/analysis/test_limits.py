@@ -152,14 +152,14 @@ def decimal_linkages(count):
 @pytest.mark.parametrize("lengths", decimal_linkages(24), ids=str)
 def test_change_point_survives_decimal_lengths(lengths):
     a, b, c, d = lengths
-    found = limits(fourbar(*lengths).compile())
-    points = [str(p) for arc in found.arcs for p in arc.change_points]
+    result = limits(fourbar(*lengths).compile())
+    points = [str(p) for arc in result.arcs for p in arc.change_points]
     assert "dyad extended" in points  # at pi
     if abs(a - d) > abs(b - c) + 1e-9:  # never folds
-        assert found.whole_turn
+        assert result.whole_turn
         assert points == ["dyad extended"]
     elif abs(a - d) < abs(b - c) - 1e-9:  # folds on the way
-        assert words(found) == [("dyad folded", "dyad folded")]
+        assert words(result) == [("dyad folded", "dyad folded")]
     else:
         assert sorted(points) == ["dyad extended", "dyad folded"]
 
@@ -184,10 +184,10 @@ def narrow(width, crank=1.0, frame=3.0):
 @pytest.mark.parametrize("gap", [False, True])
 def test_arc_or_gap_far_narrower_than_the_samples_is_found(width, gap):
     (a, b, c, d), start = narrow(width)
-    found = limits(fourbar(a, b - 2 * c if gap else b, c, d).compile())
-    assert found.spacing > 8 * width
-    assert not found.whole_turn
-    (arc,) = arc_ends(found)
+    result = limits(fourbar(a, b - 2 * c if gap else b, c, d).compile())
+    assert result.spacing > 8 * width
+    assert not result.whole_turn
+    (arc,) = arc_ends(result)
     # The lengths are rounded as well as what is computed from them, so twice.
     allowed = 2 * ROUNDINGS * end_error(a, d, start)
     assert same_arc(arc, (-start, start) if gap else (start, TURN - start), allowed)

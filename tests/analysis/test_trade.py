@@ -114,8 +114,8 @@ def point(method: str, seconds: float, error: float) -> Point:
     return Point(method, evaluations=100, error=error, **settings)
 
 
-def by_hand(*points: Point, **more) -> Trade:
-    return Trade("m", "q", "e", "n", Reference("r", "c", 1e-15), points, **more)
+def by_hand(*points: Point, **options) -> Trade:
+    return Trade("m", "q", "e", "n", Reference("r", "c", 1e-15), points, **options)
 
 
 def test_the_front_holds_what_nothing_beats_in_both_and_no_error_as_large_as_the_answer() -> None:
@@ -146,11 +146,11 @@ def test_what_another_beats_in_both_is_named_as_beaten() -> None:
         point("s", 9.0, 1e-15),
     )
     near = point("numpy", 1.02, 1e-6)  # within the noise
-    found = by_hand(exact, single, slow, near)
-    assert found.beaten_by(single) is exact
-    assert [found.beaten_by(p) for p in (exact, slow, near)] == [None] * 3
-    assert "beaten in time and in error by llvm: numpy" in found.text()
-    rows = {row["method"]: row["beaten_by"] for row in found.to_dict()["points"][:3]}
+    result = by_hand(exact, single, slow, near)
+    assert result.beaten_by(single) is exact
+    assert [result.beaten_by(p) for p in (exact, slow, near)] == [None] * 3
+    assert "beaten in time and in error by llvm: numpy" in result.text()
+    rows = {row["method"]: row["beaten_by"] for row in result.to_dict()["points"][:3]}
     assert rows == {"llvm": "", "numpy": "llvm", "s": ""}
 
 
@@ -161,7 +161,7 @@ TOLD = "for 1e-5, 1e-6 in 400 µs: energy; 10.0 times faster costs"
 
 
 @pytest.mark.parametrize(
-    ("points", "asked", "said"),
+    ("points", "asked", "message"),
     [
         ([ENERGY, RK4], {"target": 1e-5}, f"{TOLD} 3 digits (rk4)"),
         ([ENERGY, point("rk4", 4e-5, 1.1e-5)], {"target": 1e-5}, f"{TOLD} 1 digit (rk4)"),
@@ -178,8 +178,8 @@ TOLD = "for 1e-5, 1e-6 in 400 µs: energy; 10.0 times faster costs"
         ([SLOW, FAST], {"within": 2.0, "target": 1e-9}, "for 1e-9, 1e-9 in 2 s: slow"),
     ],
 )
-def test_the_sentence_names_the_choice_and_its_price(points, asked, said: str) -> None:
-    assert said in by_hand(*points, **asked).recommendation
+def test_the_sentence_names_the_choice_and_its_price(points, asked, message: str) -> None:
+    assert message in by_hand(*points, **asked).recommendation
 
 
 def test_what_friction_alone_makes_is_judged_where_it_is_asked_for() -> None:
@@ -214,8 +214,8 @@ def test_the_report_says_how_far_single_precision_is_usable() -> None:
 
 def test_single_precision_stops_being_usable_near_a_dead_centre() -> None:
     q = 9.0 - np.geomspace(1.0, 1e-5, 41)
-    found = trade(nearly_straight(), budget=PLENTY, at=q, rates=1.0)
-    (note,) = [n for n in found.notes if "single precision" in n]
+    result = trade(nearly_straight(), budget=PLENTY, at=q, rates=1.0)
+    (note,) = [n for n in result.notes if "single precision" in n]
     assert "it stops being usable" in note
 
 
@@ -234,8 +234,8 @@ def nearly_straight() -> Mechanism:
 
 
 def test_the_table_names_the_floor_the_front_and_what_was_skipped() -> None:
-    found = by_hand(point("a", 1.0, 1e-2), skipped=(Skipped("b", "the budget is spent"),))
-    text = found.text()
+    result = by_hand(point("a", 1.0, 1e-2), skipped=(Skipped("b", "the budget is spent"),))
+    text = result.text()
     assert "(the floor)" in text
     assert "skipped: b: the budget is spent" in text
     assert "*  a" in text

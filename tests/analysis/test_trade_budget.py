@@ -21,28 +21,28 @@ SLACK = 5.0  # [s] what cannot be stopped: compiling, and one batch
 
 
 def test_times_are_the_least_of_five_warm_repeats_at_least_with_their_spread() -> None:
-    found = trade(mechanism("slider_crank"), budget=PLENTY, samples=9)
-    assert all(p.repeats >= 5 for p in found.points)
-    assert all(0 < p.seconds <= p.slowest for p in found.points)
-    assert all(p.evaluations > 0 for p in found.points)
+    result = trade(mechanism("slider_crank"), budget=PLENTY, samples=9)
+    assert all(p.repeats >= 5 for p in result.points)
+    assert all(0 < p.seconds <= p.slowest for p in result.points)
+    assert all(p.evaluations > 0 for p in result.points)
 
 
 @pytest.mark.parametrize("graph", ["slider_crank", "parallelogram_chain"])
 def test_a_trade_keeps_to_its_budget_and_names_what_it_left_out(graph: str) -> None:
     budget = 8.0
     start = time.process_time()
-    found = trade(mechanism(graph), budget=budget, samples=91)
+    result = trade(mechanism(graph), budget=budget, samples=91)
     assert time.process_time() - start < budget + SLACK
-    assert found.points
-    text = {p.label for p in found.points} | {s.label for s in found.skipped}
+    assert result.points
+    text = {p.label for p in result.points} | {s.label for s in result.skipped}
     assert {"numpy, complex64", "numpy, complex128", "scalar, complex128"} <= text
 
 
 def test_a_budget_that_is_too_small_skips_and_says_so() -> None:
-    found = trade(chain(14).compile(), budget=0.02, samples=2001)
-    assert found.skipped
-    assert {s.why for s in found.skipped} == {"the budget is spent"}
-    assert "no setting was measured (the budget is spent)" in found.recommendation
+    result = trade(chain(14).compile(), budget=0.02, samples=2001)
+    assert result.skipped
+    assert {s.why for s in result.skipped} == {"the budget is spent"}
+    assert "no setting was measured (the budget is spent)" in result.recommendation
 
 
 class Fake:
@@ -157,11 +157,11 @@ def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches(mon
     shaken = bm.Graph.load(GRAPHS / "motions" / "shaken_slider.json").compile()
     for method in ("dop853", "radau"):  # their code is kept: the share is for moving
         shaken.simulate("time=0.1", method=method, engine="llvm")
-    found = trade(shaken, "simulate", budget=60.0, until="time=1e6")
-    assert found.points
-    assert "until time=1e6" not in found.question
+    result = trade(shaken, "simulate", budget=60.0, until="time=1e6")
+    assert result.points
+    assert "until time=1e6" not in result.question
     whole = "the motion did not end within (0.6 s of computing|the evaluations allowed), by which"
-    assert re.match(whole, found.notes[0])
+    assert re.match(whole, result.notes[0])
 
 
 def test_a_part_without_a_check_is_shortened_once_more() -> None:
@@ -198,32 +198,34 @@ def test_a_trade_of_a_motion_keeps_to_a_budget_that_hardly_holds_its_reference(g
     mech, budget = mechanism(graph), 1.0
     start = dict.fromkeys(mech.drivers, (0.6, 0.05)) if "press" in graph else None
     begun = time.process_time()
-    found = trade(mech, "simulate", budget=budget, until="time=0.1", start=start)
+    result = trade(mech, "simulate", budget=budget, until="time=0.1", start=start)
     assert time.process_time() - begun < budget + SLACK
-    text = {p.method for p in found.points} | {s.label.split(",")[0] for s in found.skipped}
+    text = {p.method for p in result.points} | {s.label.split(",")[0] for s in result.skipped}
     assert {"energy", "dop853", "radau"} <= text or text == {"all settings"}
-    assert all(p.error >= found.reference.floor for p in found.points)
+    assert all(p.error >= result.reference.floor for p in result.points)
 
 
 def test_a_budget_without_a_reference_says_so_and_claims_nothing(tmp_path: Path) -> None:
     start = {"scissors.cylinder": (1.8, 0.06)}
-    found = trade(mechanism("scissor_lift"), "simulate", budget=0.05, until="time=0.1", start=start)
-    assert not found.points
-    assert "the budget of 0.05 s is too small" in found.recommendation
-    assert found.recommended is None
-    assert json.loads(json.dumps(found.to_dict()))["reference"]["floor"] is None
-    assert "reference:" not in found.text()
-    figure = found.figure()
+    result = trade(
+        mechanism("scissor_lift"), "simulate", budget=0.05, until="time=0.1", start=start
+    )
+    assert not result.points
+    assert "the budget of 0.05 s is too small" in result.recommendation
+    assert result.recommended is None
+    assert json.loads(json.dumps(result.to_dict()))["reference"]["floor"] is None
+    assert "reference:" not in result.text()
+    figure = result.figure()
     assert not any(axes.get_xticks().size + axes.get_yticks().size for axes in figure.axes)
     assert "Nothing was measured" in " ".join(t.get_text() for t in figure.texts)
-    found.plot(tmp_path / "trade.png")
+    result.plot(tmp_path / "trade.png")
     assert (tmp_path / "trade.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_of_two_runs_the_surer_one_is_the_reference() -> None:
     mech = mechanism("watt_sixbar")
-    found = FreeMotion(mech, None, {"until": "time=1"}, Clock(PLENTY))
-    names = (found.reference.method, found.reference.check)
+    result = FreeMotion(mech, None, {"until": "time=1"}, Clock(PLENTY))
+    names = (result.reference.method, result.reference.check)
     assert sorted(n.split()[0] for n in names) == ["dop853", "energy"]
     errors = []
     for name in names:
@@ -231,7 +233,7 @@ def test_of_two_runs_the_surer_one_is_the_reference() -> None:
         run = mech.simulate("time=1", method=method, accuracy=float(accuracy))
         errors.append(run.motion.error)
     assert errors[0] <= errors[1]
-    assert errors[0] <= found.reference.floor < 1e-9
+    assert errors[0] <= result.reference.floor < 1e-9
 
 
 def test_a_simulation_is_stopped_in_time_and_is_then_no_answer() -> None:
@@ -257,6 +259,6 @@ def test_an_interrupt_keeps_what_was_measured() -> None:
         if number == 3:
             raise KeyboardInterrupt
 
-    found = trade(ruiz().compile(), samples=51, say=impatient)
-    assert len(found.points) == 3
-    assert {s.why for s in found.skipped} == {"interrupted"}
+    result = trade(ruiz().compile(), samples=51, say=impatient)
+    assert len(result.points) == 3
+    assert {s.why for s in result.skipped} == {"interrupted"}

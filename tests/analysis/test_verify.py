@@ -227,8 +227,8 @@ def test_wrong_sign_of_a_load_in_a_pin_is_found(tampered):
     request = {"static": True, "friction": "none", "samples": 25}
     for change in (lambda x: -x, lambda x: x * SLIGHTLY):
         tampered("dyad.B.reaction", change)
-        found = failures(into_the_pin().compile().verify(**request))
-        assert found == {"forces on dyad.i", "forces on frame", "moments on frame"}
+        result = failures(into_the_pin().compile().verify(**request))
+        assert result == {"forces on dyad.i", "forces on frame", "moments on frame"}
 
 
 # Friction is a few thousandths of what it is balanced with, so it counts by that much less.
@@ -373,8 +373,8 @@ def test_a_falsified_motion_is_caught(change, failing):
     mech = mechanism("watt_sixbar")
     good = mech.simulate("time=1", method="dop853", accuracy=1e-9)
     assert mech.verify(good).ok
-    found = failures(mech.verify(falsified(good, change)))
-    assert failing in found
+    result = failures(mech.verify(falsified(good, change)))
+    assert failing in result
 
 
 def test_a_motion_by_a_wrong_equation_is_caught():

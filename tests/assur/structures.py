@@ -36,9 +36,9 @@ def codes(text: str, *drivers: str) -> dict[str, tuple[str, ...]]:
 
 def sequence(text: str, *drivers: str) -> str:
     """Formation sequence of a structure on the frame, which must be complete."""
-    found = formation(*chain(text), FRAME, drivers)
-    assert found.complete, found
-    return str(found)
+    result = formation(*chain(text), FRAME, drivers)
+    assert result.complete, result
+    return str(result)
 
 
 FOUR_BAR = "O:frame-crank A:crank-rod B:rod-rocker C:rocker-frame"

@@ -33,11 +33,11 @@ def test_four_bar_is_a_crank_and_a_dyad() -> None:
 def test_stephenson_six_bar_driven_at_its_dyad_is_a_triad() -> None:
     stephenson = "O:frame-crank A:crank-t B:t-x C:t-y D:x-frame E:y-frame"
     # crank on the ternary link: a dyad cannot be closed before the whole is
-    found = formation(
+    result = formation(
         *chain("O:frame-crank A:crank-x " + "B:x-t C:t-y D:t-z E:y-frame F:z-frame"), FRAME, ["O"]
     )
-    assert [(u.kind, u.number) for u in found.units] == [("driver", 1), ("triad", 3)]
-    assert found.units[1].links[0] == "t"
+    assert [(u.kind, u.number) for u in result.units] == [("driver", 1), ("triad", 3)]
+    assert result.units[1].links[0] == "t"
     assert rigidity(*chain(stephenson), FRAME, ["O"]).redundant == 1
 
 
@@ -59,14 +59,14 @@ def test_dyads_are_recognised_either_way_round(kinds: str, expected: str) -> Non
 
 
 def test_triad_is_class_three_with_the_ternary_link_first() -> None:
-    found = formation(*chain("O:frame-crank " + TRIAD), FRAME, ["O"])
-    assert str(found) == "I(crank) -> III triad(t, x, y, z)"
+    result = formation(*chain("O:frame-crank " + TRIAD), FRAME, ["O"])
+    assert str(result) == "I(crank) -> III triad(t, x, y, z)"
 
 
 def test_a_closed_contour_of_four_links_is_class_four() -> None:
-    found = formation(*chain("O:frame-crank " + CLASS_IV), FRAME, ["O"])
-    assert str(found) == "I(crank) -> IV(a, b, t, u)"
-    assert len(found.units[1].outer) == 2
+    result = formation(*chain("O:frame-crank " + CLASS_IV), FRAME, ["O"])
+    assert str(result) == "I(crank) -> IV(a, b, t, u)"
+    assert len(result.units[1].outer) == 2
 
 
 def test_two_joined_ternary_links_are_class_three_of_order_four() -> None:
@@ -97,8 +97,8 @@ def test_cylinder_between_two_pivots() -> None:
 
 def test_driver_between_moving_links_sits_inside_a_group() -> None:
     # a four-bar driven at its coupler's pin: 3 links, 4 pairs, one driven
-    found = formation(*chain(FOUR_BAR), FRAME, ["A"])
-    (unit,) = found.units
+    result = formation(*chain(FOUR_BAR), FRAME, ["A"])
+    (unit,) = result.units
     assert (unit.kind, unit.driven) == ("group", ("A",))
     assert 3 * len(unit.links) == 2 * len(unit.pairs) + 1
     assert unit.number == 2  # crank and rod welded: a dyad
@@ -119,14 +119,14 @@ def test_units_come_in_the_same_order_whatever_the_order_of_the_arguments() -> N
 
 def test_a_dyad_with_both_feet_on_one_pin_cannot_be_placed() -> None:
     text = "O:frame-crank A:crank-i:R@pin B:i-j C:j-crank:R@pin"
-    found = formation(*chain(text), FRAME, ["O"])
-    assert ([u.kind for u in found.units], found.rest) == (["driver"], ("i", "j"))
+    result = formation(*chain(text), FRAME, ["O"])
+    assert ([u.kind for u in result.units], result.rest) == (["driver"], ("i", "j"))
 
 
 def test_a_pair_between_placed_links_is_left_over() -> None:
     links, pairs = chain(FOUR_BAR + " X:frame-base")
-    found = formation(links, pairs, ["frame", "base"], ["O"])
-    assert (found.rest, found.spare, found.complete) == ((), ("X",), False)
+    result = formation(links, pairs, ["frame", "base"], ["O"])
+    assert (result.rest, result.spare, result.complete) == ((), ("X",), False)
     (o,) = rigidity(links, pairs, ["frame", "base"], ["O"]).overconstrained
     assert (o.links, o.pairs, o.excess) == (("base", "frame"), ("X",), 2)
 
@@ -135,11 +135,11 @@ def test_random_mechanisms_come_apart_into_what_they_were_made_of() -> None:
     rng = random.Random(11)
     for trial in range(120):
         links, pairs, drivers, sizes = random_mechanism(rng, shared=trial % 2 * 0.6)
-        found = formation(links, pairs, FRAME, drivers)
-        assert found.complete
-        assert sorted(len(u.links) for u in found.units) == sizes
-        assert "group" not in {u.kind for u in found.units if u.number < 4}
-        check_units(found.units, pairs, drivers)
+        result = formation(links, pairs, FRAME, drivers)
+        assert result.complete
+        assert sorted(len(u.links) for u in result.units) == sizes
+        assert "group" not in {u.kind for u in result.units if u.number < 4}
+        check_units(result.units, pairs, drivers)
         assert rigidity(links, pairs, FRAME, drivers).determinate
 
 
@@ -178,9 +178,9 @@ def test_reseated_pins_give_the_smallest_groups_whatever_their_pairs_were() -> N
 def test_a_thousand_dyads_are_taken_apart_soon() -> None:
     links, pairs = dyad_chain(1000, random.Random(1))
     with answered():
-        found = formation(links, pairs, FRAME, ["O"])
-        assert found.complete
-        assert [len(u.links) for u in found.units] == [1] + [2] * 1000
+        result = formation(links, pairs, FRAME, ["O"])
+        assert result.complete
+        assert [len(u.links) for u in result.units] == [1] + [2] * 1000
         assert rigidity(links, pairs, FRAME, ["O"]).determinate
         missing = {f.code for f in diagnose(links, pairs[1:], FRAME, ["O"])}
         assert missing == {"too-few-drivers", "loose-links"}

@@ -40,11 +40,11 @@ def test_a_sound_mechanism_has_no_findings() -> None:
 def test_parallelogram_with_three_cranks_is_locked_for_generic_lengths() -> None:
     text = "O:frame-a P:frame-b Q:frame-c A:a-coupler B:b-coupler C:c-coupler"
     assert rigidity(*chain(text), FRAME).mobility == 0
-    found = codes(text, "O")
-    assert set(found) == {"too-many-drivers", "locked-driver"}
-    assert found["locked-driver"] == ("a", "b", "c", "coupler", "frame")
+    result = codes(text, "O")
+    assert set(result) == {"too-many-drivers", "locked-driver"}
+    assert result["locked-driver"] == ("a", "b", "c", "coupler", "frame")
     (o,) = rigidity(*chain(text), FRAME, ["O"]).overconstrained
-    assert (o.links, o.drivers, o.excess) == (found["locked-driver"], ("O",), 1)
+    assert (o.links, o.drivers, o.excess) == (result["locked-driver"], ("O",), 1)
 
 
 def test_one_crank_too_many_beside_a_loose_link_hides_in_the_count() -> None:
@@ -52,10 +52,10 @@ def test_one_crank_too_many_beside_a_loose_link_hides_in_the_count() -> None:
     links, pairs = chain(text)
     state = rigidity(links, pairs, FRAME)
     assert (state.mobility, state.counted) == (2, 1)
-    found = codes(text, "X")
-    assert found["over-constrained"] == ("a", "b", "c", "d", "frame", "t")
-    assert found["too-few-drivers"] == ()
-    assert found["loose-links"] == ("y",)
+    result = codes(text, "X")
+    assert result["over-constrained"] == ("a", "b", "c", "d", "frame", "t")
+    assert result["too-few-drivers"] == ()
+    assert result["loose-links"] == ("y",)
 
 
 def test_a_loop_of_slides_alone_holds_its_turning_twice() -> None:
@@ -144,10 +144,10 @@ def test_random_structures_agree_with_the_rank_of_a_jacobian(seed: int) -> None:
         ):
             assert (frozenset((a, b)) in together) == np.allclose(x, y, atol=1e-8), case
 
-        found = formation(links, pairs, FRAME, drivers)
-        assert found.complete == state.determinate, case
-        assert found.complete == (not diagnose(links, pairs, FRAME, drivers)), case
-        check_units(found.units, pairs, drivers)
+        result = formation(links, pairs, FRAME, drivers)
+        assert result.complete == state.determinate, case
+        assert result.complete == (not diagnose(links, pairs, FRAME, drivers)), case
+        check_units(result.units, pairs, drivers)
 
 
 def test_spoilt_mechanisms_get_findings_that_the_rank_confirms() -> None:
@@ -171,10 +171,10 @@ def test_spoilt_mechanisms_get_findings_that_the_rank_confirms() -> None:
                 pairs[k] = Pair(p.name, p.first, p.second, p.kind, q.axis)
             elif what == "drive":
                 drivers = [*drivers[1:], p.name] if p.name not in drivers else drivers[1:]
-        found = diagnose(links, pairs, FRAME, drivers)
-        case = (trial, pairs, drivers, found)
+        result = diagnose(links, pairs, FRAME, drivers)
+        case = (trial, pairs, drivers, result)
         by_code = defaultdict(list)
-        for f in found:
+        for f in result:
             by_code[f.code].append(f)
         away = {a for f in by_code["unconnected-links"] for a in f.links}
         near = [a for a in links if a not in away]

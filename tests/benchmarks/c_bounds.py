@@ -28,12 +28,14 @@ def compiler() -> str | None:
 @functools.cache
 def program(name: str) -> tuple[Path, Any]:
     """A bound, compiled once; and the folder that it lives in."""
-    found = compiler()
-    if found is None:
+    result = compiler()
+    if result is None:
         pytest.skip("no C compiler, so there is no bound to compare with")
     folder = tempfile.TemporaryDirectory()
     made, source = Path(folder.name) / name, FOLDER / f"{name}.c"
-    subprocess.run([found, "-O3", "-march=native", str(source), "-o", str(made), "-lm"], check=True)
+    subprocess.run(
+        [result, "-O3", "-march=native", str(source), "-o", str(made), "-lm"], check=True
+    )
     return made, folder
 
 

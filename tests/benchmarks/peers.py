@@ -188,9 +188,9 @@ def mujoco(case: Machine) -> Answer:
             ("option", "timestep", step),
             ("default/equality", "solref", f"{2 * step!r} 1"),
         ):
-            found = root.find(element)
-            assert found is not None
-            found.set(key, str(value))
+            result = root.find(element)
+            assert result is not None
+            result.set(key, str(value))
         model = package.MjModel.from_xml_string(ElementTree.tostring(root, "unicode"))
         data = package.MjData(model)
         crank = model.joint("crank.A").qposadr[0]

@@ -80,17 +80,17 @@ def write(path: Path) -> None:
 
 def machine() -> list[str]:
     """Processor, system, compiler and versions."""
-    found = [f"{_processor()}, {os.cpu_count()} processors", platform.platform(terse=True)]
+    result = [f"{_processor()}, {os.cpu_count()} processors", platform.platform(terse=True)]
     if hasattr(os, "getloadavg"):
-        found.append(f"{os.getloadavg()[0]:.1f} processes at work at the end of the run")
-    found.append(f"Python {platform.python_version()}")
+        result.append(f"{os.getloadavg()[0]:.1f} processes at work at the end of the run")
+    result.append(f"Python {platform.python_version()}")
     for name in VERSIONS:
         try:
-            found.append(f"{name} {metadata.version(name)}")
+            result.append(f"{name} {metadata.version(name)}")
         except metadata.PackageNotFoundError:
-            found.append(f"{name} is not installed")
-    found.append(_compiler())
-    return found
+            result.append(f"{name} is not installed")
+    result.append(_compiler())
+    return result
 
 
 def _processor() -> str:
@@ -105,10 +105,10 @@ def _processor() -> str:
 def _compiler() -> str:
     from .c_bounds import compiler
 
-    found = compiler()
-    if found is None:
+    result = compiler()
+    if result is None:
         return "no C compiler: the C bounds were left out"
-    said = subprocess.run([found, "--version"], capture_output=True, text=True, check=True).stdout
+    said = subprocess.run([result, "--version"], capture_output=True, text=True, check=True).stdout
     return f"C bounds: {said.splitlines()[0]}, -O3 -march=native"
 
 

@@ -92,10 +92,10 @@ def test_largest_driving_moment_of_designs(
     engines = [kind(plan.program) for kind in (compiled_program, NumpyEngine)]
 
     def largest(engine: object) -> np.ndarray:
-        found = engine.run_designs(inputs, engine.numbers(values))  # type: ignore[attr-defined]
-        return np.abs(found[plan.layout["crank.drive"][0]]).max(axis=1)
+        result = engine.run_designs(inputs, engine.numbers(values))  # type: ignore[attr-defined]
+        return np.abs(result[plan.layout["crank.drive"][0]]).max(axis=1)
 
-    found = benchmark(lambda: largest(engines[0]))
+    result = benchmark(lambda: largest(engines[0]))
     seconds = benchmark.stats.stats.min / (DESIGNS * TURN)
     bound = c_bounds.kinetostatics(friction != "none")
     task = f"T2 largest drive of {DESIGNS} designs, {TURN} poses, friction {friction}, llvm"
@@ -107,7 +107,7 @@ def test_largest_driving_moment_of_designs(
     reference = largest(engines[1])
     spent = (time.process_time() - start) / (DESIGNS * TURN)
     ROWS.append(Row(task, seconds, spent, "NumPy engine, one block", 0.4))
-    np.testing.assert_allclose(found, reference, rtol=1e-10)
+    np.testing.assert_allclose(result, reference, rtol=1e-10)
 
 
 SECOND = """

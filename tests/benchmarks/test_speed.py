@@ -123,13 +123,13 @@ def test_an_accuracy_against_the_method_that_it_chooses() -> None:
         mech = bm.Graph.load(path).compile()
         if not set(mech.drivers) <= set(mech.scene.drive):
             continue
-        found = mech.run(accuracy=1e-6, on_gap="mark").accuracy
-        assert found is not None
-        k, name = found.iterations, found.friction
+        result = mech.run(accuracy=1e-6, on_gap="mark").accuracy
+        assert result is not None
+        k, name = result.iterations, result.friction
         setting: dict[str, Any] = {
             "friction": name if k is None else bm.friction.Successive(iterations=k)
         }
-        calls = [{"accuracy": 1e-6}, setting | {"precision": found.precision, "engine": "auto"}]
+        calls = [{"accuracy": 1e-6}, setting | {"precision": result.precision, "engine": "auto"}]
         times: list[list[float]] = [[], []]
         for _ in range(40):  # the worst of many ratios is the noisiest
             for how, spent in zip(calls, times, strict=True):

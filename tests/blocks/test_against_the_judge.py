@@ -51,15 +51,15 @@ def test_short_rough_guides_jam_where_the_judge_finds_no_solution(name, dyad, mu
     graph.blocks[dyad] = changed(block, friction=rough, **more)
     counts = Counter()
     for q in np.random.default_rng(7).uniform(0, 2 * np.pi, 20):
-        found = compared(graph, q, True)
-        (status,) = found.run.quality.status
+        result = compared(graph, q, True)
+        (status,) = result.run.quality.status
         counts[status] += 1
-        forces = found.judge.forces
+        forces = result.judge.forces
         assert forces.converged == (status == "ok"), q
         if status == "ok":
             # Near a limit the friction is as uncertain as its own equations say.
-            assert found.wrong(ROUNDING, 1e3 * ROUNDING) == {}, q
+            assert result.wrong(ROUNDING, 1e3 * ROUNDING) == {}, q
         else:
-            limits = [f.value for f in found.run.quality.flags if f.where == dyad]
+            limits = [f.value for f in result.run.quality.flags if f.where == dyad]
             assert limits[0] == pytest.approx(forces.scale, rel=1e-4), q
     assert min(counts["ok"], counts["jammed"]) >= 3

@@ -256,23 +256,23 @@ def acceleration_without_coriolis(pose, vel, a_B, a_S, p):
 
 
 def reactions_with_a_load_of_their_own(pose, load_i, load_j, p):
-    found = rrr_reactions(pose, load_i, load_j, p)
-    return found._replace(B=found.B + mul(pose.u, 1e-3))
+    result = rrr_reactions(pose, load_i, load_j, p)
+    return result._replace(B=result.B + mul(pose.u, 1e-3))
 
 
 def reactions_without_couple(pose, load_i, load_j, p):
-    found = rrp_reactions(pose, load_i, load_j, p)
-    return found._replace(S=found.S.N)
+    result = rrp_reactions(pose, load_i, load_j, p)
+    return result._replace(S=result.S.N)
 
 
 def reactions_about_the_wrong_point(pose, load_i, load_j, p):
-    found = rrp_reactions(pose, load_i, load_j, p)
-    return found._replace(S=Slide(found.S.N, found.S.C - p.x_S * found.S.N))
+    result = rrp_reactions(pose, load_i, load_j, p)
+    return result._replace(S=Slide(result.S.N, result.S.C - p.x_S * result.S.N))
 
 
 def reactions_out_of_balance(pose, load_i, load_j, p):
-    found = rrr_reactions(pose, load_i, load_j, p)
-    return found._replace(D=mul(found.D, 1 + 1e-9))
+    result = rrr_reactions(pose, load_i, load_j, p)
+    return result._replace(D=mul(result.D, 1 + 1e-9))
 
 
 def position_that_looks_at_the_batch(B, D, p):

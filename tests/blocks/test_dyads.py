@@ -28,15 +28,15 @@ def machine(dyad, *wires, crank=None, **markers):
     return wired("machine", blocks, ["frame.O crank.A", *wires], gravity=0j)
 
 
-def slider_crank(offset=0.0, **more):
+def slider_crank(offset=0.0, **options):
     """Massless crank and rod, a piston; the guide at ``offset`` above the pivot."""
-    piston = bm.RRP(l=L, links={"j": bm.Link(mass=1.5)}, **more)
+    piston = bm.RRP(l=L, links={"j": bm.Link(mass=1.5)}, **options)
     return machine(piston, "crank.B dyad.B", "frame.G dyad.S", G=guide(0.0, offset, 0.0))
 
 
-def quick_return(distance=A, **more):
+def quick_return(distance=A, **options):
     """Crank pin in a slotted lever, the lever's pivot at ``distance`` below the crank's."""
-    lever = bm.RPR(**{"branch": -1} | more)
+    lever = bm.RPR(**{"branch": -1} | options)
     return machine(lever, "crank.B dyad.B", "frame.D dyad.D", D=(0.0, -distance))
 
 
@@ -47,9 +47,9 @@ def two_slots(angle=0.0):
     return machine(bm.PRP(), *wires, crank=crank, G=guide(0.0, HEIGHT, angle))
 
 
-def scotch_yoke(x=0.0, **more):
+def scotch_yoke(x=0.0, **options):
     """Crank pin in a slot of the yoke, which slides along a guide from x."""
-    yoke = bm.RPP(beta=math.pi / 2, links={"j": bm.Link(mass=2.0)}, **more)
+    yoke = bm.RPP(beta=math.pi / 2, links={"j": bm.Link(mass=2.0)}, **options)
     return machine(yoke, "crank.B dyad.B", "frame.G dyad.S", G=guide(x, 0.0, 0.0))
 
 
@@ -122,8 +122,8 @@ def test_lengths_of_a_cylinder_that_cannot_be_have_no_assembly(engine, q, margin
     mech = boom().compile()
     run = mech.run(at=[0.8, q], rates=0.1, engine=engine, on_gap="mark")
     assert run.quality.status == ("ok", "no-assembly")
-    found = run.quality.margin["lift"][1]
-    assert found < 0 if margin is None else found == margin
+    result = run.quality.margin["lift"][1]
+    assert result < 0 if margin is None else result == margin
     assert np.isnan(run["lift.C.p"][1])
     assert np.isnan(run["lift.drive"][1])
     with pytest.raises(bm.AssemblyError, match="lift"):
@@ -266,8 +266,8 @@ def test_a_group_made_from_points_closes_there(make):
         pose = group.kernels.position(*ports, group.parameters())
         for (name, place), expected in places.items():
             link = getattr(pose, name)
-            found = link.o + link.e * place
-            assert abs(found - expected) <= 1000 * ROUNDING / math.sqrt(pose.margin)
+            result = link.o + link.e * place
+            assert abs(result - expected) <= 1000 * ROUNDING / math.sqrt(pose.margin)
 
 
 REFUSED = {
@@ -282,10 +282,10 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("said", REFUSED)
-def test_what_makes_no_group_is_refused_with_its_reason(said):
-    with pytest.raises(bm.GraphError, match=said):
-        REFUSED[said]()
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_makes_no_group_is_refused_with_its_reason(message):
+    with pytest.raises(bm.GraphError, match=message):
+        REFUSED[message]()
 
 
 @pytest.mark.parametrize("word", ["i", "j", "later", "earlier"])

@@ -48,11 +48,11 @@ class Followed:
         self.march = March(twin.system, poses, coordinates, self.line)
         self.links = list(twin.system.links)
 
-    def run(self, shares, want=("*.p", "*.angle", "*.margin"), **more):
+    def run(self, shares, want=("*.p", "*.angle", "*.margin"), **options):
         """blockmech at shares of the line."""
         q = self.home + np.multiply.outer(shares, self.line)
         at = {d: q[:, k] for k, d in enumerate(self.drivers)}
-        return self.mech.run(at=at, want=list(want), on_gap="mark", **more)
+        return self.mech.run(at=at, want=list(want), on_gap="mark", **options)
 
     def compared(self, way):
         """Worst error of the poses on one side of home over the root of the margin, and the end."""
@@ -132,10 +132,10 @@ def samples(make, n, seed=0):
     return {d: q + make.span[d] * chance.uniform(-1.0, 1.0, n) for d, q in make.home.items()}
 
 
-def run_alone(make, at, **more):
+def run_alone(make, at, **options):
     """A mechanism made anew, so that nobody has asked its path before."""
     mech = make().compile()
-    return mech.run(at=at, **moving(mech), want=WANT, on_gap="mark", **more)
+    return mech.run(at=at, **moving(mech), want=WANT, on_gap="mark", **options)
 
 
 def moving(mech):

@@ -42,10 +42,10 @@ CASES = {
 @pytest.mark.parametrize(("graph", "q"), CASES.values(), ids=list(CASES))
 @pytest.mark.parametrize("friction", [False, True], ids=["smooth", "rough"])
 def test_motion_and_forces_are_the_judges(graph, q, friction):
-    found = compared(graph, q, friction)
-    assert_the_judge_agrees(found)
+    result = compared(graph, q, friction)
+    assert_the_judge_agrees(result)
     if friction:
-        assert sum(j.friction != 0 for j in found.judge.forces.joints.values()) >= 6
+        assert sum(j.friction != 0 for j in result.judge.forces.joints.values()) >= 6
 
 
 # -- scale, place and precision -------------------------------------------------------------
@@ -125,14 +125,14 @@ BAD_HOMES = {
 }
 
 
-@pytest.mark.parametrize(("make", "said"), BAD_HOMES.values(), ids=list(BAD_HOMES))
-def test_bad_home_is_one_problem(make, said):
+@pytest.mark.parametrize(("make", "message"), BAD_HOMES.values(), ids=list(BAD_HOMES))
+def test_bad_home_is_one_problem(make, message):
     with pytest.raises(bm.GraphError) as caught:
         make().compile()
     (problem,) = caught.value.problems
     assert problem.code == "bad-home"
     assert problem.where.startswith("platform.home")
-    assert said in problem.found
+    assert message in problem.found
 
 
 def test_home_at_a_dead_centre_is_refused():

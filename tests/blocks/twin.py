@@ -171,9 +171,9 @@ class Comparison:
 
     def wrong(self, motion, forces):
         """Outputs that are further off than the tolerances, which are of the conditioning."""
-        found = {n: e for n, e in comparison.motion(self.run, self.judge) if not e <= motion}
+        result = {n: e for n, e in comparison.motion(self.run, self.judge) if not e <= motion}
         off = {n: e for n, e in comparison.forces(self.run, self.judge) if not e <= forces}
-        return found | off
+        return result | off
 
 
 REQUEST = ("at", "rates", "accelerations")

@@ -34,11 +34,11 @@ def main(count: int = 200, first: int = -1) -> int:
         cases.append((f"random {seed}", case.graph.compile(), case.request))
     wrong = 0
     for name, mech, request in cases:
-        found = errors(mech, request or request_of(mech), seed=5, m=1)
-        known = [x for x in found if not math.isnan(x)]
+        result = errors(mech, request or request_of(mech), seed=5, m=1)
+        known = [x for x in result if not math.isnan(x)]
         worst = max(known, default=0.0)
         wrong += worst > EXACT
-        print(f"{name:30s} {worst:.1e}, {len(known)} values, {len(found) - len(known)} at kinks")
+        print(f"{name:30s} {worst:.1e}, {len(known)} values, {len(result) - len(known)} at kinks")
         sys.stdout.flush()
     documents = list(documents_from(first, count))
     for name, linkage, request in documents:

@@ -39,8 +39,8 @@ def main() -> int:
         served(Path(folder)) as (address, server),
         sync_playwright() as tool,
     ):
-        found = shutil.which("chromium")
-        page = tool.chromium.launch(executable_path=found, args=ARGUMENTS).new_page()
+        result = shutil.which("chromium")
+        page = tool.chromium.launch(executable_path=result, args=ARGUMENTS).new_page()
         page.set_default_timeout(0)
         heap_around(page, (address, folder), 40)  # what is made once is there now
         before, begun = resident(server.pid), time.perf_counter()

@@ -27,9 +27,9 @@ def line(kind: str, length: float | None, arm: float, args: argparse.Namespace) 
     n = args.groups
     chance = np.random.default_rng(args.seed)
     groups = dyads.random_groups(kind, n, arm, chance, length)
-    found = enumeration.enumerated(groups.k, groups.base, groups.rows, groups.contacts)
-    counts, total = np.bincount(found.system, minlength=n), np.zeros(n)
-    np.add.at(total, found.system, found.signs)
+    result = enumeration.enumerated(groups.k, groups.base, groups.rows, groups.contacts)
+    counts, total = np.bincount(result.system, minlength=n), np.zeros(n)
+    np.add.at(total, result.system, result.signs)
     below = existence_of(groups) < 1
     judged = [
         len(x)
@@ -38,7 +38,7 @@ def line(kind: str, length: float | None, arm: float, args: argparse.Namespace) 
     ]
     by = " / ".join(map(str, np.bincount(counts, minlength=5)))
     wrong, more = int(((total == 1) != below).sum()), int((judged > counts).sum())
-    fewer, open_ = int((judged < counts).sum()), int((~found.complete).sum())
+    fewer, open_ = int((judged < counts).sum()), int((~result.complete).sum())
     name = f"{kind}{'' if length is None else f', guide {length} m'}"
     return (
         f"{name:<18} {arm:>5} {by:>24} {below.sum():>6} {wrong:>7} {open_:>6} {more:>5} {fewer:>6}"

@@ -197,13 +197,13 @@ def table(path: Path) -> None:
     print(f"{'method':16}{'runs':>6}{'failed':>8}{'other end':>11}{'above':>7}{'share':>8}"
           f"{'> 10x':>7}{'worst':>10}")  # fmt: skip
     for method in [*(f"{m}{e}" for m in METHODS for e in ("", *(f" {e}" for e in ENGINES))), "all"]:
-        found = by[method]
-        sure = [r for r in found if r["status"] != "failed"]
+        result = by[method]
+        sure = [r for r in result if r["status"] != "failed"]
         same = [r for r in sure if not r["other_end"]]
         above = [r for r in same if r["ratio"] > 1]
         worst = max((r["ratio"] for r in same), default=0.0)
         print(
-            f"{method:16}{len(found):6}{len(found) - len(sure):8}{len(sure) - len(same):11}"
+            f"{method:16}{len(result):6}{len(result) - len(sure):8}{len(sure) - len(same):11}"
             f"{len(above):7}{len(above) / max(1, len(same)):8.2%}"
             f"{sum(r['ratio'] > 10 for r in above):7}{worst:10.3g}"
         )

@@ -116,9 +116,9 @@ def mutants(count: int, seed: int) -> Iterator[Mutant]:
                 called, target = chance.choice(own)
                 text = textwrap.dedent(inspect.getsource(target))
                 tree = ast.parse(text)
-                found = list(changes(tree))
-                if found and not target.__code__.co_freevars and "lambda" not in text[:4]:
-                    change, make = chance.choice(found)
+                result = list(changes(tree))
+                if result and not target.__code__.co_freevars and "lambda" not in text[:4]:
+                    change, make = chance.choice(result)
                     make()
                     yield Mutant(f"{name}.{called}", target, ast.unparse(tree), change, ROOMS[name])
                     count -= 1

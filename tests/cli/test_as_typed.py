@@ -57,8 +57,12 @@ def test_every_unit_that_the_package_names_is_read():
     ],
 )
 def test_ranges(text, first, last, count):
-    found = row("--at", text, "rad")
-    assert (len(found), found[0], found[-1]) == (count, pytest.approx(first), pytest.approx(last))
+    result = row("--at", text, "rad")
+    assert (len(result), result[0], result[-1]) == (
+        count,
+        pytest.approx(first),
+        pytest.approx(last),
+    )
 
 
 def test_a_range_of_times_and_what_is_no_range():
@@ -139,15 +143,15 @@ def test_there_is_completion_for_each_shell(call, shell, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ("sensitivity", "--want", "crank.drive", "--samples", "3", "--to", "dyad.l_i"),
         ("solutions", "--at", "1"),
     ],
     ids=["sensitivity", "solutions"],
 )
-def test_csv_of_other_commands_goes_where_that_of_run_goes(call, ruiz, tmp_path, words):
-    asked = (words[0], ruiz, *words[1:], "--csv")
+def test_csv_of_other_commands_goes_where_that_of_run_goes(call, ruiz, tmp_path, arguments):
+    asked = (arguments[0], ruiz, *arguments[1:], "--csv")
     outcome = call(*asked, tmp_path / "a.xlsx")
     assert (outcome.code, outcome.out) == (2, "")
     assert "CSV is not written to .xlsx" in outcome.err

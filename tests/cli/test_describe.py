@@ -57,14 +57,14 @@ def test_outputs_of_a_file_with_units_and_what_they_are(call, ruiz):
 
 
 def test_some_outputs_as_data(call, ruiz):
-    found = json.loads(call("outputs", ruiz, "*.reaction", "crank.q", "--json").out)["outputs"]
-    assert found[-1] == {
+    result = json.loads(call("outputs", ruiz, "*.reaction", "crank.q", "--json").out)["outputs"]
+    assert result[-1] == {
         "name": "crank.q",
         "unit": "rad",
         "kind": "real",
         "about": "coordinate of the driver",
     }
-    assert {(o["unit"], o["kind"]) for o in found[:-1]} == {("N", "vector")}
+    assert {(o["unit"], o["kind"]) for o in result[:-1]} == {("N", "vector")}
     wrong = call("outputs", ruiz, "crank.torque")
     assert (wrong.code, wrong.out) == (2, "")
     assert "unknown-output" in wrong.err

@@ -96,7 +96,7 @@ def test_new_keeps_an_existing_file_unless_forced(call, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "name", "start"),
+    ("arguments", "name", "start"),
     [
         ([], "x.svg", b"<?xml"),
         (["--kind", "diagram"], "x.png", b"\x89PNG"),
@@ -109,9 +109,9 @@ def test_new_keeps_an_existing_file_unless_forced(call, tmp_path):
     ids=lambda x: " ".join(x) if isinstance(x, list) else None,
 )
 def test_draw_writes_a_picture_of_the_kind_that_the_name_says(
-    call, ruiz, tmp_path, words, name, start
+    call, ruiz, tmp_path, arguments, name, start
 ):
-    outcome = call("draw", ruiz, "-o", tmp_path / name, *words)
+    outcome = call("draw", ruiz, "-o", tmp_path / name, *arguments)
     assert outcome == (0, f"wrote {tmp_path / name}\n", "")
     assert (tmp_path / name).read_bytes().startswith(start)
 

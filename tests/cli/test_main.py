@@ -18,12 +18,12 @@ PYTHON = (sys.executable, "-m", "blockmech")
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="pipes and devices of POSIX")
 
 
-def started(*words: str | os.PathLike[str], **more) -> subprocess.Popen[bytes]:
+def started(*arguments: str | os.PathLike[str], **options) -> subprocess.Popen[bytes]:
     """The real command in its own process."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL}
     if os.name == "posix":  # a background job ignores Ctrl-C, and its children would as well
         pipes["preexec_fn"] = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
-    return subprocess.Popen([*PYTHON, *map(os.fspath, words)], **{**pipes, **more})
+    return subprocess.Popen([*PYTHON, *map(os.fspath, arguments)], **{**pipes, **options})
 
 
 def test_the_real_command_gives_exit_codes_and_streams_and_loads_no_matplotlib(short, tmp_path):

@@ -123,9 +123,9 @@ def test_names_in_an_animation_lie_neither_on_each_other_nor_on_pins(name: str) 
     pins = [shape for shape in film.shapes if shape.what.startswith("pin:")]
     assert len(pins) >= 4
     for k in range(0, seen, 2):
-        found = boxes(film, k)
-        for i, (a, half) in enumerate(found):
-            for b, other in found[i + 1 :]:
+        result = boxes(film, k)
+        for i, (a, half) in enumerate(result):
+            for b, other in result[i + 1 :]:
                 apart, room = a - b, half + other
                 assert abs(apart.real) >= room.real - 3 or abs(apart.imag) >= room.imag - 3
             for pin in pins:

@@ -71,9 +71,9 @@ REQUESTS = [
 ]
 
 
-@pytest.mark.parametrize(("words", "request_"), REQUESTS, ids=lambda x: " ".join(x))
-def test_json_equals_the_run_in_python(call, ruiz, words, request_):
-    outcome = call("run", ruiz, "--json", *words)
+@pytest.mark.parametrize(("arguments", "request_"), REQUESTS, ids=lambda x: " ".join(x))
+def test_json_equals_the_run_in_python(call, ruiz, arguments, request_):
+    outcome = call("run", ruiz, "--json", *arguments)
     assert (outcome.code, outcome.err) == (0, "")
     assert json.loads(outcome.out) == computed(ruiz, **request_)
 

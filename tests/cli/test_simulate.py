@@ -41,9 +41,9 @@ REQUESTS = [
 ]
 
 
-@pytest.mark.parametrize(("words", "request_"), REQUESTS)
-def test_json_is_what_python_computes_and_fits_the_schema(call, words, request_):
-    outcome = call("simulate", WATT, *words, "--json")
+@pytest.mark.parametrize(("arguments", "request_"), REQUESTS)
+def test_json_is_what_python_computes_and_fits_the_schema(call, arguments, request_):
+    outcome = call("simulate", WATT, *arguments, "--json")
     assert outcome.code == 0
     document = json.loads(outcome.out)
     jsonschema.validate(document, result_schema())
@@ -159,9 +159,9 @@ def test_drivers_start_where_they_are_told(call, starts, left, right):
 
 def test_a_slide_starts_in_metres_without_a_start_in_the_file(call, slide):
     words = ("--until", "time=1", "--start", "table=200mm,-0.5m/s", "--json")
-    found = json.loads(call("simulate", slide, *words).out)["outputs"]
-    assert found["table.q"]["values"][0] == 0.2
-    assert found["table.q"]["values"][-1] == pytest.approx(-0.3, abs=1e-12)
+    result = json.loads(call("simulate", slide, *words).out)["outputs"]
+    assert result["table.q"]["values"][0] == 0.2
+    assert result["table.q"]["values"][-1] == pytest.approx(-0.3, abs=1e-12)
 
 
 def test_all_mistakes_of_starts_are_told_at_once(call):

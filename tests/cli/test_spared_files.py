@@ -102,7 +102,7 @@ def test_every_picture_of_a_folder_is_known(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ["run", "IN", "--samples", "3", "--csv", "LONG.csv"],
         ["run", "IN", "--samples", "3", "--out", "LONG"],
@@ -113,9 +113,9 @@ def test_every_picture_of_a_folder_is_known(tmp_path):
     ],
     ids=" ".join,
 )
-def test_a_name_that_is_too_long_is_one_message(call, ruiz, tmp_path, words):
+def test_a_name_that_is_too_long_is_one_message(call, ruiz, tmp_path, arguments):
     long = str(tmp_path / ("n" * 300))
-    outcome = call(*(w.replace("IN", str(ruiz)).replace("LONG", long) for w in words))
+    outcome = call(*(w.replace("IN", str(ruiz)).replace("LONG", long) for w in arguments))
     assert outcome.code == 2
     assert "file name too long" in outcome.err
     assert outcome.err.count("\n") == 1

@@ -93,16 +93,16 @@ CALLS = {
 ROWS = [(f"{call} {words}", said) for call, rows in CALLS.items() for words, said in rows]
 
 
-@pytest.mark.parametrize(("words", "said"), ROWS, ids=[words for words, _ in ROWS])
+@pytest.mark.parametrize(("arguments", "message"), ROWS, ids=[arguments for arguments, _ in ROWS])
 def test_a_wrong_call_is_one_sentence_and_leaves_nothing(
-    call, ruiz, short, fivebar, tmp_path, monkeypatch, words, said
+    call, ruiz, short, fivebar, tmp_path, monkeypatch, arguments, message
 ):
     monkeypatch.chdir(tmp_path)
     files = {"RUIZ": ruiz, "SHORT": short, "FIVEBAR": fivebar, "WATT": GRAPHS / "watt_sixbar.json"}
     before = sorted(os.listdir(tmp_path))
-    outcome = call(*(files.get(word, word) for word in words.split()))
+    outcome = call(*(files.get(word, word) for word in arguments.split()))
     assert (outcome.code, outcome.out) == (2, "")
-    assert said in outcome.err
+    assert message in outcome.err
     assert "Traceback" not in outcome.err
     assert outcome.err.count("\n") == 1
     assert sorted(os.listdir(tmp_path)) == before

@@ -262,19 +262,21 @@ def reactions_agree(mech, contacts, run):
         pushes |= {"C": newton.Push("frame", "two")}
     else:
         pushes |= newton.pin("frame", "two", 0.5 + 0.1j, "E")
-    found = newton.solved(bodies_of(run), pushes)
-    assert run["one.drive"][0] == pytest.approx(found["drive"], rel=ROUNDING)
-    force = sum(found[name] * push.way for name, push in contacts.items())
+    result = newton.solved(bodies_of(run), pushes)
+    assert run["one.drive"][0] == pytest.approx(result["drive"], rel=ROUNDING)
+    force = sum(result[name] * push.way for name, push in contacts.items())
     assert run["mesh.force"][0] == pytest.approx(force, rel=ROUNDING)
-    assert run["one.A.reaction"][0] == pytest.approx(complex(found["A.x"], found["A.y"]), rel=1e-11)
+    assert run["one.A.reaction"][0] == pytest.approx(
+        complex(result["A.x"], result["A.y"]), rel=1e-11
+    )
     if slides:
-        assert run["two.S.N"][0] == pytest.approx(found["N"], rel=1e-11)
-        assert run["two.S.C"][0] == pytest.approx(found["C"], rel=1e-11)
+        assert run["two.S.N"][0] == pytest.approx(result["N"], rel=1e-11)
+        assert run["two.S.C"][0] == pytest.approx(result["C"], rel=1e-11)
     else:
-        pin = complex(found["E.x"], found["E.y"])
+        pin = complex(result["E.x"], result["E.y"])
         assert run["two.A.reaction"][0] == pytest.approx(pin, rel=1e-11)
     assert mech.verify(at=0.7, rates=2.0, accelerations=-5.0).ok
-    return found
+    return result
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -288,8 +290,8 @@ def test_a_rack_is_pushed_as_newton_says(side, angle):
     P = -1j * u * side * 0.08
     along = u * np.sign((run["mesh.force"][0] / u).real)
     way = along * math.cos(angle) - 1j * u * side * math.sin(angle)  # from the pinion to the rack
-    found = reactions_agree(mech, {"tooth": newton.Push("one", "two", P, way)}, run)
-    assert found["tooth"] > 0
+    result = reactions_agree(mech, {"tooth": newton.Push("one", "two", P, way)}, run)
+    assert result["tooth"] > 0
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -328,12 +330,12 @@ def test_a_pinion_is_pushed_as_newton_says(side):
         "N": newton.Push("frame", "rack", 0.7 * u, 1j * u),
         "C": newton.Push("frame", "rack"),
     }
-    found = newton.solved(bodies, pushes)
-    assert found["tooth"] > 0
-    assert run["rack.drive"][0] == pytest.approx(found["drive"], rel=ROUNDING)
-    assert run["mesh.force"][0] == pytest.approx(found["tooth"] * way, rel=ROUNDING)
-    assert run["rack.S.N"][0] == pytest.approx(found["N"], rel=1e-11)
-    assert run["rack.S.C"][0] == pytest.approx(found["C"], rel=1e-11)
+    result = newton.solved(bodies, pushes)
+    assert result["tooth"] > 0
+    assert run["rack.drive"][0] == pytest.approx(result["drive"], rel=ROUNDING)
+    assert run["mesh.force"][0] == pytest.approx(result["tooth"] * way, rel=ROUNDING)
+    assert run["rack.S.N"][0] == pytest.approx(result["N"], rel=1e-11)
+    assert run["rack.S.C"][0] == pytest.approx(result["C"], rel=1e-11)
     assert mech.verify(at=0.7, rates=2.0).ok
 
 
@@ -359,15 +361,15 @@ def test_strands_pull_as_newton_says(crossed, preload):
     pulls = {"left": newton.Push("one", "two", p, e), "right": newton.Push("one", "two", q, f)}
     # Two unknowns in one direction: what is known of their sum closes the system.
     difference = newton.Push("one", "two")  # the couple that they make
-    found = newton.solved(
+    result = newton.solved(
         bodies_of(run),
         newton.pin("frame", "one", 0j, "A") | newton.pin("frame", "two", 0.5 + 0.1j, "E")
         | {"effort": newton.Push("frame", "two"), "drive": newton.Push("frame", "one")},
     )  # fmt: skip
-    effort = found["effort"]
+    effort = result["effort"]
     assert run["mesh.effort"][0] == pytest.approx(effort, rel=ROUNDING)
     ratio = (-1 if crossed else 1) * 0.1 / 0.16
-    assert run["one.drive"][0] == pytest.approx(found["drive"] + ratio * effort, rel=ROUNDING)
+    assert run["one.drive"][0] == pytest.approx(result["drive"] + ratio * effort, rel=ROUNDING)
     f0 = effort / 0.16
     tensions = (
         (max(f0, 0.0), max(-f0, 0.0)) if not preload else (preload + f0 / 2, preload - f0 / 2)
@@ -375,7 +377,7 @@ def test_strands_pull_as_newton_says(crossed, preload):
     force = tensions[0] * pulls["left"].way + tensions[1] * pulls["right"].way
     assert difference.way is None
     assert run["mesh.force"][0] == pytest.approx(force, rel=ROUNDING)
-    pin = complex(found["E.x"], found["E.y"]) - force
+    pin = complex(result["E.x"], result["E.y"]) - force
     assert run["two.A.reaction"][0] == pytest.approx(pin, rel=1e-11)
     assert mech.verify(at=0.7, rates=2.0, accelerations=-5.0).ok
     if preload:
@@ -466,14 +468,14 @@ def test_cams_push_along_the_normal_of_their_profile(name, x):
         pushes |= {"C": newton.Push("frame", "two")}
     else:
         pushes |= newton.pin("frame", "two", 0.5 + 0.1j, "E")
-    found = newton.solved(bodies_of(run), pushes)
-    assert run["mesh.contact"][0] == pytest.approx(found["push"], rel=loose)
-    assert run["mesh.force"][0] == pytest.approx(found["push"] * way, rel=loose)
-    assert run["one.drive"][0] == pytest.approx(found["drive"], rel=loose)
+    result = newton.solved(bodies_of(run), pushes)
+    assert run["mesh.contact"][0] == pytest.approx(result["push"], rel=loose)
+    assert run["mesh.force"][0] == pytest.approx(result["push"] * way, rel=loose)
+    assert run["one.drive"][0] == pytest.approx(result["drive"], rel=loose)
     if kind == "slide":
-        assert run["two.S.C"][0] == pytest.approx(found["C"], rel=loose)
+        assert run["two.S.C"][0] == pytest.approx(result["C"], rel=loose)
     flagged = "lift-off" in {f.code for f in run.quality.flags}
-    assert flagged == (found["push"] < 0)
+    assert flagged == (result["push"] < 0)
     assert mech.verify(at=x, rates=2.0, accelerations=-5.0).ok
     across = 1j * (at - 0.5 - 0.1j) if kind == "crank" else np.exp(1.2j)
     slant = abs(np.angle(way / across))

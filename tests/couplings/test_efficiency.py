@@ -39,14 +39,14 @@ def machine(markers, mesh, blocks, gravity=(0.0, 0.0)):
     return g
 
 
-def gears(load=0.0, motor=0.0, eta=ETA, rub=0.0, cm=0.0, **more):
+def gears(load=0.0, motor=0.0, eta=ETA, rub=0.0, cm=0.0, **options):
     """A pinion of 20 teeth and a wheel of 40, 60 mm from it, maybe with its mass aside."""
     friction = {"A": bm.friction.Coulomb(coefficient=rub, radius=0.01)} if rub else {}
     wheel = bm.Link(mass=0.5 if cm else 0.0, inertia=3e-4, cm=(cm, 0.0))
-    more = {"teeth": (20, 40), "pressure_angle": 0.3} | more
+    options = {"teeth": (20, 40), "pressure_angle": 0.3} | options
     return machine(
         {"A": (0.0, 0.0), "B": (0.06, 0.0)},
-        {"mesh": bm.Gear(driver="pinion", driven="wheel", efficiency=eta, **more)},
+        {"mesh": bm.Gear(driver="pinion", driven="wheel", efficiency=eta, **options)},
         {
             "pinion": (
                 bm.Crank(links={"crank": bm.Link(inertia=2e-5)}),
@@ -76,9 +76,9 @@ def rack(lead, push=0.0, moment=0.0):
     )
 
 
-def belt(moment, **more):
+def belt(moment, **options):
     """A belt from a small wheel to one twice its size."""
-    coupling = bm.Belt(driver="one", driven="two", radii=(0.05, 0.1), efficiency=ETA, **more)
+    coupling = bm.Belt(driver="one", driven="two", radii=(0.05, 0.1), efficiency=ETA, **options)
     return machine(
         {"A": (0.0, 0.0), "B": (0.3, 0.1)},
         {"mesh": coupling},

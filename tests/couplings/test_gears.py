@@ -134,12 +134,12 @@ def test_reactions_are_those_of_newtons_laws(teeth, internal, angle):
     way = flank * math.cos(angle) + along * (-1 if internal else 1) * math.sin(angle)
     pushes = newton.pin("frame", "one", A, "A") | newton.pin("frame", "two", E, "E")
     pushes |= {"tooth": newton.Push("one", "two", P, way), "drive": newton.Push("frame", "one")}
-    found = newton.solved(bodies, pushes)
-    assert found["tooth"] > 0  # a tooth pushes
-    assert run["mesh.force"][0] == pytest.approx(found["tooth"] * way, rel=ROUNDING)
-    assert run["one.drive"][0] == pytest.approx(found["drive"], rel=ROUNDING)
+    result = newton.solved(bodies, pushes)
+    assert result["tooth"] > 0  # a tooth pushes
+    assert run["mesh.force"][0] == pytest.approx(result["tooth"] * way, rel=ROUNDING)
+    assert run["one.drive"][0] == pytest.approx(result["drive"], rel=ROUNDING)
     for name, pin in (("one", "A"), ("two", "E")):
-        force = complex(found[f"{pin}.x"], found[f"{pin}.y"])
+        force = complex(result[f"{pin}.x"], result[f"{pin}.y"])
         assert run[f"{name}.A.reaction"][0] == pytest.approx(force, rel=ROUNDING)
 
 

@@ -44,8 +44,8 @@ def test_the_rod_ends_inside_the_barrel_at_every_length(name, barrel, rod):
 )
 def test_a_cylinder_shows_no_block_and_other_guides_do(name, blocks):
     picture = draw_mechanism(bm.Linkage.load(GRAPHS / "joints" / f"{name}.json").compile())
-    found = [str(artist.get_label()) for artist in picture.axes.patches]
-    assert [label for label in found if label.startswith("slider:")] == [
+    result = [str(artist.get_label()) for artist in picture.axes.patches]
+    assert [label for label in result if label.startswith("slider:")] == [
         f"slider:{b}" for b in blocks
     ]
 

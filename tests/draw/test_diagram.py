@@ -76,14 +76,14 @@ def overlapping(boxes) -> list[tuple[int, int]]:
 
 
 def labelled(diagram: Diagram, start: str) -> list:
-    found = [*diagram.axes.patches, *diagram.axes.lines]
-    return [a for a in found if str(a.get_label()).startswith(start)]
+    result = [*diagram.axes.patches, *diagram.axes.lines]
+    return [a for a in result if str(a.get_label()).startswith(start)]
 
 
 def test_labels_lie_on_the_page_and_not_on_another_nor_across_the_edge_of_a_box(drawn):
     boxes, labels = extents(drawn, labelled(drawn, "box:")), extents(drawn, drawn.labels)
-    found = overlapping(labels)
-    assert not [(drawn.labels[i].get_text(), drawn.labels[j].get_text()) for i, j in found]
+    result = overlapping(labels)
+    assert not [(drawn.labels[i].get_text(), drawn.labels[j].get_text()) for i, j in result]
     width, height = (72 * inches for inches in drawn.figure.get_size_inches())
     for label, text in zip(labels, drawn.labels, strict=True):
         assert min(label.x0, label.y0, width - label.x1, height - label.y1) >= 0

@@ -42,9 +42,9 @@ def test_a_pin_of_three_links_has_one_name():
 def test_paths_are_those_of_the_documents_markers(crank):
     motion = moves(crank.compile(), samples=9)
     assert list(paths_of(motion, None)) == ["link.rod.P"]
-    found = paths_of(motion, ["link.rod.P", "joint.B"])
+    result = paths_of(motion, ["link.rod.P", "joint.B"])
     run = crank.run(samples=9, want=["link.rod.P.p"])
-    assert np.abs(found["link.rod.P"] - run["link.rod.P.p"]).max() <= 1e-15
+    assert np.abs(result["link.rod.P"] - run["link.rod.P.p"]).max() <= 1e-15
     with pytest.raises(RequestError, match=r"rod_piston\.C.*link\.rod\.P"):
         paths_of(motion, ["rod_piston.C"])
 

@@ -32,8 +32,8 @@ SCENES = {
 
 
 def artists(picture: Picture, start: str) -> list:
-    found = [*picture.axes.lines, *picture.axes.patches]
-    return [a for a in found if str(a.get_label()).startswith(start)]
+    result = [*picture.axes.lines, *picture.axes.patches]
+    return [a for a in result if str(a.get_label()).startswith(start)]
 
 
 def pins(picture: Picture) -> dict[str, complex]:

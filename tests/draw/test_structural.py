@@ -13,11 +13,11 @@ from tests.machines import ruiz, watt
 
 def test_vertices_are_links_and_freedoms_as_in_the_paper():
     graph = structural_graph(watt().compile())
-    found = {name: (data["links"], data["freedoms"]) for name, data in graph.nodes(data=True)}
+    result = {name: (data["links"], data["freedoms"]) for name, data in graph.nodes(data=True)}
     dyads = [n for n in graph if n not in ("frame", "crank")]
-    assert found["frame"] == (("0",), 0)
-    assert found["crank"] == (("1",), 1)
-    assert [found[n] for n in dyads] == [(("2", "3"), 0), (("4", "5"), 0)]
+    assert result["frame"] == (("0",), 0)
+    assert result["crank"] == (("1",), 1)
+    assert [result[n] for n in dyads] == [(("2", "3"), 0), (("4", "5"), 0)]
     pairs = sum(len(pairs) for *_, pairs in graph.edges(data="pairs"))
     assert pairs == 5  # seven of the mechanism, less the two inside of dyads
     figure = draw_structural_graph(watt().compile())
@@ -38,8 +38,8 @@ def test_freedoms_of_the_vertices_are_the_mobility(path):
 def test_centrodes_of_a_connecting_rod_touch_and_roll():
     mech = ruiz().compile()
     q = np.linspace(0.0, 0.3, 401)
-    found = centrodes(mech, "dyad.i", q)
-    fixed, moving = found["fixed centrode"], found["moving centrode"]
+    result = centrodes(mech, "dyad.i", q)
+    fixed, moving = result["fixed centrode"], result["moving centrode"]
     assert abs(fixed[0] - moving[0]) < 1e-12  # both hold the instant centre of the first pose
     lengths = [np.abs(np.diff(curve)).sum() for curve in (fixed, moving)]
     assert lengths[0] == pytest.approx(lengths[1], rel=1e-5)  # rolling: equal arcs

@@ -76,7 +76,7 @@ def dyad(m: Any, B: Moving, D: Moving, li: float, lj: float, branch: int, second
 Parts = Callable[[Any, Any, bool], tuple[Any, Any, Any, Any]]  # -> J, tau, dJ, margin
 
 
-def reduced(parts: Parts, **more: Any) -> Synthetic:
+def reduced(parts: Parts, **options: Any) -> Synthetic:
     """A reduced system from the text of a linkage."""
 
     def batch(q: Any, qd: Any, t: float) -> tuple[Any, Any, Any]:
@@ -90,7 +90,7 @@ def reduced(parts: Parts, **more: Any) -> Synthetic:
             return math.nan, math.nan, math.nan, 0.0
         return J, tau, dJ, margin
 
-    return Synthetic(one, batch, **more)
+    return Synthetic(one, batch, **options)
 
 
 def watt_parts(m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
@@ -117,19 +117,19 @@ def watt_parts(m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
     return J, tau, dJ, m.low(m1, m2)
 
 
-def watt(**more: Any) -> Synthetic:
+def watt(**options: Any) -> Synthetic:
     """The Watt six-bar."""
-    return reduced(watt_parts, **more)
+    return reduced(watt_parts, **options)
 
 
-def pendulum(couple: float = 0.0, **more: Any) -> Synthetic:
+def pendulum(couple: float = 0.0, **options: Any) -> Synthetic:
     """A point mass 1 kg at 1 m, gravity 1 m/s2, q from the lowest place, and a couple [N m]."""
 
     def parts(m: Any, q: Any, second: bool) -> tuple[Any, Any, Any, Any]:
         sine = m.expi(q).imag
         return 1.0 + 0 * sine, couple - sine, 0 * sine, 1.0 + 0 * sine
 
-    return reduced(parts, **more)
+    return reduced(parts, **options)
 
 
 @dataclass(frozen=True)
@@ -161,12 +161,12 @@ class FourBar:
         return 9.81 * height
 
 
-def fourbar(**more: Any) -> Synthetic:
+def fourbar(**options: Any) -> Synthetic:
     """The four-bar that runs into dead centres."""
-    return reduced(FourBar(), **more)
+    return reduced(FourBar(), **options)
 
 
-def guided(inertia: float, effort: Callable[[Any], Any], **more: Any) -> Synthetic:
+def guided(inertia: float, effort: Callable[[Any], Any], **options: Any) -> Synthetic:
     """A body on a straight guide: constant inertia [kg], effort(q) [N]."""
 
     def batch(q: Any, qd: Any, t: float) -> tuple[Any, Any, Any]:
@@ -176,7 +176,7 @@ def guided(inertia: float, effort: Callable[[Any], Any], **more: Any) -> Synthet
         return inertia, float(effort(q)), 0.0, 1.0
 
     given = {"rotary": (False,), "period": None, "span": 1.0}
-    return Synthetic(one, batch, **given, **more)
+    return Synthetic(one, batch, **given, **options)
 
 
 def motored(stall: float = 60.0, idle: float = 20.0, damper: float = 0.3) -> Synthetic:
@@ -190,8 +190,8 @@ def motored(stall: float = 60.0, idle: float = 20.0, damper: float = 0.3) -> Syn
         return stall * (1 - qd / idle) if stall else 0.0 * qd
 
     def batch(q: Any, qd: Any, t: float) -> tuple[Any, Any, Any]:
-        found = base.sample(q)
-        return found.J, found.tau + motor(q, qd) - damping(q) * qd, found.margin
+        result = base.sample(q)
+        return result.J, result.tau + motor(q, qd) - damping(q) * qd, result.margin
 
     def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
         J, tau, dJ, margin = base.scalar_terms(q)

@@ -203,8 +203,8 @@ def falling_rod() -> Rows:
     def rate(q: Any) -> Any:
         return mp.sqrt(3 * G * (mp.sin(mpf(STOP_START)) - mp.sin(q)))
 
-    found = [(mp.quad(lambda x: 1 / rate(x), [q, STOP_START]), q) for q in (0.9, 0.5, 0.0, -0.49)]
-    return table([(t, q, -rate(mpf(q))) for t, q in found], "crank")
+    result = [(mp.quad(lambda x: 1 / rate(x), [q, STOP_START]), q) for q in (0.9, 0.5, 0.0, -0.49)]
+    return table([(t, q, -rate(mpf(q))) for t, q in result], "crank")
 
 
 # -- a rod with a damper -----------------------------------------------------------------------

@@ -35,7 +35,7 @@ class Synthetic(System):
     rotary = (True,)
     contacts = {}
 
-    def __init__(self, one=None, batch=None, *, terms=None, k=1, **more):
+    def __init__(self, one=None, batch=None, *, terms=None, k=1, **options):
         self._scalar, self._batch_terms, self._full_terms = one, batch, terms
         self.method = self.progress = None
         self.samples = self.calls = self.singles = self.states = 0
@@ -53,10 +53,10 @@ class Synthetic(System):
             once=lambda make: make(self.compiled),
         )
         self.stops = ((-math.inf, math.inf),) * k
-        for name, value in more.items():
+        for name, value in options.items():
             vars(self)[name] = (value,) if name == "stops" and np.ndim(value) == 1 else value
 
-    def but(self, **more):
+    def but(self, **options):
         """The same with something else."""
         given = {
             "one": self._scalar,
@@ -66,9 +66,9 @@ class Synthetic(System):
         }
         own = ("depends_on", "period", "knots", "span", "stops", "rotary", "lossless")
         kept = {name: getattr(self, name) for name in own}
-        if "one" in more and "batch" not in more:
+        if "one" in options and "batch" not in options:
             given["batch"] = None
-        return Synthetic(**{**given, **kept, **more})
+        return Synthetic(**{**given, **kept, **options})
 
     @property
     def cache(self):
@@ -90,8 +90,8 @@ class Synthetic(System):
         rates = np.broadcast_to(np.asarray(qd, dtype=float), q.shape)
         if self._batch_terms is not None:
             with np.errstate(all="ignore"):
-                found = self._batch_terms(q, rates, t)
-            return Sample(*(np.broadcast_to(x, q.shape).astype(float) for x in found))
+                result = self._batch_terms(q, rates, t)
+            return Sample(*(np.broadcast_to(x, q.shape).astype(float) for x in result))
         rows = [
             self._scalar(float(a), float(b), t) for a, b in zip(q.flat, rates.flat, strict=True)
         ]

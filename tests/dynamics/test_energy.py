@@ -20,8 +20,8 @@ TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 TURN = 2 * math.pi
 
 
-def run(system, q, until, rate=0.0, accuracy=1e-12, **more):
-    return move(system, Start(q, rate), until, "energy", accuracy, **more)
+def run(system, q, until, rate=0.0, accuracy=1e-12, **options):
+    return move(system, Start(q, rate), until, "energy", accuracy, **options)
 
 
 def truth(system, q, rate, times):

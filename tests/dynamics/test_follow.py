@@ -44,8 +44,8 @@ def four_bar(a, l_i, l_j, ground, start=UPRIGHT, branch="follow"):
     return fourbar(a, l_i, l_j, ground, bodies, gravity=G, branch=branch, **options)
 
 
-def parallelogram(a=0.25, b=0.4, **more):
-    return four_bar(a, b, a, b, **more)
+def parallelogram(a=0.25, b=0.4, **options):
+    return four_bar(a, b, a, b, **options)
 
 
 def isosceles(r=1.0):

@@ -146,10 +146,10 @@ def test_static_friction_holds_up_to_its_own_limit_and_kinetic_friction_slows():
     for q, holds in ((0.07, True), (0.0815, False)):  # 0.5 sin q against 0.4 * 0.1
         motion = mech.simulate("time=1", start={"crank": (q + HANGING, 0.0)}, want=()).motion
         assert (motion.q_end == q + HANGING) is holds
-    found = mech.simulate("swings=1", start={"crank": (1.0 + HANGING, 0.0)}, want=()).motion
+    result = mech.simulate("swings=1", start={"crank": (1.0 + HANGING, 0.0)}, want=()).motion
     weak = pendulum(bm.friction.Coulomb(coefficient=0.1, radius=0.1))
     plain = weak.simulate("swings=1", start={"crank": (1.0 + HANGING, 0.0)}, want=()).motion
-    assert found.q_end == pytest.approx(plain.q_end, abs=1e-13)
+    assert result.q_end == pytest.approx(plain.q_end, abs=1e-13)
 
 
 # -- stick-slip ------------------------------------------------------------------------------

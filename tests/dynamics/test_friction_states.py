@@ -25,10 +25,10 @@ CURVE = {"static": 0.3, "kinetic": 0.2, "stribeck_speed": 0.5, "viscous": 0.01}
 PIN = 0.05
 
 
-def lugre(stiffness=1e3, **more):
+def lugre(stiffness=1e3, **options):
     damping = 0.03 * math.sqrt(stiffness)
     return bm.friction.LuGre(
-        **CURVE, stiffness=stiffness, damping=damping, **{"radius": PIN, **more}
+        **CURVE, stiffness=stiffness, damping=damping, **{"radius": PIN, **options}
     )
 
 

@@ -61,8 +61,8 @@ ANGLES = ([0.0, 1.0, 2.5, 4.0], [1.0, -1.0, 2.0, 0.5])
 WAVE = CubicSpline([*ANGLES[0], TURN], [*ANGLES[1], ANGLES[1][0]], bc_type="periodic")
 
 
-def table(of, data, **more):
-    return {"kind": "table", "of": of, "arguments": data[0], "values": data[1], **more}
+def table(of, data, **options):
+    return {"kind": "table", "of": of, "arguments": data[0], "values": data[1], **options}
 
 
 LINEAR = {"interpolation": "linear"}

@@ -38,8 +38,8 @@ def test_friction_holds_the_press_for_moments_between_those_of_both_ways():
     motion = bm.Graph.load(FOLDER / "locking_press.json").compile().simulate("standstill").motion
     assert (motion.status, motion.end) == ("rest", "rest")
     moments = sorted(float(press_moment(PRESS_START, way)) for way in (1, -1))
-    found = [motion.facts[f"holding_{end}"] for end in ("low", "high")]
-    assert found == pytest.approx(moments, rel=1e-9)
+    result = [motion.facts[f"holding_{end}"] for end in ("low", "high")]
+    assert result == pytest.approx(moments, rel=1e-9)
     assert moments[0] < 0 < moments[1]
 
 

@@ -82,8 +82,8 @@ def test_joints_of_a_state_space_of_all_units_drift_apart(source):
     """They fall with the step as the scheme does, but are never closed; ours are to rounding."""
     mech = bm.Linkage.from_data(source).compile()
     motion = mech.simulate("time=2", start={"motor": (0.7, 9.0)}, accuracy=1e-11, want=()).motion
-    found = [drift(source, step) for step in (4e-3, 2e-3)]
-    (coarse, angle), (fine, closer) = found
+    result = [drift(source, step) for step in (4e-3, 2e-3)]
+    (coarse, angle), (fine, closer) = result
     assert coarse > 1e-9
     assert 8 < coarse / fine < 32  # fourth order
     assert abs(closer - motion.q_end) < abs(angle - motion.q_end)

@@ -47,8 +47,8 @@ RUNS = [  # name, start, end; the third from rest through 80 swings
 LOOPS = PathCode.interpreted()
 
 
-def ended(system: System, request: SimulationRequest, n: int = FINE, **more: object) -> PathRun:
-    run = PathRun(system, request, n, PathCode.interpreted(n), **more)
+def ended(system: System, request: SimulationRequest, n: int = FINE, **options: object) -> PathRun:
+    run = PathRun(system, request, n, PathCode.interpreted(n), **options)
     run.run()
     return run
 

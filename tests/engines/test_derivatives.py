@@ -73,16 +73,16 @@ def test_a_magnitude_grows_from_zero_both_ways():
 
 def test_a_knot_has_the_slope_of_the_piece_that_is_entered():
     knots, rows = (0.0, 1.0, 3.0), ((2.0, -1.0), (0.0, 2.0))
-    found = PRIMITIVES["piecewise"](at(1.0, 1.0, -1.0), knots, rows)
-    assert found.x[0] == 2.0
-    assert found.d[:, 0].tolist() == [-1.0, -2.0]
+    result = PRIMITIVES["piecewise"](at(1.0, 1.0, -1.0), knots, rows)
+    assert result.x[0] == 2.0
+    assert result.d[:, 0].tolist() == [-1.0, -2.0]
 
 
 def test_a_value_of_a_table_is_its_own_derivative_at_its_knot():
     rows = (at(2.0, 0.0)[0], at(-1.0, 0.0)[0]), (at(0.0, 0.0)[0], at(2.0, 1.0)[0])
-    found = PRIMITIVES["piecewise"](np.array([0.5, 1.0]), (0.0, 1.0, 3.0), rows)
-    assert found.x.tolist() == [1.0, 2.0]
-    assert found.d.tolist() == [[0.0, 1.0]]
+    result = PRIMITIVES["piecewise"](np.array([0.5, 1.0]), (0.0, 1.0, 3.0), rows)
+    assert result.x.tolist() == [1.0, 2.0]
+    assert result.d.tolist() == [[0.0, 1.0]]
 
 
 def test_a_function_without_a_tangent_is_no_constant():

@@ -56,12 +56,12 @@ def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction
     inputs = taken.given(plan.program.inputs)
     kind = NumpyEngine if engine == "numpy" else compiled_program
     own = kind(plan.program)
-    found = own.run_designs(inputs, own.numbers(values))
+    result = own.run_designs(inputs, own.numbers(values))
     for k, own_numbers in enumerate(zip(*numbers, strict=True)):
         alone = type(plain)(design(plain, *own_numbers), plain.scene)
         own = alone.plan(want, friction=friction)
         single, _ = alone._evaluate(own, taken, engine)
         for name in want:
-            together, one = found[plan.layout[name][0]], single[own.layout[name][0]]
+            together, one = result[plan.layout[name][0]], single[own.layout[name][0]]
             np.testing.assert_array_equal(np.broadcast_to(together.real, (3, 7))[k], one.real)
             np.testing.assert_array_equal(np.broadcast_to(together.imag, (3, 7))[k], one.imag)

@@ -52,8 +52,8 @@ def test_a_singular_matrix_costs_no_other_sample_its_answer() -> None:
 
 def test_a_matrix_takes_numbers_and_batches_side_by_side() -> None:
     column = np.array([1.0, 2.0, 3.0])
-    found = linear.matrix([[column, 0.0], [0.5, np.float64(4.0)]], np.float64)
-    assert found.tolist() == [[[x, 0.0], [0.5, 4.0]] for x in column]
+    result = linear.matrix([[column, 0.0], [0.5, np.float64(4.0)]], np.float64)
+    assert result.tolist() == [[[x, 0.0], [0.5, 4.0]] for x in column]
 
 
 def test_one_sample_without_a_pose_has_no_spread_either() -> None:

@@ -89,8 +89,8 @@ def test_a_function_of_the_time_is_asked_beforehand():
 
 def test_samples_that_need_continuation_are_done_again():
     q = np.linspace(0.05, 6.2, 13)
-    found = assert_agreement(ruiz(radius=2.0).compile(), "llvm", at=q, want=FORCES)
-    assert {f.code for f in found.quality.flags} & {"by-continuation"} or found.quality.gaps
+    result = assert_agreement(ruiz(radius=2.0).compile(), "llvm", at=q, want=FORCES)
+    assert {f.code for f in result.quality.flags} & {"by-continuation"} or result.quality.gaps
 
 
 def test_a_sample_is_the_same_alone_and_in_any_batch():
@@ -155,9 +155,9 @@ def test_primitives_are_those_of_the_plane(function, inputs, parameters):
     program = program_of(function, inputs, parameters)
     pairs = [(x,) if inputs == 1 else (x, y) for x in ODD for y in (ODD if inputs == 2 else [0])]
     columns = dict(zip(program.inputs, np.array(pairs).T, strict=True))
-    found = LlvmEngine(program).run(columns, len(pairs))[0]
+    result = LlvmEngine(program).run(columns, len(pairs))[0]
     scalar = ScalarEngine(program)
-    assert np.array_equal(found, [scalar.one(x)[0] for x in pairs], equal_nan=True)
+    assert np.array_equal(result, [scalar.one(x)[0] for x in pairs], equal_nan=True)
 
 
 def halved(state, floor):
@@ -169,9 +169,9 @@ def halved(state, floor):
 def test_each_lane_of_a_loop_stops_by_itself(cap):
     program = program_of(lambda x, y: repeat(halved, (x, 0.0, x > y), cap, y)[:2], 2)
     x, y = np.array([8.0, 0.5, math.nan, 1.0, 1e9, 3.0, 0.0, -1.0, 5.0]), np.full(9, 0.7)
-    found = LlvmEngine(program).run({"x0": x, "x1": y}, 9)[0]
+    result = LlvmEngine(program).run({"x0": x, "x1": y}, 9)[0]
     expected = np.array([ScalarEngine(program).one(pair)[0] for pair in zip(x, y, strict=True)])
-    assert np.array_equal(np.array(found).T, expected, equal_nan=True)
+    assert np.array_equal(np.array(result).T, expected, equal_nan=True)
 
 
 def test_what_branches_on_a_number_is_declined():

@@ -161,8 +161,8 @@ def test_a_fourbar_moves_as_ondsel_moves_it(upright, tmp_path):
         for part, (place, angle) in THEIRS[t].items():
             drawn, first = PARTS[part][:2]
             turn = run[f"link.{part}.angle"][k]
-            found = run[f"link.{part}.p"][k] + drawn * cmath.exp(1j * turn)
-            assert abs(found - place) < 1e-9, (part, t)
+            result = run[f"link.{part}.p"][k] + drawn * cmath.exp(1j * turn)
+            assert abs(result - place) < 1e-9, (part, t)
             assert abs(cmath.phase(cmath.exp(1j * (turn + first - angle)))) < 1e-9
 
 

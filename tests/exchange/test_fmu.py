@@ -88,13 +88,13 @@ def test_it_moves_as_simulate_does(name, kind, fmi, unit):
         more["start_values"] = dict.fromkeys(names, 0.5) | {
             mech._of_driver(d, "rate"): 2.0 for d in mech.drivers
         }
-    found = fmpy.simulate_fmu(
+    result = fmpy.simulate_fmu(
         str(path), fmi_type=kind, stop_time=end, output_interval=end / 10, output=names, **more
     )
     start = dict.fromkeys(mech.drivers, (0.5, 2.0)) if "start_values" in more else None
     ours = mech.simulate(f"time={end}", times=times, want=names, accuracy=1e-10, start=start)
     for column in names:
-        assert np.abs(np.interp(times, found["time"], found[column]) - ours[column]).max() < AGREE
+        assert np.abs(np.interp(times, result["time"], result[column]) - ours[column]).max() < AGREE
 
 
 @NEEDS_C
@@ -105,7 +105,7 @@ def test_friction_and_an_effort_count(tmp_path):
     effort = np.array([(0.0, 9000.0), (1.0, 9000.0)], [("time", float), ("crank.effort", float)])
     columns = ["crank.q", "crank.rate", "crank.acceleration", "crank.drive", "dyad.C.reaction.x"]
     start = {"crank.q": 0.3, "crank.rate": 10.0}
-    found = fmpy.simulate_fmu(
+    result = fmpy.simulate_fmu(
         str(path),
         stop_time=0.01,
         output_interval=0.005,
@@ -115,7 +115,7 @@ def test_friction_and_an_effort_count(tmp_path):
         fmi_type="ModelExchange",
         relative_tolerance=1e-10,
     )
-    for row in found:
+    for row in result:
         again = mech.run(
             at=[row["crank.q"]],
             rates=[row["crank.rate"]],
@@ -179,13 +179,13 @@ def test_signal_blocks_are_inside(name, kind, tmp_path):
     (path,) = bm.write(mech, tmp_path / "m.fmu", step=1e-4, fmi=fmi, want=names)
     assert validate_fmu(str(path)) == []
     more = {"solver": "CVode", "relative_tolerance": 1e-10} if fmi == "2" else {}
-    found = fmpy.simulate_fmu(
+    result = fmpy.simulate_fmu(
         str(path), fmi_type=kind, stop_time=end, output_interval=end / 40, output=names, **more
     )
     times = np.linspace(0.0, end, 5)
     ours = mech.simulate(f"time={end}", times=times, want=names, accuracy=1e-9)
     for column in names:
-        theirs = np.interp(times, found["time"], found[column])
+        theirs = np.interp(times, result["time"], result[column])
         scale = max(1.0, np.abs(ours[column]).max())
         assert np.abs(theirs - ours[column]).max() < AGREE * scale, column
 
@@ -200,7 +200,7 @@ def test_what_a_controller_outside_gives_comes_in_by_name(tmp_path):
     ours = [stepper.step(0.05, {"goal": x})["left.q"][0] for x in goals]
     rows = [(0.05 * k + more, x) for k, x in enumerate(goals) for more in (0.0, 0.05)]
     fed = np.array(rows, [("time", float), ("goal", float)])
-    found = fmpy.simulate_fmu(
+    result = fmpy.simulate_fmu(
         str(path),
         fmi_type="CoSimulation",
         stop_time=0.15,
@@ -208,7 +208,7 @@ def test_what_a_controller_outside_gives_comes_in_by_name(tmp_path):
         input=fed,
         output=["left.q"],
     )
-    assert found["left.q"][1:] == pytest.approx(ours, abs=1e-5)
+    assert result["left.q"][1:] == pytest.approx(ours, abs=1e-5)
     assert np.ptp(ours) > 0.01
 
 
@@ -225,7 +225,7 @@ def test_bristles_are_states(tmp_path):
     g.start("rod", q=0.3)
     names = ["rod.q", "rod.A.deflection"]
     (path,) = bm.write(g, tmp_path / "m.fmu", want=names)
-    found = fmpy.simulate_fmu(
+    result = fmpy.simulate_fmu(
         str(path),
         fmi_type="ModelExchange",
         stop_time=0.5,
@@ -236,7 +236,7 @@ def test_bristles_are_states(tmp_path):
     times = np.linspace(0.0, 0.5, 6)
     ours = g.compile().simulate("time=0.5", times=times, want=names, accuracy=1e-9)
     for column in names:
-        theirs = np.interp(times, found["time"], found[column])
+        theirs = np.interp(times, result["time"], result[column])
         assert np.abs(theirs - ours[column]).max() < AGREE, column
 
 

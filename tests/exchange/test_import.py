@@ -30,12 +30,12 @@ def compared(linkage, solver, scale, sense=1.0, rename=lambda p: p):
     """The largest difference of the two, over the size; every moving point is compared."""
     angles = turn()
     expected = solver.follow([sense * q for q in angles])
-    found = places(linkage, [sense * q for q in angles])
+    result = places(linkage, [sense * q for q in angles])
     compared = 0
     for point in solver.moving:
         name = rename(point)
-        assert name in found, (point, sorted(found))
-        off = np.abs(found[name] / scale - expected[point]).max() / solver.size
+        assert name in result, (point, sorted(result))
+        off = np.abs(result[name] / scale - expected[point]).max() / solver.size
         assert off < EXACT, (point, off)
         compared += 1
     assert compared == len(solver.moving) > 0
@@ -217,16 +217,16 @@ def test_wheels_of_linkage_turn_by_their_sizes(kind, ratio, first):
     if first:
         ratio = 1 / ratio
     q = np.linspace(0.0, 0.3, 7)
-    found = places(linkage, q)
+    result = places(linkage, q)
     ends = [complex(*points[k]) for k in (first, 1 - first)]
     tips = [complex(*points[k + 2]) for k in (first, 1 - first)]
     turns = [np.exp(1j * q), np.exp(1j * ratio * q)]
     a, b = (e + (t - e) * z for e, t, z in zip(ends, tips, turns, strict=True))
     names = [str(first + 2), str(3 - first)]
-    assert np.abs(found[names[0]] * 1e3 - a).max() < 1e-9
-    assert np.abs(found[names[1]] * 1e3 - b).max() < 1e-9
+    assert np.abs(result[names[0]] * 1e3 - a).max() < 1e-9
+    assert np.abs(result[names[1]] * 1e3 - b).max() < 1e-9
     for end in (a, b):  # and the five-bar closes on both
-        lengths = np.abs(found["4"] * 1e3 - end)
+        lengths = np.abs(result["4"] * 1e3 - end)
         assert np.ptp(lengths) < 1e-9 * lengths[0]
 
 
@@ -261,9 +261,9 @@ def test_a_link_with_two_pins_on_one_arc_turns_about_its_centre():
     )
     linkage = bm.read(text.replace('slider="true"', 'slider="true" slideradius="20"'))
     assert not linkage.check()
-    found = places(linkage, [-0.1, -0.2])
+    result = places(linkage, [-0.1, -0.2])
     for point in ("2", "3"):
-        assert np.abs(found[point] * 1e3 - centre) == pytest.approx(20.0, abs=1e-9)
+        assert np.abs(result[point] * 1e3 - centre) == pytest.approx(20.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("inside", [False, True])
@@ -274,10 +274,10 @@ def test_a_gear_joint_of_pmks_is_the_pitch_point(inside):
     linkage = bm.read(gear)
     assert not linkage.check()
     q = np.linspace(0.0, 2.0, 5)
-    found = places(linkage, q)
+    result = places(linkage, q)
     ratio = pitch / (pitch - 3)  # both rims have one velocity at the pitch point
-    assert np.abs(found["C"] - (1 + 1j) * np.exp(1j * q)).max() < 1e-9
-    assert np.abs(found["D"] - (3 + 2j * np.exp(1j * ratio * q))).max() < 1e-9
+    assert np.abs(result["C"] - (1 + 1j) * np.exp(1j * q)).max() < 1e-9
+    assert np.abs(result["D"] - (3 + 2j * np.exp(1j * ratio * q))).max() < 1e-9
 
 
 def test_a_planetary_set_of_linkage_turns_on_its_arm():
@@ -302,8 +302,8 @@ def test_a_slide_becomes_a_pin_in_a_slot_and_an_actuator_a_driven_length():
     driver = linkage.to_data()["drivers"]["motor"]
     assert driver["to"] - driver["from"] == pytest.approx(0.02)
     length = abs(complex(40, 60)) / 1000
-    found = linkage.run(at=[length, length + 0.01], want="joint.2.p")["joint.2.p"]
-    assert np.abs(found) == pytest.approx([length, length + 0.01], abs=1e-12)
+    result = linkage.run(at=[length, length + 0.01], want="joint.2.p")["joint.2.p"]
+    assert np.abs(result) == pytest.approx([length, length + 0.01], abs=1e-12)
 
 
 BOMB = '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><linkage2>&b;</linkage2>'
@@ -409,9 +409,9 @@ def test_live_linkages_of_pylinkage_move_as_pylinkage_moves_them():
         if k == 0:
             ours = bm.read(linkage)
     expected = dict(zip("ADEBCPS", np.array(theirs).T, strict=True))
-    found = places(ours, [step * k for k in range(25)])
+    result = places(ours, [step * k for k in range(25)])
     for point in "BCPS":
-        assert np.abs(found[point] - expected[point]).max() < EXACT * 9, point
+        assert np.abs(result[point] - expected[point]).max() < EXACT * 9, point
 
 
 def test_json_of_pylinkage(tmp_path):

@@ -161,7 +161,7 @@ def test_several_joints_of_a_body_are_links_without_mass(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("<mujoco/>", "no worldbody"),
         (
@@ -176,7 +176,7 @@ def test_several_joints_of_a_body_are_links_without_mass(tmp_path):
         ('<mujoco><worldbody><body pos="a 0 0"><joint/></body></worldbody></mujoco>', "number"),
     ],
 )
-def test_models_that_cannot_be_read(text, said, tmp_path):
+def test_models_that_cannot_be_read(text, message, tmp_path):
     (tmp_path / "m.xml").write_text(text, "utf-8")
-    with pytest.raises(bm.FormatError, match=said):
+    with pytest.raises(bm.FormatError, match=message):
         bm.read(tmp_path / "m.xml")

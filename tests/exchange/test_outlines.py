@@ -46,15 +46,15 @@ def test_an_svg_is_to_scale(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"width": "wide"}, "20mm"),
         ({"width": "5mm", "hole": "6mm"}, "smaller"),
         ({"hole": "-1mm"}, "20mm"),
     ],
 )
-def test_widths_that_cannot_be(options, said, tmp_path):
-    with pytest.raises(bm.RequestError, match=said):
+def test_widths_that_cannot_be(options, message, tmp_path):
+    with pytest.raises(bm.RequestError, match=message):
         bm.write(mechanism("ruiz_fourbar"), tmp_path / "a.dxf", at=[0.7], **options)
     assert not list(tmp_path.iterdir())
 

@@ -60,7 +60,7 @@ def test_sines_of_a_page_are_rounded_correctly(page):
     points = [(draw.gauss(0, 1), draw.gauss(0, 1)) for _ in range(1500)]
     page.goto("about:blank")
     page.add_script_tag(content=numbers())
-    found = page.evaluate(
+    result = page.evaluate(
         """([a, p]) => [
             a.map(sin), a.map(cos), p.map((z) => atan2(...z)), p.map((z) => hypot(...z))]""",
         [angles, points],
@@ -72,7 +72,7 @@ def test_sines_of_a_page_are_rounded_correctly(page):
             [float(mp.atan2(*z)) for z in points],
             [float(mp.hypot(*z)) for z in points],
         ]
-    assert found == exact
+    assert result == exact
 
 
 @pytest.mark.parametrize(

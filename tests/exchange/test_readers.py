@@ -88,10 +88,10 @@ def test_a_slot_turns_with_the_link_whose_joints_it_goes_through():
     b, c = 1.2 + 0.7j, MACHINES["whitworth"].points["C"]
     linkage = bm.read(pmks_plus(MACHINES["whitworth"]))
     q = np.linspace(0.1, 6.0, 24)
-    found = linkage.run(at=q, rates=1.0, want="link.CD.omega")["link.CD.omega"]
+    result = linkage.run(at=q, rates=1.0, want="link.CD.omega")["link.CD.omega"]
     e = b * np.exp(1j * q) - c
     right = (e.conj() * 1j * b * np.exp(1j * q)).imag / np.abs(e) ** 2
-    assert np.abs(found - right).max() < 1e-12
+    assert np.abs(result - right).max() < 1e-12
 
 
 def test_links_that_are_welded_are_one_and_so_told():
@@ -103,7 +103,7 @@ def test_links_that_are_welded_are_one_and_so_told():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ((",CD,C,D", ",CD,C"), "its slot is CD, C, ?"),
         ((",CD,C,D", ",ZZ,C,D"), "a link and two of its joints"),
@@ -115,12 +115,12 @@ def test_links_that_are_welded_are_one_and_so_told():
         ((".0B,B,", ".0A,A,"), "is no id, or one of two"),
     ],
 )
-def test_an_address_that_does_not_fit_is_one_message(change, said):
+def test_an_address_that_does_not_fit_is_one_message(change, message):
     code = pmks_plus(MACHINES["whitworth"]).partition("?")[2][:-1]
     assert change[0] in code
     with pytest.raises(FormatError, match=r"address|text") as error:
         bm.read(stamped(code.replace(*change)))
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "whitworth_shaper", "scotch_yoke", "watt_sixbar"])
@@ -139,8 +139,8 @@ def test_an_address_that_was_written_is_the_same_mechanism(name, tmp_path):
     ours = mech.run(at=start + angles, rates=1.0, want="*.omega")
     theirs = again.run(at=angles, rates=1.0, want="link.*.omega")
     right = sorted(np.abs(ours[n]).max() for n in ours if ours[n].any())
-    found = sorted(np.abs(theirs[n]).max() for n in theirs if np.abs(theirs[n]).max() > 1e-9)
-    assert found == pytest.approx(right[-len(found) :], rel=2e-3)  # places have 10 micrometres
+    result = sorted(np.abs(theirs[n]).max() for n in theirs if np.abs(theirs[n]).max() > 1e-9)
+    assert result == pytest.approx(right[-len(result) :], rel=2e-3)  # places have 10 micrometres
 
 
 def test_what_an_address_cannot_say_is_refused_or_told(tmp_path):
@@ -371,9 +371,9 @@ def test_a_model_of_geoms_moves_as_mujoco_moves_it(density, tmp_path):
     for _ in range(3000):
         mujoco.mj_step(model, state)
     run = linkage.compile().simulate("time=0.3", want=["driver.*.q"], accuracy=1e-10)
-    found = [run["driver.motor.q"][-1], -run["driver.motor_B.q"][-1]]
+    result = [run["driver.motor.q"][-1], -run["driver.motor_B.q"][-1]]
     assert abs(state.qpos).min() > 0.05
-    assert found == pytest.approx([state.qpos[0], state.qpos[1]], abs=2e-7)
+    assert result == pytest.approx([state.qpos[0], state.qpos[1]], abs=2e-7)
 
 
 def test_the_masses_of_a_capsule():
@@ -438,7 +438,7 @@ def test_a_gearbox_of_sdf_turns_by_its_ratio():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (
             '<robot name="r"><link name="a"/><joint name="j" type="fixed"><parent link="a"/><child link="q"/></joint></robot>',
@@ -455,10 +455,10 @@ def test_a_gearbox_of_sdf_turns_by_its_ratio():
         ),
     ],
 )
-def test_robots_that_cannot_be_read(text, said, tmp_path):
+def test_robots_that_cannot_be_read(text, message, tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text(text, "utf-8")
-    with pytest.raises(FormatError, match=said) as error:
+    with pytest.raises(FormatError, match=message) as error:
         bm.read(path)
     assert len(error.value.problems) == 1
 

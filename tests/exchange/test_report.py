@@ -16,8 +16,8 @@ GRAPHS = Path(__file__).parents[2] / "graphs"
 HURT = "</title><script>hurt=1</script>"
 
 
-def report_of(document, path, **more):
-    bm.write(document, path, to="report", **more)
+def report_of(document, path, **options):
+    bm.write(document, path, to="report", **options)
     return path.read_text("utf-8")
 
 

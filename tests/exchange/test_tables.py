@@ -50,11 +50,11 @@ def test_a_mat_file_has_arrays_names_and_units(run, tmp_path):
     from scipy.io import loadmat
 
     (path,) = bm.write(mechanism("ruiz_fourbar"), tmp_path / "a.mat", want=WANT, samples=13)
-    found = loadmat(path, simplify_cells=True)["run"]
-    keys = {name: key for key, name in found["names"].items()}
-    assert np.array_equal(found["values"][keys["crank.drive"]], run["crank.drive"])
-    assert np.array_equal(found["values"][keys["dyad.C.reaction"]], run["dyad.C.reaction"])
-    assert found["units"][keys["dyad.C.reaction"]] == "N"
+    result = loadmat(path, simplify_cells=True)["run"]
+    keys = {name: key for key, name in result["names"].items()}
+    assert np.array_equal(result["values"][keys["crank.drive"]], run["crank.drive"])
+    assert np.array_equal(result["values"][keys["dyad.C.reaction"]], run["dyad.C.reaction"])
+    assert result["units"][keys["dyad.C.reaction"]] == "N"
 
 
 def test_parquet_and_csv_and_npz(run, tmp_path):

@@ -48,8 +48,8 @@ def _solve(a: Any, right: Any) -> tuple[Any, ...]:
 
 
 def _spread(a: Any) -> Any:
-    found = mpmath.svd_r(a, compute_uv=False)
-    return min(found) / max(found)
+    result = mpmath.svd_r(a, compute_uv=False)
+    return min(result) / max(result)
 
 
 PRIMITIVES: dict[str, Callable[..., Any]] = {

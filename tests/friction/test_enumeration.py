@@ -43,14 +43,14 @@ def brute_force(kind, arm, guide_length):
 @pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])
 def test_every_solution_is_one_and_none_is_missing(kind, guide_length, arm):
     groups = ten_groups(kind, arm, guide_length)
-    found = enumerated(groups)
+    result = enumerated(groups)
     expected = [np.array(t) for t in brute_force(kind, arm, guide_length)]
-    F = groups.base[found.system] + np.einsum("sjm,sm->sj", groups.rows[found.system], found.t)
+    F = groups.base[result.system] + np.einsum("sjm,sm->sj", groups.rows[result.system], result.t)
     load = dyads.norms(groups, F)
-    off = np.abs(found.t / groups.k[found.system] - load)
+    off = np.abs(result.t / groups.k[result.system] - load)
     assert (off.max(axis=1) <= 1e-9 * load.max(axis=1)).all()
     for i, judged in enumerate(expected):
-        mine = found.t[found.system == i]
+        mine = result.t[result.system == i]
         assert len(mine) == len(judged), i
         for t in judged:
             near = np.abs(mine - t).max(axis=1) / np.abs(t).max()
@@ -67,23 +67,23 @@ def test_what_is_kept_of_the_search_is_found_again():
 @pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])
 def test_pins_have_the_solutions_of_a_polynomial_of_degree_eight(arm):
     groups = dyads.random_groups("RRR", 60, arm, np.random.default_rng(7))
-    found = enumerated(groups)
+    result = enumerated(groups)
     for i in range(60):
         expected = degree_eight.solutions(groups.k[i], groups.base[i], groups.rows[i])
-        assert np.sum(found.system == i) == len(expected), i
+        assert np.sum(result.system == i) == len(expected), i
 
 
 @pytest.mark.parametrize(("kind", "guide_length"), KINDS)
 @pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])
 def test_indices_sum_to_one_where_the_number_c_is_below_one(kind, guide_length, arm):
     groups = dyads.random_groups(kind, 40, arm, np.random.default_rng(8), guide_length)
-    found = enumerated(groups)
-    total = sums(found, 40)[found.complete]
-    assert found.complete.mean() >= 0.97
+    result = enumerated(groups)
+    total = sums(result, 40)[result.complete]
+    assert result.complete.mean() >= 0.97
     if guide_length is None:
         assert set(total) <= {0.0, 1.0}
     if (kind, guide_length) != ("PRP", 0.7):
-        assert np.array_equal(total == 1, existence_of(groups)[found.complete] < 1)
+        assert np.array_equal(total == 1, existence_of(groups)[result.complete] < 1)
 
 
 def test_a_lever_has_the_roots_of_a_quadratic():
@@ -95,18 +95,18 @@ def test_a_lever_has_the_roots_of_a_quadratic():
         x.real for x in ((b + root) / a, (b - root) / a) if x.imag == 0 and x.real > 0
     )
     groups = np.array([[k]]), np.array([[f]]), np.array([[[R]]]), (0,)
-    found = enumeration.enumerated(*groups)
-    assert sorted(found.t[:, 0]) == pytest.approx(expected, rel=1e-12)
-    assert found.complete.all()
+    result = enumeration.enumerated(*groups)
+    assert sorted(result.t[:, 0]) == pytest.approx(expected, rel=1e-12)
+    assert result.complete.all()
 
 
 def test_where_rounding_hides_what_is_apart_exact_misfits_decide():
     """Groups of the campaign whose loads differ by so many digits that doubles prove nothing."""
     groups = dyads.random_groups("RRP", 250, 3.0, np.random.default_rng(1)).of(np.array([9, 156]))
-    found = enumerated(groups)
-    assert found.complete.all()
+    result = enumerated(groups)
+    assert result.complete.all()
     total = np.zeros(2)
-    np.add.at(total, found.system, found.signs)
+    np.add.at(total, result.system, result.signs)
     assert np.array_equal(total == 1, existence_of(groups) < 1)
 
 
@@ -114,8 +114,8 @@ def test_a_double_solution_is_undecided():
     """At the fold the two solutions of a lever meet: rounding cannot tell whether they are."""
     f, R = 10 + 3j, -1 + 0j
     k = abs(f) / np.sqrt(abs(f) ** 2 - 100.0)
-    found = enumeration.enumerated(np.array([[k]]), np.array([[f]]), np.array([[[R]]]), (0,))
-    assert not found.complete.any()
+    result = enumeration.enumerated(np.array([[k]]), np.array([[f]]), np.array([[[R]]]), (0,))
+    assert not result.complete.any()
     apart = enumeration.enumerated(
         np.array([[k * 0.999]]), np.array([[f]]), np.array([[[R]]]), (0,)
     )
@@ -126,10 +126,10 @@ def test_a_double_solution_is_undecided():
 def test_pairs_without_load_have_no_friction_and_do_not_count():
     k, base = np.array([[0.3, 0.2]]), np.array([[0j, 2 + 1j]])
     rows = np.array([[[0j, 0j], [0.4 + 0j, 0.5 + 0j]]])
-    found = enumeration.enumerated(k, base, rows, (0, 0))
-    assert len(found.system) == 1
-    assert found.t[0, 0] == 0.0
-    assert found.complete.all()
+    result = enumeration.enumerated(k, base, rows, (0, 0))
+    assert len(result.system) == 1
+    assert result.t[0, 0] == 0.0
+    assert result.complete.all()
 
 
 def test_nothing_depends_on_the_units_of_load():

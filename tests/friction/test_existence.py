@@ -53,12 +53,12 @@ def test_no_dyad_locks_itself_below_one(kind, guide_length, arm):
     n = 1500 if arm == 3.0 else 500  # of long arms one in a hundred is below
     groups = dyads.random_groups(kind, n, arm, np.random.default_rng(1), guide_length)
     c = existence_of(groups)
-    found = solved(groups, c < 1)
+    result = solved(groups, c < 1)
     below = c < 1
     assert below.sum() > 10
-    assert not np.isin(found.outcome[below], [Outcome.FOLD, Outcome.ASYMPTOTE]).any()
+    assert not np.isin(result.outcome[below], [Outcome.FOLD, Outcome.ASYMPTOTE]).any()
     if kind == "RRR":
-        assert np.isin(found.outcome[below], [Outcome.CERTIFIED, Outcome.BY_CONTINUATION]).all()
+        assert np.isin(result.outcome[below], [Outcome.CERTIFIED, Outcome.BY_CONTINUATION]).all()
 
 
 def test_an_arc_that_folds_twice_is_followed_to_its_end():

@@ -105,13 +105,13 @@ def test_newton_with_a_certificate_finds_what_continuation_finds():
     certified = 0
     for seed in SEEDS:
         k, edges, base, rows = random_group(seed, 3, 0.15)
-        found = newton(k, edges, base, rows)
-        if found.contraction >= 1:
+        result = newton(k, edges, base, rows)
+        if result.contraction >= 1:
             continue
         certified += 1
         path = continue_from_zero(k, edges, base, rows)
-        assert found.outcome == Outcome.CERTIFIED
-        assert np.abs(np.subtract(found.t, path.t)).max() <= ROUNDING * np.abs(path.t).max()
+        assert result.outcome == Outcome.CERTIFIED
+        assert np.abs(np.subtract(result.t, path.t)).max() <= ROUNDING * np.abs(path.t).max()
     assert certified >= 10
 
 

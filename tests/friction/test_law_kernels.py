@@ -207,11 +207,11 @@ def registered():
         LAWS._types.pop(name)
 
 
-def made(kernel, at_rest=None, **more):
+def made(kernel, at_rest=None, **options):
     class Stranger(FrictionLaw):
         """A law that somebody else made."""
 
-        drags = more.pop("drags", True)
+        drags = options.pop("drags", True)
         law: Literal["stranger"] = "stranger"
         coefficient: NotNegative = 0.1
         arm: NotNegative = 0.02
@@ -277,8 +277,8 @@ def test_engines_agree(name):
     batch = mech.run(samples=12, engine="numpy", want="crank.drive")["crank.drive"]
     size = np.abs(batch).max()
     for engine in ("scalar", "llvm"):
-        found = mech.run(samples=12, engine=engine, want="crank.drive")["crank.drive"]
-        assert np.abs(found - batch).max() <= 1e-13 * size
+        result = mech.run(samples=12, engine=engine, want="crank.drive")["crank.drive"]
+        assert np.abs(result - batch).max() <= 1e-13 * size
     single = mech.run(samples=12, precision="complex64", want="crank.drive")["crank.drive"]
     assert np.abs(single - batch).max() <= 1e-4 * size
     longer = mech.run(samples=12, precision="clongdouble", want="crank.drive")["crank.drive"]

@@ -32,23 +32,23 @@ places = st.complex_numbers(min_magnitude=0.1, max_magnitude=1.0)
 
 @given(k=factors, f=st.complex_numbers(min_magnitude=1.0, max_magnitude=1e4), influence=places)
 def test_newton_solves_the_lever_in_closed_form(k, f, influence):
-    found = solvers.newton((k,), REVOLUTE, (f,), ((influence,),))
+    result = solvers.newton((k,), REVOLUTE, (f,), ((influence,),))
     expected = lever(k, f, influence)
-    assert abs(found.t[0] - expected) <= ROUNDING * abs(expected) / (1 - abs(k * influence)) ** 2
-    assert found.outcome == Outcome.CERTIFIED
-    assert found.contraction == pytest.approx(abs(k * influence), rel=1e-12)
+    assert abs(result.t[0] - expected) <= ROUNDING * abs(expected) / (1 - abs(k * influence)) ** 2
+    assert result.outcome == Outcome.CERTIFIED
+    assert result.contraction == pytest.approx(abs(k * influence), rel=1e-12)
 
 
 @given(k=factors, f=st.complex_numbers(min_magnitude=1.0, max_magnitude=1e4), influence=places)
 def test_successive_approximations_stop_within_the_bound_of_the_contraction(k, f, influence):
     tolerance = 1e-6
-    found = solvers.successive((k,), REVOLUTE, (f,), ((influence,),), tolerance, None)
+    result = solvers.successive((k,), REVOLUTE, (f,), ((influence,),), tolerance, None)
     rho = abs(k * influence)
-    if found.outcome == Outcome.NOT_CONVERGED:
+    if result.outcome == Outcome.NOT_CONVERGED:
         assert rho**solvers.CAP * 2e4 > tolerance  # a hundred iterations were not enough
-        assert math.isnan(found.t[0])
+        assert math.isnan(result.t[0])
         return
-    error = abs(found.t[0] - lever(k, f, influence))
+    error = abs(result.t[0] - lever(k, f, influence))
     assert error <= abs(k) * tolerance / (1 - rho) * 1.001
 
 
@@ -65,18 +65,18 @@ def test_successive_approximations_are_the_papers_recurrence():
     t = 0.0
     for n in range(1, 6):
         t = k * abs(f + R * t)
-        found = solvers.successive((k,), REVOLUTE, (f,), ((R,),), 0.0, n)
-        assert found.t[0] == pytest.approx(t, rel=1e-15)
-        assert found.iterations == n
+        result = solvers.successive((k,), REVOLUTE, (f,), ((R,),), 0.0, n)
+        assert result.t[0] == pytest.approx(t, rel=1e-15)
+        assert result.iterations == n
     assert solvers.single((k,), REVOLUTE, (f,), ((R,),)).t[0] == k * abs(f)
 
 
 def test_successive_approximations_stop_relative_to_the_loads():
     k, f, R = 0.4, 100 + 40j, 0.5 + 0.2j
     for scale in (1e-12, 1.0, 1e12):
-        found = solvers.successive((k,), REVOLUTE, (scale * f,), ((R,),), None, None)
-        assert found.iterations == 11
-        assert found.t[0] == pytest.approx(scale * lever(k, f, R), rel=1e-6)
+        result = solvers.successive((k,), REVOLUTE, (scale * f,), ((R,),), None, None)
+        assert result.iterations == 11
+        assert result.t[0] == pytest.approx(scale * lever(k, f, R), rel=1e-6)
 
 
 def test_observed_contraction_is_the_ratio_of_changes():
@@ -84,9 +84,9 @@ def test_observed_contraction_is_the_ratio_of_changes():
     g = [abs(f)]
     for _ in range(4):
         g.append(abs(f + R * k * g[-1]))
-    found = solvers.successive((k,), REVOLUTE, (f,), ((R,),), 0.0, 4)
-    assert found.contraction == pytest.approx((g[4] - g[3]) / (g[3] - g[2]), rel=1e-9)
-    assert found.residual == pytest.approx(abs(g[4] - g[3]) / g[4], rel=1e-9)
+    result = solvers.successive((k,), REVOLUTE, (f,), ((R,),), 0.0, 4)
+    assert result.contraction == pytest.approx((g[4] - g[3]) / (g[3] - g[2]), rel=1e-9)
+    assert result.residual == pytest.approx(abs(g[4] - g[3]) / g[4], rel=1e-9)
 
 
 @given(
@@ -146,10 +146,10 @@ def test_pin_without_load_has_no_friction():
 
 
 def test_pair_at_rest_has_no_friction_and_loads_the_others_as_they_are():
-    found = solvers.newton((0.0, 0.2), (False, False), (3 + 4j, 6 + 8j), ((1j, 1j), (1j, 0j)))
-    assert found.t[0] == 0.0
-    assert found.t[1] == pytest.approx(2.0, rel=1e-15)
-    assert found.g[0] == pytest.approx(abs(3 + 6j), rel=1e-15)
+    result = solvers.newton((0.0, 0.2), (False, False), (3 + 4j, 6 + 8j), ((1j, 1j), (1j, 0j)))
+    assert result.t[0] == 0.0
+    assert result.t[1] == pytest.approx(2.0, rel=1e-15)
+    assert result.g[0] == pytest.approx(abs(3 + 6j), rel=1e-15)
 
 
 def test_impossible_sample_is_left_alone_whatever_its_factors():

@@ -105,8 +105,8 @@ def _somewhere(
     rng: random.Random, data: Any, fits: Callable[[Any], bool] = lambda item: True
 ) -> tuple[Any, Any] | None:
     """A place at random whose item fits."""
-    found = [(box, key) for box, key in _places(data) if fits(box[key])]
-    return rng.choice(found) if found else None
+    result = [(box, key) for box, key in _places(data) if fits(box[key])]
+    return rng.choice(result) if result else None
 
 
 def _is_number(item: Any) -> bool:

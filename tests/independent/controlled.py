@@ -145,8 +145,8 @@ class Continuous:
             di = (u - self.motor.R * y[6] - self.motor.k * y[3]) / self.motor.L
             return np.concatenate([y[3:6], al, [di, e, self.n * (e - y[8])]])
 
-        found = solve_ivp(rate, (0.0, times[-1]), y0, t_eval=times, **EXACT).y
-        return found[[0, 3, 7, 8, 6]]
+        result = solve_ivp(rate, (0.0, times[-1]), y0, t_eval=times, **EXACT).y
+        return result[[0, 3, 7, 8, 6]]
 
 
 @dataclass

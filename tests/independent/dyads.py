@@ -67,10 +67,10 @@ def random_groups(kind, n, arm, chance, guide_length=None):
                 A[:, at_link, 2 * p + q] = sign * wrench(force, couple, at)
             units[:, at_link, p] = sign * wrench(*friction, at)
     loads = chance.normal(size=(n, 6, 1))
-    found = -np.linalg.solve(A, np.concatenate([loads, units], axis=2))  # (n, 6, 1 + 3)
+    result = -np.linalg.solve(A, np.concatenate([loads, units], axis=2))  # (n, 6, 1 + 3)
     scale = [1.0 if c == "R" else (2.0 / guide_length if guide_length else 0.0) for c in pairs]
     measured = np.stack(
-        [found[:, 2 * p] + 1j * s * found[:, 2 * p + 1] for p, s in enumerate(scale)], axis=1
+        [result[:, 2 * p] + 1j * s * result[:, 2 * p + 1] for p, s in enumerate(scale)], axis=1
     )
     size = np.max([np.abs(a - b) for a in points for b in points], axis=0)
     arms = chance.uniform(-arm, arm, size=(n, 3))

@@ -425,12 +425,12 @@ def _follow(system: System, guess: Array, target: Array) -> Array:
         step = min(step, 1 - done, LONGEST_STEP / max(np.abs(tangent / units).max(), LONGEST_STEP))
         ahead = poses + step * tangent
         try:
-            found = _close(system, ahead, start + (done + step) * (target - start), iterations=10)
-            moved, corrected = (np.abs((found - old) / units).max() for old in (poses, ahead))
+            result = _close(system, ahead, start + (done + step) * (target - start), iterations=10)
+            moved, corrected = (np.abs((result - old) / units).max() for old in (poses, ahead))
         except NoSolution:
             moved, corrected = 0.0, np.inf
         if corrected <= moved / 4 + 1e-10:  # the second part is rounding's
-            poses, done, step = found, done + step, 2 * step
+            poses, done, step = result, done + step, 2 * step
         elif step > 1e-12:
             step /= 2
         else:
@@ -713,8 +713,8 @@ def integrate(
             solver.f = slope(solver.t, solver.y)
         y = solver.y
         out.append(y)
-    found = np.array(out).reshape(len(out), 2, *shape)
-    return found[:, 0], found[:, 1]
+    result = np.array(out).reshape(len(out), 2, *shape)
+    return result[:, 0], result[:, 1]
 
 
 def _project(system: System, y: Array) -> Array:

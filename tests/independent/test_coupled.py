@@ -18,6 +18,6 @@ def test_expected_numbers_are_those_of_the_energies(name):
     reference, moved = MACHINES[name]
     (places,) = said["at"].values()
     for k, q in enumerate(places):
-        found = reference(q, moved)
+        result = reference(q, moved)
         for output, values in said["want"].items():
-            assert values[k] == pytest.approx(float(found[output]), rel=1e-14, abs=1e-16)
+            assert values[k] == pytest.approx(float(result[output]), rel=1e-14, abs=1e-16)

@@ -66,22 +66,22 @@ def test_ruiz_motion_is_the_reference(row):
 
 @RUIZ_ROWS
 def test_ruiz_reactions_with_friction_are_the_reference(row):
-    found = mb.reactions(*ruiz(row["crank"]))
-    assert found.converged
-    assert found.scale == 1
-    assert forces_off(found, row["reactions"]) < ROUNDING
-    assert off(found.drivers["crank"], row["driving_moment"]) < ROUNDING
-    assert off(found.friction_power, row["friction_power"]) < ROUNDING
+    result = mb.reactions(*ruiz(row["crank"]))
+    assert result.converged
+    assert result.scale == 1
+    assert forces_off(result, row["reactions"]) < ROUNDING
+    assert off(result.drivers["crank"], row["driving_moment"]) < ROUNDING
+    assert off(result.friction_power, row["friction_power"]) < ROUNDING
     for name, couple in row["friction_couples"].items():
-        assert found.joints[name].friction == pytest.approx(couple, rel=ROUNDING)
+        assert result.joints[name].friction == pytest.approx(couple, rel=ROUNDING)
 
 
 @RUIZ_ROWS
 def test_ruiz_reactions_without_friction_are_the_reference(row):
-    found = mb.reactions(*ruiz(row["crank"]), friction=False)
-    assert forces_off(found, row["frictionless_reactions"]) < ROUNDING
-    assert off(found.drivers["crank"], row["frictionless_driving_moment"]) < ROUNDING
-    assert all(joint.friction == 0 for joint in found.joints.values())
+    result = mb.reactions(*ruiz(row["crank"]), friction=False)
+    assert forces_off(result, row["frictionless_reactions"]) < ROUNDING
+    assert off(result.drivers["crank"], row["frictionless_driving_moment"]) < ROUNDING
+    assert all(joint.friction == 0 for joint in result.joints.values())
 
 
 def test_joint_C_of_the_ruiz_fourbar_is_at_rest_at_zero_only():
@@ -92,12 +92,12 @@ def test_joint_C_of_the_ruiz_fourbar_is_at_rest_at_zero_only():
 @pytest.mark.parametrize("sense", [-1, 1])
 def test_joint_at_rest_may_be_given_a_sense_of_slip(sense):
     expected = RUIZ["rows"][0]["one_sided"][f"C:{sense:+d}"]
-    found = mb.reactions(*ruiz(0.0), sense={"C": sense})
-    assert found.at_rest == ()
-    assert np.sign(found.joints["C"].friction) == -sense
-    assert abs(found.joints["C"].friction) == pytest.approx(found.joints["C"].limit, rel=ROUNDING)
-    assert forces_off(found, expected["reactions"]) < ROUNDING
-    assert off(found.drivers["crank"], expected["driving_moment"]) < ROUNDING
+    result = mb.reactions(*ruiz(0.0), sense={"C": sense})
+    assert result.at_rest == ()
+    assert np.sign(result.joints["C"].friction) == -sense
+    assert abs(result.joints["C"].friction) == pytest.approx(result.joints["C"].limit, rel=ROUNDING)
+    assert forces_off(result, expected["reactions"]) < ROUNDING
+    assert off(result.drivers["crank"], expected["driving_moment"]) < ROUNDING
 
 
 @WIDE
@@ -224,17 +224,17 @@ def closed_form(theta, *, mu=MU, height=0.0, guide_length=None, omega=OMEGA):
 )
 @pytest.mark.parametrize("omega", [OMEGA, -OMEGA, 0.1])
 def test_rough_guide_of_a_slider_crank_follows_the_closed_form(theta, guide, omega):
-    found = mb.reactions(*slider_crank(theta, omega=omega, **guide))
+    result = mb.reactions(*slider_crank(theta, omega=omega, **guide))
     Q, N, C, T, moment, speed = closed_form(theta, omega=omega, **guide)
     beta = np.arcsin(R * np.sin(theta) / L)
-    piston = found.joints["S"]
-    assert found.converged
-    assert off(found.joints["B"].force, Q * np.array([np.cos(beta), -np.sin(beta)])) < ROUNDING
+    piston = result.joints["S"]
+    assert result.converged
+    assert off(result.joints["B"].force, Q * np.array([np.cos(beta), -np.sin(beta)])) < ROUNDING
     assert off(piston.force, [0, N]) < ROUNDING
     assert off([piston.N, piston.C / L], [N, C / L]) < ROUNDING
     assert piston.slip == pytest.approx(speed, rel=ROUNDING)
     assert piston.friction == pytest.approx(T, rel=ROUNDING)
-    assert found.drivers["motor"] == pytest.approx(moment, rel=ROUNDING)
+    assert result.drivers["motor"] == pytest.approx(moment, rel=ROUNDING)
     assert piston.friction * piston.slip < 0
 
 
@@ -264,33 +264,33 @@ def test_rough_lever_solves_its_quadratic(slip):
         [1 / arm**2 - 1 / b**2, 2 * W * a / b**2, -(W**2) * (1 + (a / b) ** 2)],
     )
     t = roots[np.sign(roots) == -slip].item()
-    found = lever(arm, slip)
-    assert found.joints["O"].slip == pytest.approx(slip, rel=ROUNDING)
-    assert found.joints["O"].friction == pytest.approx(t, rel=ROUNDING)
-    assert found.drivers["strut"] == pytest.approx((t - W * a) / b, rel=ROUNDING)
-    assert off(found.joints["O"].force, [-(t - W * a) / b, W]) < ROUNDING
+    result = lever(arm, slip)
+    assert result.joints["O"].slip == pytest.approx(slip, rel=ROUNDING)
+    assert result.joints["O"].friction == pytest.approx(t, rel=ROUNDING)
+    assert result.drivers["strut"] == pytest.approx((t - W * a) / b, rel=ROUNDING)
+    assert off(result.joints["O"].force, [-(t - W * a) / b, W]) < ROUNDING
 
 
 def test_lever_turning_right_locks_at_a_fold():
-    found = lever(1.0, slip=-1.0)  # the quadratic's roots meet at arm^2 = a^2 + b^2
-    assert not found.converged
-    assert found.scale == pytest.approx(np.hypot(0.3, 0.4), rel=LIMIT)
+    result = lever(1.0, slip=-1.0)  # the quadratic's roots meet at arm^2 = a^2 + b^2
+    assert not result.converged
+    assert result.scale == pytest.approx(np.hypot(0.3, 0.4), rel=LIMIT)
 
 
 def test_lever_takes_the_solution_that_grows_from_zero_friction():
     # Between arm = b and the fold the quadratic has two roots of the right sign.
     arm, b, moment, W = 0.48, 0.4, 30.0, 100.0
     roots = np.roots([1 / arm**2 - 1 / b**2, 2 * moment / b**2, -(W**2) - (moment / b) ** 2])
-    found = lever(arm, slip=-1.0)
+    result = lever(arm, slip=-1.0)
     assert np.all(roots > 0)
-    assert found.converged
-    assert found.joints["O"].friction == pytest.approx(roots.min(), rel=ROUNDING)
+    assert result.converged
+    assert result.joints["O"].friction == pytest.approx(roots.min(), rel=ROUNDING)
 
 
 def test_lever_turning_left_locks_at_an_asymptote():
-    found = lever(1.0, slip=1.0)  # the quadratic loses its square at arm = b
-    assert not found.converged
-    assert found.scale == pytest.approx(0.4, rel=LIMIT)
+    result = lever(1.0, slip=1.0)  # the quadratic loses its square at arm = b
+    assert not result.converged
+    assert result.scale == pytest.approx(0.4, rel=LIMIT)
 
 
 # ---- Everything at once: forces summed by hand --------------------------------------------------
@@ -369,10 +369,10 @@ def test_rates_and_accelerations_are_derivatives_of_the_poses():
 def test_forces_on_every_link_add_up_by_hand(friction):
     """Newton's law for each link in complex numbers, from the reported reactions alone."""
     system, poses, rates, accelerations = zoo()
-    found = mb.reactions(system, poses, rates, accelerations, friction)
-    assert found.converged
-    assert found.at_rest == ()
-    assert all((j.friction != 0) == (friction and j.limit > 0) for j in found.joints.values())
+    result = mb.reactions(system, poses, rates, accelerations, friction)
+    assert result.converged
+    assert result.at_rest == ()
+    assert all((j.friction != 0) == (friction and j.limit > 0) for j in result.joints.values())
     at = {name: poses[i] for i, name in enumerate(system.links)} | {"frame": np.zeros(3)}
     moving = {name: rates[i] for i, name in enumerate(system.links)} | {"frame": np.zeros(3)}
     force = dict.fromkeys(at, 0j)
@@ -396,7 +396,7 @@ def test_forces_on_every_link_add_up_by_hand(friction):
 
     guides = {}
     for name, joint in system.joints.items():
-        got = found.joints[name]
+        got = result.joints[name]
         if joint.type == "R":
             between(joint.links, complex(*got.force), place(joint.links[1], joint.at[1]))
             between(joint.links, 0, 0, got.friction)
@@ -406,7 +406,7 @@ def test_forces_on_every_link_add_up_by_hand(friction):
             guides[name] = joint, u, S
             between(joint.links, got.N * 1j * u + got.friction * u, S, got.C)
             assert complex(*got.force) == pytest.approx(complex(got.N * 1j * u), rel=ROUNDING)
-    between(("frame", "crank"), 0, 0, found.drivers["motor"])
+    between(("frame", "crank"), 0, 0, result.drivers["motor"])
 
     def pull(links, ends, tension):
         first, second = (place(*end) for end in zip(links, ends, strict=True))
@@ -414,7 +414,7 @@ def test_forces_on_every_link_add_up_by_hand(friction):
         between(links, -tension(abs(second - first), e) * e, second)
 
     lift = system.drivers["lift"]
-    pull(lift.links, lift.at, lambda *_: -found.drivers["lift"])
+    pull(lift.links, lift.at, lambda *_: -result.drivers["lift"])
     spring = system.loads["spring"]
     drift = speed("piston", (0.0, 0.03)) - speed("rocker", (0.2, 0.0))
     pull(spring.links, spring.at, lambda d, e: 80 * (d - 0.4) + 3 * (drift * e.conjugate()).real)
@@ -422,7 +422,7 @@ def test_forces_on_every_link_add_up_by_hand(friction):
     between(("crank", "boom"), 0, 0, -5 * (turn - 0.2) - 0.3 * turning)
     joint, u, S = guides["P"]
     gap = place("block", joint.at[1]) - place("rocker", joint.at[0])
-    slip = found.joints["P"].slip
+    slip = result.joints["P"].slip
     assert abs((gap * u.conjugate()).imag) < ROUNDING
     between(joint.links, (-50 * ((gap * u.conjugate()).real - 0.3) - 2 * slip) * u, S)
     exert("piston", 30 + 4j, place("piston", (0.1, -0.05)))
@@ -435,7 +435,7 @@ def test_forces_on_every_link_add_up_by_hand(friction):
         arm = np.exp(1j * at[name][2]) * complex(*link.cm)
         a = x_2 + 1j * y_2 + (1j * alpha - moving[name][2] ** 2) * arm
         exert(name, link.mass * (1 - 9.81j - a), place(name, link.cm), -link.inertia * alpha)
-        largest = max(abs(complex(*joint.force)) for joint in found.joints.values())
+        largest = max(abs(complex(*joint.force)) for joint in result.joints.values())
         assert abs(force[name]) < ROUNDING * largest, name
         assert abs(moment[name]) < ROUNDING * largest, name
 

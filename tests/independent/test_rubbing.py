@@ -105,11 +105,11 @@ def test_the_gallery_moves_as_maximal_coordinates_say():
     """The expected numbers in ``graphs``, from the links and joints of the same file."""
     document = json.loads((JOINTS / "stribeck_slider_crank.json").read_text("utf-8"))
     (expected,) = document.pop("expect")
-    found = of_a_file(document, expected["simulate"]["times"])
-    assert found[-1][2] > 6  # pairs reverse, and all of them where it turns back
+    result = of_a_file(document, expected["simulate"]["times"])
+    assert result[-1][2] > 6  # pairs reverse, and all of them where it turns back
     for i, part in enumerate(("q", "rate")):
         told = expected["want"][f"driver.motor.{part}"]
-        assert np.abs(np.subtract(told, [at[i] for at in found])).max() <= 1e-9
+        assert np.abs(np.subtract(told, [at[i] for at in result])).max() <= 1e-9
 
 
 @kept(mb, judge)
@@ -123,5 +123,5 @@ def of_a_file(document, times):
     system, start = mb.read(document | {"joints": joints}), document["initial"]["motor"]
     poses = mb.assemble(system, system.home, [start["q"]])
     rates = mb.rates(system, poses, [start["rate"]])
-    found = [moved(system, poses, rates, laws, t) for t in times]
-    return [(float(q[0, 2]), float(rate[0, 2]), reversals) for q, rate, reversals in found]
+    result = [moved(system, poses, rates, laws, t) for t in times]
+    return [(float(q[0, 2]), float(rate[0, 2]), reversals) for q, rate, reversals in result]

@@ -142,8 +142,8 @@ def by_the_judge(document, radii, data, start, t_end):
     poses, rates, history = moved
     here = mb.Instant(system, poses, rates)
     rows = [here.coordinate(system.joints[d.joint]) for d in system.drivers.values()]
-    found = [float(r.value) for r in rows], [float(r.gradient @ here.q_dot) for r in rows]
-    return *found, [(float(t), [int(s) for s in sides]) for t, sides in history]
+    result = [float(r.value) for r in rows], [float(r.gradient @ here.q_dot) for r in rows]
+    return *result, [(float(t), [int(s) for s in sides]) for t, sides in history]
 
 
 @pytest.mark.parametrize("case", CASES)

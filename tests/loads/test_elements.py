@@ -50,8 +50,8 @@ def wrapped(angle):
 
 
 def test_torsion_spring_turns_the_shorter_way_back():
-    found = moment(bm.TorsionSpring(stiffness=10.0, rest_angle=0.5), LINKS)
-    assert np.abs(found + 10 * wrapped(Q - 0.5)).max() <= 10 * math.pi * ROUNDING
+    result = moment(bm.TorsionSpring(stiffness=10.0, rest_angle=0.5), LINKS)
+    assert np.abs(result + 10 * wrapped(Q - 0.5)).max() <= 10 * math.pi * ROUNDING
 
 
 @ENGINES
@@ -102,10 +102,10 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize(("law", "wanted"), LAWS.values(), ids=list(LAWS))
-def test_motor_follows_its_law_of_relative_angle_or_rate(law, wanted):
-    found = moment(bm.Motor(law=law), LINKS)
-    assert close(found, wanted(wrapped(Q), RATE + 0 * Q))
+@pytest.mark.parametrize(("law", "expected"), LAWS.values(), ids=list(LAWS))
+def test_motor_follows_its_law_of_relative_angle_or_rate(law, expected):
+    result = moment(bm.Motor(law=law), LINKS)
+    assert close(result, expected(wrapped(Q), RATE + 0 * Q))
 
 
 def test_motor_of_a_driver_counts_turns():
@@ -116,8 +116,8 @@ def test_motor_of_a_driver_counts_turns():
 def test_motor_follows_the_time():
     law = {"kind": "fourier", "of": "time", "period": 2.0, "sines": [4.0]}
     t = np.array([0.1, 0.7, 1.9])
-    found = moment(bm.Motor(law=law), LINKS, times=t)
-    assert close(found, 4.0 * np.sin(math.pi * t))
+    result = moment(bm.Motor(law=law), LINKS, times=t)
+    assert close(result, 4.0 * np.sin(math.pi * t))
     # Named by coordinate, the constant rate says the time as well.
     assert close(moment(bm.Motor(law=law), LINKS), 4.0 * np.sin(math.pi * Q / RATE))
 
@@ -152,8 +152,8 @@ def test_thrust_follows_its_law_of_stroke_or_rate(more, of):
     x = ((d if of == "coordinate" else v) * along.conj()).real
     force = (3.0 - 4.0 * x) * along
     law = {"kind": "polynomial", "of": of, "coefficients": [3.0, -4.0]}
-    found = moment(bm.Thrust(law=law, **more), POINTS)
-    assert close(found, (np.exp(-1j * Q) * force).imag)
+    result = moment(bm.Thrust(law=law, **more), POINTS)
+    assert close(result, (np.exp(-1j * Q) * force).imag)
 
 
 def test_gas_force_follows_a_table_over_the_crank_angle():
@@ -167,9 +167,9 @@ def test_gas_force_follows_a_table_over_the_crank_angle():
         "turns": 2,
     }
     gas = bm.Thrust(law=law, driver="crank", direction=(1.0, 0.0))
-    found = moment(gas, POINTS)
+    result = moment(gas, POINTS)
     size = np.interp(Q % (4 * math.pi), [*angles, 4 * math.pi], [*values, 1.0])
-    assert close(found, -size * np.sin(Q))
+    assert close(result, -size * np.sin(Q))
 
 
 def test_thrust_on_a_moving_link_presses_it_with_the_opposite_force():

@@ -27,11 +27,11 @@ LINES = {
 }
 
 
-def arm(law, **more):
+def arm(law, **options):
     """A motor that turns a rod, and with it another one by a dyad."""
     bodies = [bm.Link(mass=1.0, inertia=0.1), bm.Link(mass=2.0, inertia=0.3)]
     graph = machines.fourbar(0.5, 2.0, 1.5, 2.0, bodies, gravity=9.81)
-    machines.load(graph, "motor", bm.Motor(law=law, **more), a="frame.A", b="crank.A")
+    machines.load(graph, "motor", bm.Motor(law=law, **options), a="frame.A", b="crank.A")
     graph.drive("crank", bm.motion.ConstantRate(rate=3.0))
     graph.start("crank", 0.4)
     return graph
@@ -87,17 +87,17 @@ def test_a_function_of_something_else_is_refused_and_told_how(law):
 
 @EACH_ENGINE
 @pytest.mark.parametrize(
-    ("law", "said"),
+    ("law", "message"),
     [
         (lambda rate: 1 / (rate - 3.0), "ZeroDivisionError"),
         (lambda rate: "much", 'it gave "much"'),
         (lambda rate: None, "it gave null"),
     ],
 )
-def test_a_function_that_fails_is_named_with_its_argument(law, said, engine):
+def test_a_function_that_fails_is_named_with_its_argument(law, message, engine):
     with pytest.raises(RequestError) as caught:
         arm(law).run(samples=3, engine=engine)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert "<lambda>(rate)" in str(caught.value)
     assert "rate = 3" in str(caught.value)
 

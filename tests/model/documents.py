@@ -32,10 +32,10 @@ def _turning(joint: str, rate: float = 3.0, start: float = 0.0, end: float = 6.0
 
 def four_bar() -> Document:
     """The four-bar of [R10], with a marker at the plate's apex."""
-    found = copy.deepcopy(recorded("ruiz_fourbar")["document"])
-    apex = found["loads"]["weightlike"]["at"]
-    found["links"]["2"]["markers"] = {"S": {"at": apex}}
-    return found
+    result = copy.deepcopy(recorded("ruiz_fourbar")["document"])
+    apex = result["loads"]["weightlike"]["at"]
+    result["links"]["2"]["markers"] = {"S": {"at": apex}}
+    return result
 
 
 def slider_crank() -> Document:
@@ -164,40 +164,40 @@ def flipped(document: Document, joint: str) -> Document:
 
 def pointed_back(document: Document, joint: str) -> Document:
     """The directed lines of a P joint pointing the other way."""
-    found = copy.deepcopy(document)
-    said = found["joints"][joint]
+    result = copy.deepcopy(document)
+    said = result["joints"][joint]
     said["angle"] = [angle + cmath.pi for angle in said["angle"]]
-    return _recounted(found, joint, -1, 0.0)
+    return _recounted(result, joint, -1, 0.0)
 
 
 def reframed(document: Document, link: str, origin: complex, turn: float) -> Document:
     """The frame of a link somewhere else on it; coordinates of drivers on it shift."""
-    found = copy.deepcopy(document)
+    result = copy.deepcopy(document)
 
     def seen(at: Any) -> list[float]:
         place = cmath.rect(*at["polar"]) if isinstance(at, dict) else complex(*at)
         z = (place - origin) * cmath.exp(-1j * turn)
         return [z.real, z.imag]
 
-    said = found["links"][link]
+    said = result["links"][link]
     x, y, angle = said["pose"]
     o = complex(x, y) + cmath.exp(1j * angle) * origin
     said["pose"] = [o.real, o.imag, angle + turn]
     said["cm"] = seen(said.get("cm", [0, 0]))
     for marker in said.get("markers", {}).values():
         marker["at"] = seen(marker["at"])
-    for name, joint in found["joints"].items():
+    for name, joint in result["joints"].items():
         for k, other in enumerate(joint["links"]):
             if other == link:
                 joint["at"][k] = seen(joint["at"][k])
                 if "angle" in joint:
                     joint["angle"][k] -= turn
-                elif any(d["joint"] == name for d in found["drivers"].values()):
-                    found = _recounted(found, name, 1, turn if k else -turn)
-    for load in found.get("loads", {}).values():
+                elif any(d["joint"] == name for d in result["drivers"].values()):
+                    result = _recounted(result, name, 1, turn if k else -turn)
+    for load in result.get("loads", {}).values():
         if load.get("link") == link and "at" in load:
             load["at"] = seen(load["at"])
-    return found
+    return result
 
 
 def _recounted(document: Document, joint: str, sign: int, offset: float) -> Document:

@@ -164,8 +164,8 @@ def test_all_problems_come_at_once():
     g.add("push", bm.Force(force=(1.0, 0.0)))
     g.wires += [Wire("frame.A", "dyad.X"), Wire("frame.Q", "crank.A")]
     g.drive("motor", bm.motion.ConstantRate(rate=1.0))
-    found = [(p.code, p.where) for p in g.check()]
-    assert found == [
+    result = [(p.code, p.where) for p in g.check()]
+    assert result == [
         ("two-frames", "ground"),
         ("unknown-joint", "dyad.X"),
         ("unknown-marker", "frame.Q"),

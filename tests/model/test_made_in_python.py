@@ -26,11 +26,11 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("said", MISTAKES)
-def test_a_mistake_is_one_sentence_with_the_place(said):
+@pytest.mark.parametrize("message", MISTAKES)
+def test_a_mistake_is_one_sentence_with_the_place(message):
     with pytest.raises(bm.GraphError) as caught:
-        MISTAKES[said]()
-    assert said in str(caught.value)
+        MISTAKES[message]()
+    assert message in str(caught.value)
     assert "pydantic" not in str(caught.value)
 
 

@@ -34,8 +34,8 @@ ALONG_GUIDE = ("N", "friction", "coordinate", "slip")
 ALONG_DRIVER = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "tau_red", "dJ_red")
 
 
-def run(document, **more):
-    return linkage(document).run(samples=SAMPLES, **more)
+def run(document, **options):
+    return linkage(document).run(samples=SAMPLES, **options)
 
 
 def joints_of(kind=""):

@@ -50,7 +50,7 @@ def test_what_is_neither_is_one_clear_problem(write, text):
 def test_problems_of_both_kinds_come_with_the_file(write):
     document = slider_crank()
     document["joints"].pop("B")
-    found = problems_in(write(document))
-    assert found
-    assert all(p.file.endswith("mechanism.json") for p in found)
+    result = problems_in(write(document))
+    assert result
+    assert all(p.file.endswith("mechanism.json") for p in result)
     assert problems_in(write(slider_crank())) == []

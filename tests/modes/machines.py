@@ -36,11 +36,11 @@ def stephenson(lengths, pins, at, crank, pivots, home=4.0, mode=0):
     """A crank and a triad on two fixed pivots; its home is a mode at a crank angle."""
     end = complex(at) + crank * complex(math.cos(home), math.sin(home))
     held = [end, *map(complex, pivots)]
-    found = triad_modes(Triad.rrr(lengths, pins), held)[mode]
-    poses = {"platform": [found.o.real, found.o.imag, found.angle]}
+    result = triad_modes(Triad.rrr(lengths, pins), held)[mode]
+    poses = {"platform": [result.o.real, result.o.imag, result.angle]}
     pairs = {}
     for n, (g, l, p) in enumerate(zip(held, lengths, map(complex, pins), strict=True), start=1):
-        leg = found.o + found.e * p - g
+        leg = result.o + result.e * p - g
         poses[f"leg_{n}"] = [g.real, g.imag, math.atan2(leg.imag, leg.real)]
         pairs[f"G{n}"] = {"type": "R", "link": f"leg_{n}"}
         pairs[f"P{n}"] = pin(f"leg_{n}", "platform", (l, 0.0), place(p))

@@ -39,8 +39,8 @@ class Cranked:
     def exact(self, q):
         return count_exactly(self.outer(q), self.lengths, self.pins)
 
-    def connected(self, **more):
-        return connect(self.triad, self.outer, **more)
+    def connected(self, **options):
+        return connect(self.triad, self.outer, **options)
 
 
 @cache
@@ -146,33 +146,33 @@ def test_between_dead_centres_the_number_of_arcs_is_the_exact_number_of_modes(se
 
 def test_after_a_turn_a_mode_may_be_another_one():
     machine = overturned()
-    found = machine.connected()
-    long = [arc for arc in found.arcs if arc.end.q - arc.start.q > TURN]
+    result = machine.connected()
+    long = [arc for arc in result.arcs if arc.end.q - arc.start.q > TURN]
     assert len(long) == 2
     check = next(
-        j for j, q in enumerate(found.nodes) if long[0].start.q + 0.1 < q < long[0].end.q - TURN
+        j for j, q in enumerate(result.nodes) if long[0].start.q + 0.1 < q < long[0].end.q - TURN
     )
-    then = [found.after_turn((check, k)) for k in range(len(found.modes[check]))]
+    then = [result.after_turn((check, k)) for k in range(len(result.modes[check]))]
     assert sum(x is not None for x in then) == 2
     for mode, other in enumerate(then):
         if other is None:
             continue
-        o, e = found.modes[check][mode].o, found.modes[check][mode].e
-        begin = found.nodes[check]
+        o, e = result.modes[check][mode].o, result.modes[check][mode].e
+        begin = result.nodes[check]
         for q in np.linspace(begin, begin + TURN, 500)[1:]:
             o, e = newton(machine, q, o, e)
-        assert abs(o - found.modes[check][other].o) <= FOUND
+        assert abs(o - result.modes[check][other].o) <= FOUND
         assert other != mode
 
 
 def test_a_small_crank_brings_every_mode_back_to_itself():
     pins, pivots, lengths = [0, 4, 3 + 4j], [0, 5, 1 + 4j], [4.0, 4.0, 4.0]
     machine = Cranked(pins, -0.01, pivots[1:], 0.01, lengths)
-    found = machine.connected()
-    assert [found.after_turn((0, k)) for k in range(6)] == [0, 1, 2, 3, 4, 5]
-    assert [arc.circuit for arc in found.arcs] == [0, 1, 2, 3, 4, 5]
-    assert all((arc.start.how, arc.turns) == ("turn", 1) for arc in found.arcs)
-    assert all((arc.start.q, arc.end.q) == (0, pytest.approx(TURN)) for arc in found.arcs)
+    result = machine.connected()
+    assert [result.after_turn((0, k)) for k in range(6)] == [0, 1, 2, 3, 4, 5]
+    assert [arc.circuit for arc in result.arcs] == [0, 1, 2, 3, 4, 5]
+    assert all((arc.start.how, arc.turns) == ("turn", 1) for arc in result.arcs)
+    assert all((arc.start.q, arc.end.q) == (0, pytest.approx(TURN)) for arc in result.arcs)
 
 
 def test_change_points_of_a_parallelogram_are_passed_straight():
@@ -214,10 +214,10 @@ def test_galloway_s_long_links_turn_once_in_two_turns_of_the_short_one():
 
 def test_a_range_has_arcs_that_end_with_it():
     machine = overturned()
-    found = machine.connected(low=3.5, high=4.5, ends="range")
-    assert {end.how for arc in found.arcs for end in (arc.start, arc.end)} == {"range"}
-    assert all((arc.start.q, arc.end.q) == (3.5, 4.5) for arc in found.arcs)
-    assert len(found.arcs) == machine.exact(4.0) == 2
+    result = machine.connected(low=3.5, high=4.5, ends="range")
+    assert {end.how for arc in result.arcs for end in (arc.start, arc.end)} == {"range"}
+    assert all((arc.start.q, arc.end.q) == (3.5, 4.5) for arc in result.arcs)
+    assert len(result.arcs) == machine.exact(4.0) == 2
 
 
 def test_an_empty_range_is_refused():

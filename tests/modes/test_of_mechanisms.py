@@ -58,13 +58,13 @@ def modes_at(q):
 def test_a_home_put_into_the_file_chooses_its_mode():
     document = machines.overturned()
     at = 2.8
-    found = overturned().modes(at, arcs=False)["triad"].samples[0]
-    assert len(found) == 4
-    for mode in found:
+    result = overturned().modes(at, arcs=False)["triad"].samples[0]
+    assert len(result) == 4
+    for mode in result:
         changed = machines.compiled(machines.with_home(document, mode.put))
         assert apart(changed, "triad", mode, at) <= SAME
         again = changed.modes(at, arcs=False)["triad"].samples[0]
-        assert [m.chosen for m in again] == [m is mode for m in found]
+        assert [m.chosen for m in again] == [m is mode for m in result]
 
 
 def test_the_general_group_keeps_to_its_home_mode_over_the_whole_arc():
@@ -84,8 +84,8 @@ def test_the_general_group_keeps_to_its_home_mode_over_the_whole_arc():
 
 
 def test_after_a_turn_the_file_s_mode_may_be_another_one():
-    found = overturned().modes([2.8, 2.8 + TURN])["triad"]
-    now, then = found.samples
+    result = overturned().modes([2.8, 2.8 + TURN])["triad"]
+    now, then = result.samples
     chosen_now = next(m for m in now if m.chosen)
     chosen_then = next(n for n, m in enumerate(then) if m.chosen)
     assert chosen_now.after_turn == chosen_then == 2
@@ -113,9 +113,9 @@ def sliding(q=0.1):
 
 def test_a_triad_with_a_leg_of_each_kind_closes_in_every_mode_that_is_listed():
     document = sliding()
-    found = machines.compiled(document).modes([0.1, 0.3])["triad"]
-    assert found.kind == "III triad"
-    for q, listed in zip((0.1, 0.3), found.samples, strict=True):
+    result = machines.compiled(document).modes([0.1, 0.3])["triad"]
+    assert result.kind == "III triad"
+    for q, listed in zip((0.1, 0.3), result.samples, strict=True):
         assert len(listed) >= 2
         for mode in listed:
             # A home that does not close is refused, and one that does is refined to itself.
@@ -124,8 +124,8 @@ def test_a_triad_with_a_leg_of_each_kind_closes_in_every_mode_that_is_listed():
 
 
 def test_the_arcs_of_a_slide_end_with_the_range_of_its_law():
-    found = machines.compiled(sliding()).modes()["triad"]
-    ends = {(e.how, e.q) for arc in found.arcs for e in (arc.start, arc.end)}
+    result = machines.compiled(sliding()).modes()["triad"]
+    ends = {(e.how, e.q) for arc in result.arcs for e in (arc.start, arc.end)}
     assert {q for how, q in ends if how == "range"} <= {0.0, 0.4}
     assert all(0 <= q <= 0.4 for _, q in ends)
 
@@ -183,11 +183,11 @@ def test_a_triad_on_a_rocker_has_its_arcs_within_those_of_the_rocker():
         "drivers": {"crank": q},
         "poses": {n: [p.o.real, p.o.imag, cmath.phase(p.e)] for n, p in places.items()},
     }
-    found = machines.compiled(document).modes(q)["triad"]
-    assert all(around.start.q <= a.start.q < a.end.q <= around.end.q for a in found.arcs)
+    result = machines.compiled(document).modes(q)["triad"]
+    assert all(around.start.q <= a.start.q < a.end.q <= around.end.q for a in result.arcs)
     for x in np.linspace(around.start.q, around.end.q, 14)[1:-1]:
-        assert sum(a.start.q < x < a.end.q for a in found.arcs) == exact(x)
-    for arc in found.arcs:
+        assert sum(a.start.q < x < a.end.q for a in result.arcs) == exact(x)
+    for arc in result.arcs:
         for end in (arc.start, arc.end):
             ends = (around.start.q, around.end.q)
             assert end.how == "dead centre" or (end.how == "earlier group" and end.q in ends)
@@ -212,14 +212,14 @@ def lengths_of(drivers):
 
 def test_a_platform_on_three_cylinders_is_a_triad_at_given_lengths():
     document = on_cylinders()
-    found = machines.compiled(document).modes(
+    result = machines.compiled(document).modes(
         {f"triad.q{n}": [q] for n, q in enumerate(machines.CYLINDERS, start=1)}
     )["triad"]
     lengths = lengths_of(machines.CYLINDERS)
-    assert len(found.samples[0]) == count_exactly(machines.FEET, lengths, machines.PINS) >= 2
-    assert sum(m.chosen for m in found.samples[0]) == 1
+    assert len(result.samples[0]) == count_exactly(machines.FEET, lengths, machines.PINS) >= 2
+    assert sum(m.chosen for m in result.samples[0]) == 1
     at = {f"triad.q{n}": q for n, q in enumerate(machines.CYLINDERS, start=1)}
-    for mode in found.samples[0]:
+    for mode in result.samples[0]:
         changed = machines.compiled(machines.with_home(document, mode.put))
         assert apart(changed, "triad", mode, at) <= SAME
         for n, l in enumerate(lengths, start=1):
@@ -230,16 +230,16 @@ def test_a_platform_on_three_cylinders_is_a_triad_at_given_lengths():
 def test_arcs_of_a_platform_are_along_the_cylinder_that_is_named():
     mechanism = machines.compiled(on_cylinders())
     at = {f"triad.q{n}": [q] for n, q in enumerate(machines.CYLINDERS, start=1)}
-    found = mechanism.modes(at, driver="triad.q2")["triad"]
+    result = mechanism.modes(at, driver="triad.q2")["triad"]
     one, _, three = machines.CYLINDERS
     for q in np.linspace(0.3, 4.0, 18)[1:-1]:
-        there = sum(a.start.q < q < a.end.q for a in found.arcs)
+        there = sum(a.start.q < q < a.end.q for a in result.arcs)
         lengths = lengths_of([one, q, three])
         assert there == count_exactly(machines.FEET, lengths, machines.PINS)
-    hows = {e.how for a in found.arcs for e in (a.start, a.end)}
+    hows = {e.how for a in result.arcs for e in (a.start, a.end)}
     assert hows == {"dead centre", "range"}
-    for mode in found.samples[0]:
-        arc = found.arcs[mode.arc]
+    for mode in result.samples[0]:
+        arc = result.arcs[mode.arc]
         assert mode.reach == (arc.start.q, arc.end.q)
         assert mode.after_turn is None
 
@@ -253,8 +253,8 @@ def group_of(document):
 
 
 def test_both_branches_of_a_dyad_are_listed_and_the_file_s_is_marked():
-    found = ruiz().compile().modes([0.0, 1.0])["dyad"]
-    for modes in found.samples:
+    result = ruiz().compile().modes([0.0, 1.0])["dyad"]
+    for modes in result.samples:
         assert [m.put for m in modes] == [{"branch": 1}, {"branch": -1}]
         assert [m.chosen for m in modes] == [True, False]
         assert [m.after_turn for m in modes] == [0, 1]
@@ -276,12 +276,12 @@ def test_later_groups_stand_on_the_earlier_ones_of_the_file():
 
 def test_a_rocker_s_dyad_has_its_branches_merge_at_both_ends_of_its_arc():
     mechanism = fourbar(3.0, 3.0, 2.0, 4.0).compile()
-    found = mechanism.modes(1.0)["dyad"]
+    result = mechanism.modes(1.0)["dyad"]
     (arc,) = (a for a in mechanism.limits().arcs if a.start.q < 1 < a.end.q)
-    for n, mode in enumerate(found.samples[0]):
-        mine = found.arcs[mode.arc]
+    for n, mode in enumerate(result.samples[0]):
+        mine = result.arcs[mode.arc]
         assert (mine.start.q, mine.end.q) == (arc.start.q, arc.end.q)
-        assert mine.start.other == mine.end.other == found.samples[0][1 - n].arc
+        assert mine.start.other == mine.end.other == result.samples[0][1 - n].arc
         assert mode.after_turn is None
 
 
@@ -289,10 +289,10 @@ def test_out_of_reach_no_mode_is_listed():
     graph = ruiz()
     assert graph.compile().modes(0.0, arcs=False)["dyad"].samples[0]
     graph.blocks["frame"] = bm.Frame(markers={"A": (0, 0), "D": (50, 0)})
-    found = graph.compile().modes(0.0)["dyad"]
-    assert found.samples == ((),)
-    assert found.arcs == ()
-    assert "never closes" in found.note
+    result = graph.compile().modes(0.0)["dyad"]
+    assert result.samples == ((),)
+    assert result.arcs == ()
+    assert "never closes" in result.note
 
 
 # ---- requests ----------------------------------------------------------------------------
@@ -309,14 +309,14 @@ def test_wrong_names_are_refused_with_the_right_ones():
 
 
 def test_json_holds_the_same_as_python():
-    found = modes_at(5.0)
-    document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    result = modes_at(5.0)
+    document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     group = document["groups"][0]
     assert document["drivers"] == {"crank": [5.0]}
     assert [m["margin"] for m in group["samples"][0]] == [
-        m.margin for m in found["triad"].samples[0]
+        m.margin for m in result["triad"].samples[0]
     ]
-    assert [a["start"]["q"] for a in group["arcs"]] == [a.start.q for a in found["triad"].arcs]
+    assert [a["start"]["q"] for a in group["arcs"]] == [a.start.q for a in result["triad"].arcs]
 
 
 def test_modes_call_a_drivers_coordinate_what_all_else_calls_it():

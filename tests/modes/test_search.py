@@ -30,9 +30,9 @@ def test_the_search_finds_of_a_triad_what_its_polynomial_has() -> None:
 
 def test_modes_of_a_group_of_class_4_are_listed_and_each_can_be_put_into_the_file() -> None:
     graph = bm.Graph.load(GRAPHS / "stephenson_2_class_4.json")
-    found = graph.compile().modes(arcs=False)["loop"]
-    assert "there may be more" in found.note
-    (modes,) = found.samples
+    result = graph.compile().modes(arcs=False)["loop"]
+    assert "there may be more" in result.note
+    (modes,) = result.samples
     assert len(modes) == 6  # complex solutions come in pairs: of six real ones none is missed alone
     assert [mode.chosen for mode in modes].count(True) == 1
     angles = {round(mode.links["coupler"][2], 6) for mode in modes}

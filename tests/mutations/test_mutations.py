@@ -195,14 +195,14 @@ OTHERS = ("bench", "trammel", "oldham", "carried", "shaken", "braked", "cycloida
 
 @pytest.mark.parametrize("name", [*SHORT, *LOSSY, *OTHERS])
 def test_right_graph_is_verified(name):
-    found = checked(name)
-    assert found.ok, str(found)
+    result = checked(name)
+    assert result.ok, str(result)
 
 
 @pytest.mark.parametrize("name", MOVING)
 def test_right_motion_is_verified(name):
-    found = checked(f"moving {name}")
-    assert found.ok, str(found)
+    result = checked(f"moving {name}")
+    assert result.ok, str(result)
 
 
 @pytest.mark.parametrize("name", DERIVED)
@@ -215,8 +215,8 @@ def test_right_derivatives_are_verified(name):
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda m: m.what.replace(" ", "_"))
 def test_a_mistake_is_caught(mutation):
     with made(mutation):
-        found = checked(mutation.graph)
-    assert not found.ok, str(found)
+        result = checked(mutation.graph)
+    assert not result.ok, str(result)
 
 
 def test_the_package_is_whole_again_after_a_mistake():

@@ -260,8 +260,8 @@ def test_links_and_joints_have_clearance_too(tmp_path):
     linkage.add_driver("motor", "A")
     path = tmp_path / "four_bar.json"
     linkage.save(path)
-    found = json.loads(path.read_text(encoding="utf-8"))["joints"]
-    assert [joint.get("clearance") for joint in found.values()] == [3e-5, 1e-5, 4e-5, None]
+    result = json.loads(path.read_text(encoding="utf-8"))["joints"]
+    assert [joint.get("clearance") for joint in result.values()] == [3e-5, 1e-5, 4e-5, None]
     mechanism = bm.Linkage.load(path).compile()
     assert {p for p in mechanism.parameters() if "clearance" in p} == {
         f"joints.{name}.clearance" for name in "ABC"

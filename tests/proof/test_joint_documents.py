@@ -33,12 +33,12 @@ WORST = 1e5  # condition of the judge's Jacobian beyond which a document is left
 
 def data_of(seed):
     """A document of one to four groups; every other one has friction."""
-    found = document(seed, replace(WHOLE, friction=seed % 2 == 1))
-    system = judged(found)
+    result = document(seed, replace(WHOLE, friction=seed % 2 == 1))
+    system = judged(result)
     home = mb.Instant(system, system.home)
     # Poses do not count turns, so the start says in which turn of the drivers they are.
     starts = {name: float(home.coordinate(d).value) for name, d in system.drivers.items()}
-    return found | {"initial": {name: {"q": q} for name, q in starts.items()}}
+    return result | {"initial": {name: {"q": q} for name, q in starts.items()}}
 
 
 @functools.cache
@@ -83,19 +83,19 @@ def outcome(seed, form):
     """The worst errors of a document in a form, or why there are none."""
     for move in MOVES:
         with suppress(mb.NoSolution):
-            found = Comparison(data_of(seed), form, seed % 2 == 1, move, seed)
+            result = Comparison(data_of(seed), form, seed % 2 == 1, move, seed)
             break
     else:
         return "the judge loses its way", {}, None
-    if found.judge.condition > WORST:
+    if result.judge.condition > WORST:
         return "near singular", {}, None
-    status = found.run.quality.status[0]
-    if status != "ok" or not found.judge.forces.converged:
-        judge = "solved" if found.judge.forces.converged else "not"
-        return f"{status}, judge {judge}", {}, found
-    motion = max(error for _, error in found.motion())
-    forces = max(error for _, error in found.forces())
-    return "ok", {"motion": motion, "forces": forces}, found
+    status = result.run.quality.status[0]
+    if status != "ok" or not result.judge.forces.converged:
+        judge = "solved" if result.judge.forces.converged else "not"
+        return f"{status}, judge {judge}", {}, result
+    motion = max(error for _, error in result.motion())
+    forces = max(error for _, error in result.forces())
+    return "ok", {"motion": motion, "forces": forces}, result
 
 
 @pytest.mark.parametrize("form", FORMS, ids=["blocks", "groups", "one_group"])

@@ -77,11 +77,11 @@ def test_motion_and_forces_are_the_judges(options: Options, seeds: range, fricti
     outcomes: Counter[str] = Counter()
     seeds = seeds if friction else seeds[::2]  # motions are the same with and without
     for seed in seeds:
-        found = compared(case(seed, options), friction)
-        outcome = found.outcome()
+        result = compared(case(seed, options), friction)
+        outcome = result.outcome()
         outcomes[outcome] += 1
         if outcome == "ok":
-            assert found.wrong(MOTION, FORCES) == {}, f"seed {seed}: {case(seed, options)!r}"
+            assert result.wrong(MOTION, FORCES) == {}, f"seed {seed}: {case(seed, options)!r}"
     print(dict(outcomes))
     # Loose friction numbers jam some guides; general groups have more guides than dyads.
     assert outcomes["ok"] >= (0.9 if options is OPTIONS else 0.8) * len(seeds)

@@ -61,8 +61,8 @@ def test_a_current_that_rises_at_rest_starts_the_wheel(method, engine):
     start = np.array([0.0, 0.0, held / K, 1.0])
     exact = [[0.0, 0.0, U / R * (1 - math.exp(-R / L * t[0]))]]
     exact += [(expm(A * (s - begin)) @ start)[:3] for s in t[1:]]
-    found = np.transpose([run["wheel.q"], run["wheel.rate"], run["motor.current"]])
-    assert found == pytest.approx(np.array(exact), rel=1e-8, abs=1e-9)
+    result = np.transpose([run["wheel.q"], run["wheel.rate"], run["motor.current"]])
+    assert result == pytest.approx(np.array(exact), rel=1e-8, abs=1e-9)
     assert next(event.kind for event in run.motion.events) == "rest"
 
 

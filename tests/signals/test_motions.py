@@ -448,16 +448,16 @@ def test_a_controlled_wheel_settles_with_the_roots_of_its_loop():
     roots = np.roots([inertia, kp, ki])
     fades = np.sort(np.abs(np.exp(roots * motion.facts["period"])))[::-1]
     assert motion.facts["mean_speed"] == pytest.approx(10.0, rel=1e-10)
-    found = [motion.facts["multiplier"], motion.facts["multiplier_2"]]
-    assert np.abs(found) == pytest.approx(fades, rel=1e-7)
+    result = [motion.facts["multiplier"], motion.facts["multiplier_2"]]
+    assert np.abs(result) == pytest.approx(fades, rel=1e-7)
 
 
 @pytest.mark.parametrize(
-    ("controller", "said"),
+    ("controller", "message"),
     [({"sample": 0.01}, "blocks that switch at instants"), ({}, "only turns are looked for")],
 )
-def test_steady_states_that_no_turn_has_are_refused(controller, said):
+def test_steady_states_that_no_turn_has_are_refused(controller, message):
     pid = signals.Pid(kp=8.0, ki=6.0, **controller)
     mech = speed_control(pid, setpoint=10.0 if controller else 0.0).compile()
-    with pytest.raises(RequestError, match=said):
+    with pytest.raises(RequestError, match=message):
         mech.simulate("steady")

@@ -73,7 +73,7 @@ def test_in_a_simulation_an_input_has_its_own_value():
 
 
 @pytest.mark.parametrize(
-    ("ask", "said"),
+    ("ask", "message"),
     [
         (lambda env: env.step(0.1, {"momnt": 1.0}), 'did you mean "moment"'),
         (lambda env: env.step(0.1, {"moment": [1.0, 2.0, 3.0]}), "a finite number, or 2 of them"),
@@ -83,10 +83,10 @@ def test_in_a_simulation_an_input_has_its_own_value():
         (lambda env: env.reset(start={"weel": (0.0, 0.0)}), "weel"),
     ],
 )
-def test_what_cannot_be_is_refused(ask, said):
+def test_what_cannot_be_is_refused(ask, message):
     with pytest.raises(RequestError) as caught:
         ask(fed().stepper(copies=2))
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_without_an_input_a_mechanism_steps_under_its_loads():

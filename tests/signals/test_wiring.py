@@ -101,7 +101,7 @@ def wired(*wires):
 
 
 @pytest.mark.parametrize(
-    ("wire", "code", "said"),
+    ("wire", "code", "message"),
     [
         (("setpoint.y", "pid.u"), "double-wire", "already fed by error.y"),
         (("setpoint.y", "wheel.A"), "unknown-joint", "no input"),
@@ -110,11 +110,11 @@ def wired(*wires):
         (("setpoint.y", "nobody.u"), "no-such-block", "no block"),
     ],
 )
-def test_a_wrong_wire_is_refused_at_once(wire, code, said):
+def test_a_wrong_wire_is_refused_at_once(wire, code, message):
     with pytest.raises(GraphError) as caught:
         wired(wire)
     assert code in {p.code for p in caught.value.problems}
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_wires_of_a_block_that_cannot_be_read_are_no_problems_of_their_own():

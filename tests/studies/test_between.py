@@ -18,8 +18,8 @@ AT_EDGE = 146823.5030192  # N m, by 7,201 samples and golden section
 
 
 def extreme(run, output, how):
-    found = extremes(run, output)
-    low, high = found.minimum.value, found.maximum.value
+    result = extremes(run, output)
+    low, high = result.minimum.value, result.maximum.value
     every = {"min": low, "max": high, "max_abs": max(abs(low), abs(high)), "range": high - low}
     return every[how], max(abs(low), abs(high))
 

@@ -9,8 +9,10 @@ import blockmech as bm
 from tests.gallery import GRAPHS, changed, document, mechanism
 
 
-def function(name="ruiz_fourbar", inputs=("crank.q",), outputs="crank.drive", numbers=(), **more):
-    return mechanism(name).function(inputs, outputs, numbers, library="numpy", **more)
+def function(
+    name="ruiz_fourbar", inputs=("crank.q",), outputs="crank.drive", numbers=(), **options
+):
+    return mechanism(name).function(inputs, outputs, numbers, library="numpy", **options)
 
 
 @pytest.mark.parametrize(

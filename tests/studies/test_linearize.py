@@ -24,10 +24,10 @@ def efforts(system, q, qd, qdd):
     """Efforts of all drivers by absolute coordinates, in extended precision."""
     poses = mb.assemble(system, system.home, list(q), follow=True, refine=True)
     rates = mb.rates(system, poses, list(qd))
-    found = mb.reactions(
+    result = mb.reactions(
         system, poses, rates, mb.accelerations(system, poses, rates, list(qdd)), friction=False
     )
-    return np.array([found.drivers[d] for d in system.drivers], np.longdouble)
+    return np.array([result.drivers[d] for d in system.drivers], np.longdouble)
 
 
 def slopes(system, q, qd, which):

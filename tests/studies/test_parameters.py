@@ -174,8 +174,8 @@ def units_of(load, **beside):
 def test_a_coefficient_has_the_unit_of_its_power(element, driver, of, units):
     drives = {"crank": bm.Crank(), "slide": bm.SlideDrive()}
     law = {"kind": "polynomial", "of": of, "coefficients": [1.0, 2.0, 3.0]}
-    found = units_of(element(law=law, driver=driver), **drives)
-    assert list(found.values())[:3] == units
+    result = units_of(element(law=law, driver=driver), **drives)
+    assert list(result.values())[:3] == units
 
 
 def test_a_law_has_the_unit_of_what_its_element_gives():

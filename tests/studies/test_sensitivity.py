@@ -114,10 +114,10 @@ def test_drivers_may_come_in_another_order_near_by():
     assert of_document(linkage, request, step=1e-4) <= EXACT
 
 
-def pendulum(**more):
+def pendulum(**options):
     """A bar on a crank that is driven; a force where the bar's pin is."""
     linkage = bm.Linkage("pendulum", gravity=(0.0, -10.0))
-    linkage.add_link("bar", pose=(0.0, 0.0, 0.3), mass=2.0, inertia=0.1, **more)
+    linkage.add_link("bar", pose=(0.0, 0.0, 0.3), mass=2.0, inertia=0.1, **options)
     linkage.add_joint("A", "R", ["frame", "bar"], at=[(0.0, 0.0), (0.5, 0.0)])
     linkage.add_load("push", bm.Force(force=(3.0, 4.0)), link="bar", at=(0.5, 0.0))
     linkage.add_driver("motor", "A", bm.motion.ConstantRate(rate=0.0))
@@ -251,7 +251,7 @@ def test_a_table_of_numbers_reads_back(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("want", "to", "said"),
+    ("want", "to", "message"),
     [
         ("crank.drive", "dyad.li", 'did you mean "dyad.l_i"'),
         ("crank.drive", "dyad.branch", "dyad.branch: a whole number chooses"),
@@ -262,8 +262,8 @@ def test_a_table_of_numbers_reads_back(tmp_path):
         (None, "dyad.l_i", "give a name, or several"),
     ],
 )
-def test_what_has_no_derivative_is_refused(want, to, said):
-    with pytest.raises(RequestError, match=said.replace("?", r"\?")):
+def test_what_has_no_derivative_is_refused(want, to, message):
+    with pytest.raises(RequestError, match=message.replace("?", r"\?")):
         mechanism("ruiz_fourbar").sensitivity(want, to, at=0.3)
 
 
@@ -278,16 +278,16 @@ def test_a_number_without_a_derivative_is_refused_beside_others_as_well():
 
 
 @pytest.mark.parametrize(
-    ("to", "said"),
+    ("to", "message"),
     [
         ("links.rocker.pose[2]", "a home only tells the assembly mode"),
         ("drivers.motor.rate", "it says how the drivers move"),
         ("joints.C.at[0].z", "no number of the mechanism has that address"),
     ],
 )
-def test_what_has_no_derivative_in_a_document_is_refused(to, said):
+def test_what_has_no_derivative_in_a_document_is_refused(to, message):
     linkage = bm.Linkage.load(JOINTS / "ruiz_fourbar.json").compile()
-    with pytest.raises(RequestError, match=said):
+    with pytest.raises(RequestError, match=message):
         linkage.sensitivity("driver.motor.drive", to, at=0.3)
 
 

@@ -54,7 +54,7 @@ def test_links_take_them():
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: shapes.bar(0.4), "mass=, or thickness="),
         (lambda: shapes.bar(0.4, thickness=0.01), "area: must be > 0"),
@@ -65,6 +65,6 @@ def test_links_take_them():
         (lambda: shapes.point(1.0) - shapes.point(2.0), "leave no mass"),
     ],
 )
-def test_what_is_no_shape_is_refused(make, said):
-    with pytest.raises(bm.RequestError, match=said):
+def test_what_is_no_shape_is_refused(make, message):
+    with pytest.raises(bm.RequestError, match=message):
         make()

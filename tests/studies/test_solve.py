@@ -105,7 +105,7 @@ def test_an_extreme_between_the_samples():
 
 
 @pytest.mark.parametrize(
-    ("wanted", "request_", "said"),
+    ("expected", "request_", "message"),
     [
         ({}, {}, "as many values as there are unknowns"),
         ({ANGLE: 1.0, "dyad.i.angle": 0.0}, {}, "2 wanted for 1 driver"),
@@ -118,9 +118,9 @@ def test_an_extreme_between_the_samples():
         ({"dyad.k.angle": 1.0}, {}, "dyad.j.angle"),
     ],
 )
-def test_what_is_no_question_is_refused(wanted, request_, said):
-    with pytest.raises(bm.RequestError, match=said):
-        RUIZ.solve(wanted, **request_)
+def test_what_is_no_question_is_refused(expected, request_, message):
+    with pytest.raises(bm.RequestError, match=message):
+        RUIZ.solve(expected, **request_)
 
 
 def test_what_cannot_be_reached_says_how_near_it_came():

@@ -81,11 +81,11 @@ def test_a_slider_crank_is_drawn():
     pane.act("Slider", "D")
     pane.act("Driver", "A")
     assert "RRP" in pane.said
-    found = pane.mechanism.run(at=[1.0], rates=0.0, want=["link.link2.p"], friction="none")[
+    result = pane.mechanism.run(at=[1.0], rates=0.0, want=["link.link2.p"], friction="none")[
         "link.link2.p"
     ][0]
     exact = math.cos(1.0) + math.sqrt(9 - math.sin(1.0) ** 2)
-    assert found == pytest.approx(exact, abs=1e-14)
+    assert result == pytest.approx(exact, abs=1e-14)
 
 
 def test_a_pin_is_moved_and_deleted_in_the_browsers_way():
@@ -131,9 +131,9 @@ def test_a_link_gets_a_slider_at_its_free_end():
     pane.act("Slider", "C")
     pane.act("Driver", "A")
     assert "RRP" in pane.said
-    found = pane.mechanism.run(at=[1.0], rates=0.0, want=["link.slider.p"])["link.slider.p"]
+    result = pane.mechanism.run(at=[1.0], rates=0.0, want=["link.slider.p"])["link.slider.p"]
     exact = math.cos(1.0) + math.sqrt(9 - math.sin(1.0) ** 2)
-    assert found[0] == pytest.approx(exact, abs=1e-14)
+    assert result[0] == pytest.approx(exact, abs=1e-14)
 
 
 def test_a_block_slides_on_a_moving_link():

@@ -133,11 +133,11 @@ def test_a_sample_without_an_answer_is_not_met_and_says_why(short):
     assert lost.margin < 0
 
 
-def swinging(times, want, **more):
+def swinging(times, want, **options):
     """A uniform rod of 1 m that is let go at rest, horizontally."""
     graph = machines.crank(1.0, machines.bar(1.0, 1.0), gravity=9.81)
     graph.start("crank", q=0.0)
-    motion = {"source": "closed form", "simulate": {"times": times, **more}, "atol": 1e-9}
+    motion = {"source": "closed form", "simulate": {"times": times, **options}, "atol": 1e-9}
     graph.extras["expect"] = [{**motion, "want": want}]
     return check_expectations(graph)
 

@@ -33,14 +33,14 @@ def with_more_tests(pytester):
     path.write_text("def test_more():\n    pass\n", encoding="utf-8")
 
 
-def run(pytester, *words):
+def run(pytester, *arguments):
     """Run pytest in this process, without a plugin that would import hypothesis each time."""
-    return pytester.runpytest("-p", "no:hypothesispytest", *words)
+    return pytester.runpytest("-p", "no:hypothesispytest", *arguments)
 
 
-def ran(pytester, *words):
+def ran(pytester, *arguments):
     """Node ids that a run collects, e.g. ``graphs/arm.json::expect[0]``."""
-    result = run(pytester, *words, "--collect-only", "-q")
+    result = run(pytester, *arguments, "--collect-only", "-q")
     return [line for line in result.outlines if "::" in line]
 
 

@@ -84,14 +84,14 @@ def _joint(chance, frames, joint):
     order = chance.choice([(0, 1), (1, 0)])
     links = [joint.links[k] for k in order]
     at = [frames.place(joint.links[k], joint.at[k]) for k in order]
-    found = {"type": joint.type, "links": [frames.names[link] for link in links], "at": at}
+    result = {"type": joint.type, "links": [frames.names[link] for link in links], "at": at}
     if joint.type == "P":
-        found["angle"] = [joint.angle[k] - frames.turn(joint.links[k]) for k in order]
-        found["slider"] = order.index(joint.slider)
+        result["angle"] = [joint.angle[k] - frames.turn(joint.links[k]) for k in order]
+        result["slider"] = order.index(joint.slider)
     if joint.friction:
         law = {key: x for key, x in asdict(joint.friction).items() if x}
-        found["friction"] = {"law": "coulomb", **law}
-    return found
+        result["friction"] = {"law": "coulomb", **law}
+    return result
 
 
 def _pinned_together(chance, joints, drivers):
@@ -117,31 +117,31 @@ def _ends(joint):
 
 def _load(frames, load):
     given = {key: x for key, x in asdict(load).items() if x is not None}
-    found = {key: list(x) if isinstance(x, tuple) else x for key, x in given.items()}
+    result = {key: list(x) if isinstance(x, tuple) else x for key, x in given.items()}
     if isinstance(load, mb.TorsionSpring):
         turn = frames.turn(load.links[1]) - frames.turn(load.links[0])
-        found["rest_angle"] = math.remainder(load.rest_angle - turn, math.tau)
-    if found.get("axes") == "link":
-        found["force"] = frames.vector(load.link, load.force)
-    if "links" in found:
-        found["links"] = [frames.names[link] for link in load.links]
-        if "at" in found:
-            found["at"] = [frames.place(*end) for end in zip(load.links, load.at, strict=True)]
-        return {"type": LOADS[type(load)], **found}
-    if "at" in found:
-        found["at"] = frames.place(load.link, load.at)
-    return {"type": LOADS[type(load)], **found, "link": frames.names[load.link]}
+        result["rest_angle"] = math.remainder(load.rest_angle - turn, math.tau)
+    if result.get("axes") == "link":
+        result["force"] = frames.vector(load.link, load.force)
+    if "links" in result:
+        result["links"] = [frames.names[link] for link in load.links]
+        if "at" in result:
+            result["at"] = [frames.place(*end) for end in zip(load.links, load.at, strict=True)]
+        return {"type": LOADS[type(load)], **result}
+    if "at" in result:
+        result["at"] = frames.place(load.link, load.at)
+    return {"type": LOADS[type(load)], **result, "link": frames.names[load.link]}
 
 
 def shuffled(data, seed):
     """The same document with links, joints, drivers and loads in another order."""
     chance = random.Random(seed)
-    found = dict(data)
+    result = dict(data)
     for section in ("links", "joints", "drivers", "loads"):
         items = list(data.get(section, {}).items())
         chance.shuffle(items)
-        found[section] = dict(items)
-    return found
+        result[section] = dict(items)
+    return result
 
 
 def two_link_pins(data):

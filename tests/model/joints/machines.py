@@ -6,18 +6,18 @@ import cmath
 import copy
 
 
-def pin(first, second, at_first, at_second, **more):
+def pin(first, second, at_first, at_second, **options):
     """A revolute joint."""
-    return {"type": "R", "links": [first, second], "at": [[*at_first], [*at_second]], **more}
+    return {"type": "R", "links": [first, second], "at": [[*at_first], [*at_second]], **options}
 
 
-def guide(first, second, at_first, at_second, angle=(0.0, 0.0), **more):
+def guide(first, second, at_first, at_second, angle=(0.0, 0.0), **options):
     """A prismatic joint."""
     at = [[*at_first], [*at_second]]
-    return {"type": "P", "links": [first, second], "at": at, "angle": [*angle], **more}
+    return {"type": "P", "links": [first, second], "at": at, "angle": [*angle], **options}
 
 
-def joints_file(links, joints, drivers, **more):
+def joints_file(links, joints, drivers, **options):
     """A document of named poses, joints and drivers."""
     return {
         "format": "blockmech/joints",
@@ -26,7 +26,7 @@ def joints_file(links, joints, drivers, **more):
         "links": {name: {"pose": [*pose]} for name, pose in links.items()},
         "joints": joints,
         "drivers": {name: {"joint": joint} for name, joint in drivers.items()},
-        **more,
+        **options,
     }
 
 

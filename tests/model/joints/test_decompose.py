@@ -271,15 +271,15 @@ def test_names_that_blocks_use_themselves_do_no_harm():
 
 def test_a_long_chain_in_shuffled_order_is_a_chain_of_dyads():
     number = 30
-    found = read(shuffled(machines.chain(number), 5)).decompose()
-    graph = found.graph
+    result = read(shuffled(machines.chain(number), 5)).decompose()
+    graph = result.graph
     assert graph.check() == []
-    kinds = [unit.kind for unit in found.formation.units]
+    kinds = [unit.kind for unit in result.formation.units]
     assert kinds == ["driver"] + ["RRR"] * number
     structure = graph.structure()
     assert len(structure.blocks) == number + 1
     assert structure.mobility == 1
-    assert len(found.names.links) == 2 * number + 1
+    assert len(result.names.links) == 2 * number + 1
 
 
 def test_whole_turns_in_poses_do_not_lengthen_the_way_from_home():

@@ -221,8 +221,8 @@ def test_good_documents_have_no_problem():
 
 
 def test_without_its_driver_the_parallelogram_still_moves():
-    found = problems_of(driven(parallelogram()))
-    assert [p.code for p in found] == ["over-constrained", "missing-driver"]
+    result = problems_of(driven(parallelogram()))
+    assert [p.code for p in result] == ["over-constrained", "missing-driver"]
 
 
 def test_every_problem_names_the_file():

@@ -207,7 +207,7 @@ def test_the_schema_finds_what_reading_finds(name, validator):
 
 def test_every_code_in_the_source_is_declared():
     source = Path(diagnosis.__file__).parent
-    found = {
+    result = {
         call.args[0].value
         for path in source.glob("*.py")
         for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
@@ -216,5 +216,5 @@ def test_every_code_in_the_source_is_declared():
         and call.args
         and isinstance(call.args[0], ast.Constant)
     }
-    assert found <= set(FILE_CODES) | set(CODES)
-    assert set(CODES) <= found | set(REMEDIES)
+    assert result <= set(FILE_CODES) | set(CODES)
+    assert set(CODES) <= result | set(REMEDIES)

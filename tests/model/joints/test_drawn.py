@@ -33,10 +33,14 @@ def slider_crank(piston: tuple[float, float, float] | None, **guide) -> bm.Linka
 )
 def test_a_slider_drawn_moves_as_the_closed_form(piston, guide):
     q = np.linspace(0.0, 6.0, 13)
-    found = slider_crank(piston, **guide).run(at=q, want="joint.S.coordinate")["joint.S.coordinate"]
+    result = slider_crank(piston, **guide).run(at=q, want="joint.S.coordinate")[
+        "joint.S.coordinate"
+    ]
     angle = q + math.pi / 2  # of the crank from the guide
     place = CRANK * np.cos(angle) + np.sqrt(ROD**2 - (CRANK * np.sin(angle)) ** 2)
-    assert abs(found - (place - math.sqrt(ROD**2 - CRANK**2))).max() < 8 * np.finfo(float).eps * ROD
+    assert (
+        abs(result - (place - math.sqrt(ROD**2 - CRANK**2))).max() < 8 * np.finfo(float).eps * ROD
+    )
 
 
 def test_a_slider_along_y_is_exact():

@@ -77,8 +77,8 @@ def test_markers_have_a_distance_and_an_angle():
     m = bm.Linkage("plate")
     markers = {"P": {"polar": (2.5, "30deg")}, "G": {"at": {"polar": (1.0, 0.5)}, "angle": "90deg"}}
     m.add_link("plate", pose=(0, 0, 0), markers=markers)
-    found = m.links["plate"].markers
-    assert found["P"].at.z == pytest.approx(cmath.rect(2.5, math.pi / 6), abs=1e-15)
-    assert found["G"].at.z == pytest.approx(cmath.rect(1.0, 0.5), abs=1e-15)
+    result = m.links["plate"].markers
+    assert result["P"].at.z == pytest.approx(cmath.rect(2.5, math.pi / 6), abs=1e-15)
+    assert result["G"].at.z == pytest.approx(cmath.rect(1.0, 0.5), abs=1e-15)
     again = bm.Linkage.from_json(m.to_json())
-    assert again.links["plate"].markers["P"].at.z == found["P"].at.z
+    assert again.links["plate"].markers["P"].at.z == result["P"].at.z

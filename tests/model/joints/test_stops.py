@@ -78,9 +78,9 @@ def test_the_graph_that_it_becomes_strikes_at_the_same_place(joint, reverse, tur
     linkage = document({name: stops}, joint if reverse else "", turn)
     motion = linkage.compile().simulate("time=0.02").motion
     graph = bm.Graph.from_json(json.dumps(linkage.decompose().data)).compile()
-    found = graph.simulate("time=0.02").motion
-    np.testing.assert_allclose(found.q_end, motion.q_end, rtol=1e-10)
-    assert found.impacts[0].driver.endswith(".coordinate")
+    result = graph.simulate("time=0.02").motion
+    np.testing.assert_allclose(result.q_end, motion.q_end, rtol=1e-10)
+    assert result.impacts[0].driver.endswith(".coordinate")
 
 
 def test_what_has_no_stops_of_its_own_is_refused_with_what_has():
