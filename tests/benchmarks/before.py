@@ -65,7 +65,7 @@ def measure(version: Path) -> dict[str, float]:
     command = [sys.executable, "-W", "ignore", "-c", TASKS]
     run = subprocess.run(command, cwd=version, env=environment, capture_output=True, text=True)
     if run.returncode:
-        raise SystemExit(run.stderr)
+        raise RuntimeError(run.stderr)
     times: dict[str, float] = json.loads(run.stdout.splitlines()[-1])
     return times
 
@@ -98,6 +98,11 @@ def main() -> int:
             print(f"no commit {commit} to compare the speed with")
             return 0
         subprocess.run(["tar", "-x", "-C", folder], input=files.stdout, check=True)
+        try:
+            measure(Path(folder))
+        except RuntimeError as error:
+            print(f"{commit} does not run here: {str(error).splitlines()[-1]}")
+            return 0
         suspects: set[str] | None = None
         for k in range(REPETITIONS):
             repetition = ratios(Path(folder), ROOT)
