@@ -218,7 +218,7 @@ NORMAL = {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}
     ("request_", "words"),
     [
         ({"vary": {"dyad.l_i": [6.0, -1.0, -2.0]}}, "l_i must be > 0 m, got -2"),
-        ({"vary": {"dyad.l": [6.0]}}, 'did you mean "dyad.l_j"'),
+        ({"vary": {"dyad.l": [6.0]}}, 'did you mean "dyad.l_i"'),
         ({"vary": {"dyad.l_i": ["a"]}}, "is not a number with a unit"),
         ({"vary": {"dyad.l_i": [np.nan]}}, "not a finite number"),
         ({"vary": {"dyad.l_i": [6.0], "dyad.l_j": bm.dist.Normal(3.0, 0.1)}}, "bm.dist.Uniform"),
