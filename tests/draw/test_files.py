@@ -30,9 +30,12 @@ def test_a_wrong_request_is_one_problem_and_writes_nothing(tmp_path, name, kind,
 
 
 @pytest.mark.parametrize("setting", [{"at": 1.0}, {"trace": ["dyad.C"]}])
-def test_a_diagram_has_no_poses(tmp_path, setting):
+def test_a_diagram_has_no_poses_which_are_those_of_a_mechanism(tmp_path, setting):
     with pytest.raises(bm.RequestError, match="useless-setting"):
-        draw(ruiz(), tmp_path / "a.png", **setting)
+        draw(ruiz(), tmp_path / "a.png", kind="diagram", **setting)
+    assert not list(tmp_path.iterdir())
+    scales = [ax.get_aspect() for ax in draw(ruiz(), tmp_path / "a.png", **setting).axes]
+    assert scales == [1.0]  # a drawing to scale
 
 
 def test_an_unfinished_graph_has_a_diagram_but_no_mechanism(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -46,15 +45,12 @@ def draw(
 
     A diagram may be drawn of an unfinished graph: joints without a wire are red.
     """
-    from blockmech.draw import KINDS
-    from blockmech.figures.paper import MOVING
+    from blockmech.draw import KINDS, default_kind
 
     if kind == "list":
         say("\n".join(f"{name}: {picture_kind.about}" for name, picture_kind in KINDS.items()))
         return
-    if kind is None:
-        moving = Path(picture).suffix.lower() in MOVING
-        kind = "animation" if moving else "mechanism" if at or trace else "diagram"
+    kind = kind or default_kind(picture, bool(at or trace))
     subject: Any = reading(file, opened if kind == "diagram" else compiled)
     refuse_spared(picture)
     poses: Any = at  # which a diagram refuses

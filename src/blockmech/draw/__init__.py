@@ -60,6 +60,12 @@ class Kind(NamedTuple):
     takes: tuple[str, ...] = ()
 
 
+def default_kind(path: AnyPath | None, posed: bool) -> str:
+    """The kind of picture that suits a file, and that shows poses where some are asked for."""
+    moving = path is not None and Path(path).suffix.lower() in MOVING
+    return "animation" if moving else "mechanism" if posed else "diagram"
+
+
 @declared
 def draw(
     subject: Subject,
@@ -79,8 +85,8 @@ def draw(
     subject : graph (for a diagram it need not be complete), linkage or mechanism
     path : .png, .svg or .pdf; .gif, .html or .mp4 (by ffmpeg) for an animation; by default
         no file is written
-    kind : one of `KINDS`: "diagram" (default), "mechanism" at poses, "animation" (default for
-        its suffixes), "schedule", "structure", "centrodes", "tile"
+    kind : one of `KINDS`: "diagram" (default), "mechanism" (default with ``at`` or ``trace``),
+        "animation" (default for its suffixes), "schedule", "structure", "centrodes", "tile"
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
@@ -99,9 +105,7 @@ def draw(
     AssemblyError, SingularError where the first pose does not exist
     MissingEngineError for an .mp4 where there is no ffmpeg
     """
-    if kind is None:
-        moving = path is not None and Path(path).suffix.lower() in MOVING
-        kind = "animation" if moving else "diagram"
+    kind = kind or default_kind(path, at is not None or trace is not None)
     if kind not in KINDS:
         message, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
         raise refused("kind", message, close_match(kind, KINDS), valid, "unknown-kind")
