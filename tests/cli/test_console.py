@@ -34,6 +34,7 @@ DONE = {
     "modes of vibration": ["linearize", "FILE", "--at", "60deg"],
     "a balance": ["balance", "FILE", "--numbers", "dyad.links.j.mass", "--want", "crank.drive"],
     "a record": ["identify", "FILE", "RECORD", "--to", "dyad.links.i.mass"],
+    "an inverse question": ["solve", "FILE", "--want", "dyad.j.angle=100deg"],
     "checks": ["verify", "FILE"],
     "a trade": ["trade", "FILE", "--budget", "1s"],
     "designs": ["sweep", "FILE", "--vary", "dyad.l_i=5.5:6:3", "--want", "max_abs(crank.drive)"],
