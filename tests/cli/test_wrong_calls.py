@@ -71,7 +71,7 @@ CALLS = {
     "outputs RUIZ": [("crank.torque", "[unknown-output] crank.torque"), ("--deg", "--deg")],
     "sweep RUIZ --want max_abs(crank.drive)": [
         ("--vary dyad.l_i", "it names no values"),
-        ("--vary dyad.l=6", 'did you mean "dyad.l_j"?'),
+        ("--vary dyad.l=6", 'did you mean "dyad.l_i"?'),
         ("--vary dyad.l_i=6 --vary blocks.dyad.l_i=7", "given twice"),
         ("--vary dyad.l_i=normal(6)", "normal has two"),
         ("--vary dyad.l_i=6deg", "has another kind of unit"),

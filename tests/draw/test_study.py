@@ -12,7 +12,7 @@ CASES = {
     "maps": ({"dyad.l_i": np.linspace(4.0, 6.5, 5), "dyad.l_j": [2.5, 3.0, 3.5]}, {}),
     "scatter": (
         {"dyad.l_i": bm.dist.Normal(6.0, 0.2), "frame.D.x": bm.dist.Uniform(5.0, 6.0)},
-        {"count": 40},
+        {"sampling": bm.dist.Sample(40)},
     ),
 }
 

@@ -225,7 +225,7 @@ def test_links_without_mass_are_refused():
 def pendulum_four_bar():
     """A four-bar whose crank cannot turn fully: it falls into a dead centre."""
     rod = bm.Link(mass=1.0, inertia=0.1, cm=(1.0, 0.0))
-    graph = fourbar(3.0, 1.5, 1.5, 4.0, rod)
+    graph = fourbar(3.0, 1.5, 1.5, 4.0, [rod, rod, rod])
     graph.gravity = (0.0, -9.81)
     return graph.compile()
 
