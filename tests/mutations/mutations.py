@@ -15,6 +15,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pytest
+
+from blockmech.engines import code_cache, cost, llvm
 from blockmech.engines.binding import Binder
 
 
@@ -35,7 +38,7 @@ def plain(function: Any) -> Any:
 
 @contextmanager
 def made(mutation: Mutation) -> Iterator[None]:
-    """The package with the mistake in it."""
+    """The package with the mistake in it, and without machine code that was made before."""
     name, _, function = mutation.function.rpartition(".")
     name, _, owner = (
         name.rpartition(".") if name.rpartition(".")[2][0].isupper() else (name, "", "")
@@ -50,7 +53,11 @@ def made(mutation: Mutation) -> Iterator[None]:
     right, bound = target.__code__, Binder._kept
     target.__code__, Binder._kept = plain(space[function]).__code__, {}
     try:
-        yield
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv(code_cache.FOLDER, "")
+            patch.setattr(llvm, "_CODES", {})
+            cost._account.cache_clear()
+            yield
     finally:
         target.__code__, Binder._kept = right, bound
 
