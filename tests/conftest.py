@@ -15,6 +15,8 @@ from typing import NamedTuple
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.fresh import without_kept_code
+
 SHARED = {
     "deadline": None,  # machines differ
     "print_blob": True,
@@ -97,12 +99,7 @@ def call(capsys: pytest.CaptureFixture[str]) -> Call:
 
 
 @pytest.fixture
-def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def fresh() -> Iterator[None]:
     """As in a new process without files: no machine code is there, and nothing was asked before."""
-    from blockmech.engines import code_cache, cost, llvm
-
-    monkeypatch.setenv(code_cache.FOLDER, "")
-    monkeypatch.setattr(llvm, "_CODES", {})
-    cost._account.cache_clear()
-    yield
-    cost._account.cache_clear()
+    with without_kept_code():
+        yield

@@ -15,10 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import pytest
-
-from blockmech.engines import code_cache, cost, llvm
 from blockmech.engines.binding import Binder
+from tests.fresh import without_kept_code
 
 
 class Mutation(NamedTuple):
@@ -53,10 +51,7 @@ def made(mutation: Mutation) -> Iterator[None]:
     right, bound = target.__code__, Binder._kept
     target.__code__, Binder._kept = plain(space[function]).__code__, {}
     try:
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setenv(code_cache.FOLDER, "")
-            patch.setattr(llvm, "_CODES", {})
-            cost._account.cache_clear()
+        with without_kept_code():
             yield
     finally:
         target.__code__, Binder._kept = right, bound

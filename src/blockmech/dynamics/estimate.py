@@ -105,10 +105,8 @@ def difference(
 ) -> Difference:
     """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), requested)
-    states, coarse_states = (
-        fine.track.state(times),
-        coarse.track.state(times),
-    )  # they lie in both runs
+    states = fine.track.state(times)  # the times lie in both runs
+    coarse_states = coarse.track.state(times)
     same = coarse.end == fine.end and coarse.status == fine.status
     beyond = np.abs(np.subtract(coarse.q_end, fine.q_end)) if same else 0.0
     fine_run, coarse_run = (

@@ -184,7 +184,6 @@ class Linkage(Document):
 
     def _as_drawn(self, name: str, links: Sequence[str]) -> list[LinkGiven]:
         """Links of a joint in the poses of the drawing, zero where none was given."""
-        links = as_names(f"joints.{name}.links", links)
         unknown = [link for link in links if link not in self.links and link != FRAME]
         if unknown:
             where, first = f"joints.{name}.links", "add it first: its pose counts"
