@@ -45,8 +45,8 @@ NEEDED_IN = {
     "rich": "cli",
     "pytest": "blockmech.testing.pytest_plugin",
     "jax": "blockmech.engines.jax",
-    "starlette": "studio",
-    "uvicorn": "studio",
+    "starlette": "editor",
+    "uvicorn": "editor",
     "scipy": "dynamics",  # a room that nothing loads before a motion is asked for
 }
 

@@ -116,7 +116,7 @@ assert abs(rate - 4.0 / (1.0 + 4.0 * 0.5)) < 1e-9  # 1/w grows by size / J in a 
 assert "demo_fan" in said("schema", "graph")
 conformance("demo_fan", {"size": 0.25})
 if "studio" in sys.argv:
-    from blockmech.studio.diagram import kinds
+    from blockmech.editor.diagram import kinds
     assert ("demo.wheel", "driver", "wheel") in [kind[:3] for kind in kinds()]
 """
 

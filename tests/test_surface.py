@@ -2,6 +2,8 @@
 
 import inspect
 import re
+import subprocess
+import sys
 from contextlib import suppress
 from functools import reduce
 from importlib import import_module
@@ -98,3 +100,14 @@ def test_the_reference_lists_every_public_name():
 def test_a_namespace_says_what_it_holds(namespace):
     assert namespace.__doc__
     assert all(hasattr(namespace, name) for name in namespace.__all__)
+
+
+def test_an_import_of_a_room_leaves_the_public_names_alone():
+    code = (
+        "import blockmech as bm, blockmech.editor.server\n"
+        "assert bm.studio is blockmech.editor.studio\n"
+        "assert all(f'blockmech.{x}' not in sys.modules for x in bm.__all__"
+        " if not inspect.ismodule(getattr(bm, x)))"
+    )
+    process = subprocess.run([sys.executable, "-c", f"import inspect, sys\n{code}"], check=False)
+    assert process.returncode == 0

@@ -46,10 +46,11 @@ with uncollected():  # all that is made here is kept
     grown_old()
 
 if TYPE_CHECKING:
-    from blockmech import design, draw, studio, synthesis
+    from blockmech import design, draw, synthesis
     from blockmech.couplings.kinds import Belt, Cam, Gear, Geneva, Rack, Ratio
     from blockmech.dynamics.motion_outputs import SimulationResult
     from blockmech.dynamics.request import Until, Watch
+    from blockmech.editor import studio
     from blockmech.exchange.writing import write
     from blockmech.mechanism import Mechanism
     from blockmech.result.result import Result
@@ -118,7 +119,6 @@ _NAMESPACES = {  # loaded when they are first asked for, as are the names below
     "design": "blockmech.design",
     "dist": "blockmech.studies.distributions",
     "draw": "blockmech.draw",
-    "studio": "blockmech.studio",
     "synthesis": "blockmech.synthesis",
 }
 _LATER = {
@@ -130,6 +130,7 @@ _LATER = {
     "SimulationResult": "blockmech.dynamics.motion_outputs",
     "Until": "blockmech.dynamics.request",
     "Watch": "blockmech.dynamics.request",
+    "studio": "blockmech.editor",
     "write": "blockmech.exchange.writing",
 }
 

@@ -9,10 +9,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
+from blockmech.editor.document import Revision
+from blockmech.editor.sharing import link_of, packed
 from blockmech.exchange.page.files import MODULES, _module
 from blockmech.exchange.page.script import Script, numbers
-from blockmech.studio.document import Revision
-from blockmech.studio.sharing import link_of, packed
 from tests.studio.conftest import ARGUMENTS, chromium, driver
 
 GRAPHS = Path(__file__).parents[2] / "graphs"

@@ -1,10 +1,10 @@
 """What a hand does to a sheet, without a browser: acts, and what is said to them."""
 
+from blockmech.editor import sketching, state
+from blockmech.editor.acts import acted
+from blockmech.editor.answers import Question
+from blockmech.editor.files import Filed
 from blockmech.ground.errors import BlockmechError
-from blockmech.studio import sketching, state
-from blockmech.studio.acts import acted
-from blockmech.studio.answers import Question
-from blockmech.studio.files import Filed
 
 
 class Hand:

@@ -3,7 +3,7 @@
 import json
 import re
 
-from blockmech.studio.sharing import unpacked
+from blockmech.editor.sharing import unpacked
 
 
 class Sheet:

@@ -8,10 +8,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
+from blockmech.editor.files import Desk
+from blockmech.editor.jobs import Jobs
+from blockmech.editor.sharing import packed, unpacked
 from blockmech.exchange.page.files import Link
-from blockmech.studio.files import Desk
-from blockmech.studio.jobs import Jobs
-from blockmech.studio.sharing import packed, unpacked
 from blockmech.testing.graph_files import gallery
 from tests.exchange import corpus
 
@@ -26,7 +26,7 @@ def client(tmp_path_factory):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the tool that tests are run with
         from starlette.testclient import TestClient
-    from blockmech.studio.server import application
+    from blockmech.editor.server import application
 
     app = application(Desk(tmp_path_factory.mktemp("folder")), TOKEN, 5000)
     browser = TestClient(app, HOST)

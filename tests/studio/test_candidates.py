@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.studio import answers
+from blockmech.editor import answers
 from tests.studio.hand import Hand
 
 

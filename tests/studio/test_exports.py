@@ -9,9 +9,9 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.cli import main
+from blockmech.editor.answers import Question, exported, formats
+from blockmech.editor.document import Revision
 from blockmech.ground.errors import BlockmechError
-from blockmech.studio.answers import Question, exported, formats
-from blockmech.studio.document import Revision
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 HEADS = {

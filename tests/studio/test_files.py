@@ -10,12 +10,12 @@ import pytest
 import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import opened
-from blockmech.studio import edits
-from blockmech.studio.diagram import kinds
-from blockmech.studio.fields import Units, item_at
-from blockmech.studio.files import Desk, Filed
-from blockmech.studio.forms import fields_by_path, form_of, parts_of
-from blockmech.studio.server import bound
+from blockmech.editor import edits
+from blockmech.editor.diagram import kinds
+from blockmech.editor.fields import Units, item_at
+from blockmech.editor.files import Desk, Filed
+from blockmech.editor.forms import fields_by_path, form_of, parts_of
+from blockmech.editor.server import bound
 from blockmech.testing.graph_files import gallery
 from tests.studio.hand import Hand
 

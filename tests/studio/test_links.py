@@ -8,10 +8,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
+from blockmech.editor import drawing, sketching
+from blockmech.editor.sketching import outlines_of
 from blockmech.exchange.formats import Order
 from blockmech.exchange.outlines import outlines
-from blockmech.studio import drawing, sketching
-from blockmech.studio.sketching import outlines_of
 from tests.studio.hand import Hand
 
 GRAPHS = Path(__file__).parents[2] / "graphs"

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech import editor
 from blockmech.builders import opened
-from blockmech.studio import sketching
-from blockmech.studio.live import live
-from blockmech.studio.turn import poses_of, shown_motion
+from blockmech.editor import sketching
+from blockmech.editor.live import live
+from blockmech.editor.turn import poses_of, shown_motion
 from blockmech.testing.graph_files import gallery
 
 NODE = shutil.which("node")
-WEB = Path(bm.studio.__file__).parent / "web"
+WEB = Path(editor.__file__).parent / "web"
 JOINTS = [name for name in gallery() if name.startswith("joints/")]
 ON_THE_SERVER = {  # whose groups have no closed form and a driver inside
     "joints/floating_drive_press",

@@ -9,8 +9,8 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="it is no browser's driver")
 
 import blockmech as bm
+from blockmech.editor.state import coordinate
 from blockmech.model.joints.layout import Layout
-from blockmech.studio.state import coordinate
 from tests.studio.page import Sheet
 
 

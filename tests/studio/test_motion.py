@@ -9,14 +9,14 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.draw.sketch import sketch_of
+from blockmech.editor import answers
+from blockmech.editor.document import Revision
+from blockmech.editor.dragging import dragged, handles_of
+from blockmech.editor.files import Filed
+from blockmech.editor.state import View, state_of
+from blockmech.editor.turn import blamed_blocks, dead_centres, travel, turn, what_moves
 from blockmech.ground.errors import BlockmechError
 from blockmech.result.wires import wires_of
-from blockmech.studio import answers
-from blockmech.studio.document import Revision
-from blockmech.studio.dragging import dragged, handles_of
-from blockmech.studio.files import Filed
-from blockmech.studio.state import View, state_of
-from blockmech.studio.turn import blamed_blocks, dead_centres, travel, turn, what_moves
 from tests.studio.hand import Hand
 
 GRAPHS = Path(__file__).parents[2] / "graphs"

@@ -6,7 +6,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
-from blockmech.studio.document import Sheet
+from blockmech.editor.document import Sheet
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 

@@ -8,10 +8,11 @@ import pytest
 
 import blockmech as bm
 import blockmech.exchange
+from blockmech import editor
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-WEB = Path(bm.studio.__file__).parent / "web"
+WEB = Path(editor.__file__).parent / "web"
 SHARED = Path(bm.exchange.__file__).parent / "page" / "web"
 TSC = ROOT / ".ci" / "node_modules" / ".bin" / "tsc"
 NODE = shutil.which("node")

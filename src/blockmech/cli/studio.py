@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from blockmech.cli.terminal import say
-from blockmech.studio import service
+from blockmech.editor import service
 
 
 def studio(

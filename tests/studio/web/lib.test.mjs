@@ -5,11 +5,11 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { frameAt, path, range, ticks } from "../../../src/blockmech/exchange/page/web/curve.js";
 import { closest, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../../../src/blockmech/exchange/page/web/geometry.js";
-import { command, writes } from "../../../src/blockmech/studio/web/lib/keys.js";
-import { Room } from "../../../src/blockmech/studio/web/lib/labels.js";
+import { command, writes } from "../../../src/blockmech/editor/web/lib/keys.js";
+import { Room } from "../../../src/blockmech/editor/web/lib/labels.js";
 import { factor, place, quantity, rounded, vector } from "../../../src/blockmech/exchange/page/web/quantity.js";
-import { aim } from "../../../src/blockmech/studio/web/lib/snap.js";
-import { pathOf } from "../../../src/blockmech/studio/web/lib/trace.js";
+import { aim } from "../../../src/blockmech/editor/web/lib/snap.js";
+import { pathOf } from "../../../src/blockmech/editor/web/lib/trace.js";
 
 let seed = 1;
 const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;

@@ -13,13 +13,13 @@ from typing import Any
 
 from blockmech.draw.motion import Motion
 from blockmech.draw.sketch import sketch_of
+from blockmech.editor import sketching
+from blockmech.editor.dragging import handles_of
+from blockmech.editor.sketching import Form, cylinders_of, outlines_of, pins_of, pose_of, sides_of
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import shown_name
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
-from blockmech.studio import sketching
-from blockmech.studio.dragging import handles_of
-from blockmech.studio.sketching import Form, cylinders_of, outlines_of, pins_of, pose_of, sides_of
 from blockmech.typing import Data, Record
 
 Drawing = Data

@@ -22,24 +22,24 @@ from starlette.staticfiles import StaticFiles
 
 import blockmech
 from blockmech.builders import Linkage, Opened, opened
+from blockmech.editor import answers
+from blockmech.editor.acts import acted
+from blockmech.editor.diagram import diagram_of, kinds
+from blockmech.editor.document import Revision
+from blockmech.editor.fields import CHOICES, Units
+from blockmech.editor.files import Desk, Filed, files_of
+from blockmech.editor.forms import form_of
+from blockmech.editor.gallery import title_of
+from blockmech.editor.guard import HOST, Guard
+from blockmech.editor.jobs import Job, Jobs
+from blockmech.editor.live import live, module
+from blockmech.editor.sharing import link_of, packed
+from blockmech.editor.sketching import posed
+from blockmech.editor.state import View, state_of
+from blockmech.editor.turn import poses_of
 from blockmech.exchange.page.script import WEB as SHARED
 from blockmech.ground.errors import BlockmechError, Problem, refused
 from blockmech.model.diagram import Wire
-from blockmech.studio import answers
-from blockmech.studio.acts import acted
-from blockmech.studio.diagram import diagram_of, kinds
-from blockmech.studio.document import Revision
-from blockmech.studio.fields import CHOICES, Units
-from blockmech.studio.files import Desk, Filed, files_of
-from blockmech.studio.forms import form_of
-from blockmech.studio.gallery import title_of
-from blockmech.studio.guard import HOST, Guard
-from blockmech.studio.jobs import Job, Jobs
-from blockmech.studio.live import live, module
-from blockmech.studio.sharing import link_of, packed
-from blockmech.studio.sketching import posed
-from blockmech.studio.state import View, state_of
-from blockmech.studio.turn import poses_of
 from blockmech.testing.graph_files import gallery
 from blockmech.typing import Data, Record
 

@@ -17,6 +17,7 @@ from blockmech.builders import Graph
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion, moves, moves_of_result
 from blockmech.draw.simulation import screen_time
+from blockmech.editor.edits import without
 from blockmech.figures.curves import abscissa
 from blockmech.figures.panels import Abscissa
 from blockmech.ground.errors import BlockmechError, Problem
@@ -25,7 +26,6 @@ from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.spots import marker_place
 from blockmech.result.failures import why_not
 from blockmech.result.samples import DEFAULT_SAMPLES
-from blockmech.studio.edits import without
 from blockmech.typing import Arguments, Data, Record
 
 SECONDS = 3.0  # that a turn is played

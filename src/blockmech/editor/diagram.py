@@ -10,12 +10,12 @@ from functools import cache
 
 from blockmech.blocks.registry import REGISTRY
 from blockmech.draw.boxes import content_of
+from blockmech.editor.canvas import PIXELS, Canvas
+from blockmech.editor.document import Revision
+from blockmech.editor.fields import simplest
 from blockmech.figures.palette import ROW
 from blockmech.ground.errors import Problem
 from blockmech.model import graph
-from blockmech.studio.canvas import PIXELS, Canvas
-from blockmech.studio.document import Revision
-from blockmech.studio.fields import simplest
 from blockmech.typing import Data
 
 

@@ -14,11 +14,11 @@ from blockmech.draw.boxes import Content, DrawnBlock
 from blockmech.draw.diagram import view_of
 from blockmech.draw.layout import Box, arrange
 from blockmech.draw.routing import Placed, Point, Rectangle, lay_out, path_between
+from blockmech.editor.edits import markers_of
 from blockmech.figures.palette import ROW, SIZES, SMALL, TEXT
 from blockmech.figures.paper import text_width, wrapped
 from blockmech.model.diagram import Ends
 from blockmech.model.graph import Graph
-from blockmech.studio.edits import markers_of
 from blockmech.typing import Data
 
 PIXELS = 13 / TEXT  # of the page for a point of a file's view: 13 px words in place of 8 pt ones

@@ -1,4 +1,4 @@
-"""The process that answers long questions for the server: started by `blockmech.studio.jobs`.
+"""The process that answers long questions for the server: started by `blockmech.editor.jobs`.
 
 Tasks come on its standard input, and what it says goes to its standard output, both pickled.
 """
@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from blockmech.builders import read_text
+from blockmech.editor import answers
+from blockmech.editor.document import Revision
+from blockmech.editor.gallery import picture_of
 from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.model.subgraph import Resolver, resolving
-from blockmech.studio import answers
-from blockmech.studio.document import Revision
-from blockmech.studio.gallery import picture_of
 from blockmech.typing import Arguments, Data
 
 Answer = Data

@@ -19,6 +19,7 @@ import numpy as np
 
 from blockmech.builders import Graph, Linkage
 from blockmech.compiled import Compiled
+from blockmech.editor import sketching
 from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import Planar, leaves
 from blockmech.engines.trace import PRIMITIVES, angle, expi, sqrt
@@ -31,7 +32,6 @@ from blockmech.model.parameters import number_at, parameters_of
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import Structure
 from blockmech.studies.variation import designed, planned_near
-from blockmech.studio import sketching
 from blockmech.typing import Data, Record
 
 LARGEST = 300_000  # letters of a module; longer ones stay on the server, which then has the poses

@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from blockmech.builders import Graph, Linkage, Opened, opened, read_text
+from blockmech.editor.document import Sheet
+from blockmech.editor.sharing import unpacked
 from blockmech.ground.errors import FormatError, refused
 from blockmech.model.reading import text_of
 from blockmech.model.subgraph import Resolver, resolving
-from blockmech.studio.document import Sheet
-from blockmech.studio.sharing import unpacked
 from blockmech.testing.graph_files import gallery
 from blockmech.typing import Record
 

@@ -1,7 +1,7 @@
 """What the page asks of a mechanism: outputs as curves, analyses, motions, designs, files.
 
 Each question is plain data, each answer too: texts, pictures as SVG, rows of numbers. Those that
-take long are asked in a process of their own (`blockmech.studio.jobs`).
+take long are asked in a process of their own (`blockmech.editor.jobs`).
 """
 
 from __future__ import annotations
@@ -29,6 +29,10 @@ from blockmech.draw.simulation import FRAME, screen_time
 from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.simulation import simulate
+from blockmech.editor.document import Revision
+from blockmech.editor.redraw import as_links
+from blockmech.editor.sketching import outlines_of, pins_of
+from blockmech.editor.turn import along_of, motion_data, numbers, poses_of, shown_motion
 from blockmech.exchange.formats import WRITERS, Order
 from blockmech.figures.curves import chosen_panels, without_friction
 from blockmech.figures.panels import Abscissa, Panel, draw_panels
@@ -44,10 +48,6 @@ from blockmech.result.wires import on_wires, wires_of
 from blockmech.studies.differentiate import without_derivative
 from blockmech.studies.distributions import Normal
 from blockmech.studies.family import remade
-from blockmech.studio.document import Revision
-from blockmech.studio.redraw import as_links
-from blockmech.studio.sketching import outlines_of, pins_of
-from blockmech.studio.turn import along_of, motion_data, numbers, poses_of, shown_motion
 from blockmech.typing import Data, Record
 
 Report = Callable[..., None]

@@ -11,11 +11,11 @@ from typing import Any
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
+from blockmech.editor.fields import simplest, with_item
 from blockmech.figures.palette import ROW
 from blockmech.ground.errors import GraphError
 from blockmech.loads.contract import Element
 from blockmech.model import checks
-from blockmech.studio.fields import simplest, with_item
 from blockmech.typing import Data, Record
 
 Form = Data

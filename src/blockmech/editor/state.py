@@ -7,12 +7,12 @@ from typing import Any
 
 from blockmech.builders import Linkage
 from blockmech.draw.motion import Motion
+from blockmech.editor import drawing
+from blockmech.editor.document import Revision, Sheet
+from blockmech.editor.turn import motion_data, shown_motion
 from blockmech.ground.errors import BlockmechError
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.layout import Layout
-from blockmech.studio import drawing
-from blockmech.studio.document import Revision, Sheet
-from blockmech.studio.turn import motion_data, shown_motion
 from blockmech.typing import Data
 
 FIRST = {

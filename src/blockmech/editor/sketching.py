@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.blocks.registry import REGISTRY
+from blockmech.editor.fields import Path, item_at, with_item
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
-from blockmech.studio.fields import Path, item_at, with_item
 from blockmech.typing import Data, Record
 
 Form = Data

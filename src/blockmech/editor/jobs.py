@@ -111,6 +111,6 @@ class Jobs:
     def _worker(self) -> Any:
         """A process that waits for work."""
         if self._process is None or self._process.poll() is not None:
-            command = [sys.executable, "-m", "blockmech.studio.worker", str(self.folder)]
+            command = [sys.executable, "-m", "blockmech.editor.worker", str(self.folder)]
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         return self._process

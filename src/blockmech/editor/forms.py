@@ -11,10 +11,8 @@ from typing import Any
 
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Graph, Opened
-from blockmech.ground.errors import Problem, refused
-from blockmech.model.parameters import parameters_of
-from blockmech.studio.edits import Form, markers_of, ports_of, wired
-from blockmech.studio.fields import (
+from blockmech.editor.edits import Form, markers_of, ports_of, wired
+from blockmech.editor.fields import (
     Field,
     Path,
     Units,
@@ -24,6 +22,8 @@ from blockmech.studio.fields import (
     schema_of,
     with_item,
 )
+from blockmech.ground.errors import Problem, refused
+from blockmech.model.parameters import parameters_of
 from blockmech.typing import Data, Record
 
 ITEMS = ("blocks", "links", "joints", "drivers", "loads", "couplings", "signals")

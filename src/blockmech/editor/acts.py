@@ -13,18 +13,18 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Linkage
 from blockmech.draw.motion import moves_of_result
 from blockmech.draw.sketch import sketch_of
+from blockmech.editor import edits, sketching
+from blockmech.editor.document import Revision, Step
+from blockmech.editor.dragging import dragged, handles_of
+from blockmech.editor.fields import Units, item_at
+from blockmech.editor.forms import typed
+from blockmech.editor.redraw import as_links
+from blockmech.editor.sketching import Form
+from blockmech.editor.turn import shown_motion
 from blockmech.figures.palette import ROW
 from blockmech.ground.errors import GraphError, listed, refused
 from blockmech.model.diagram import Wire
 from blockmech.model.joints.contents import FRAME
-from blockmech.studio import edits, sketching
-from blockmech.studio.document import Revision, Step
-from blockmech.studio.dragging import dragged, handles_of
-from blockmech.studio.fields import Units, item_at
-from blockmech.studio.forms import typed
-from blockmech.studio.redraw import as_links
-from blockmech.studio.sketching import Form
-from blockmech.studio.turn import shown_motion
 from blockmech.typing import Arguments, Record
 
 Request = Record

@@ -1,0 +1,30 @@
+"""The editor of mechanisms in the browser: the studio, its server, documents and acts."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from blockmech.ground.errors import needed
+
+if TYPE_CHECKING:
+    from blockmech.builders import Graph, Linkage
+    from blockmech.editor.server import Framed
+
+
+def service() -> Any:
+    """The server's module. Raises `MissingEngineError` where the extra is not installed."""
+    for package in ("starlette", "uvicorn"):
+        needed(package, "studio", "studio")
+    return import_module("blockmech.editor.server")
+
+
+def studio(document: Graph | Linkage | None = None, height: int = 800) -> Framed:
+    """The studio of a copy of a graph or linkage, as what a notebook shows.
+
+    Its page stands in a frame of ``height`` pixels, from a server of its own that ends with the
+    program. Without ``document`` the sheet is empty. Raises `MissingEngineError` where the extra
+    ``studio`` is not installed.
+    """
+    frame: Framed = service().in_notebook(document, height)
+    return frame
