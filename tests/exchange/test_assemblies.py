@@ -208,8 +208,10 @@ def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
     (tmp_path / "s.asmt").write_text(text, "utf-8")
     linkage = bm.read(tmp_path / "s.asmt")
     assert not linkage.check()
-    assert linkage.to_data()["links"]["piston"]["mass"] == 4.0
-    assert linkage.to_data()["links"]["piston"]["cm"] == pytest.approx([2.75, 0.0])
+    assert linkage.to_data()["joints"]["welded"]["links"] == ["piston", "cap"]
+    masses = {name: link["mass"] for name, link in linkage.to_data()["links"].items()}
+    assert masses == {"crank": 1.0, "rod": 1.0, "piston": 1.0, "cap": 3.0}
+    assert linkage.to_data()["links"]["cap"]["cm"] == pytest.approx([3.0, 0.0])
     run = linkage.run(at=[0.0, 0.4], want="link.piston.p")
     x = math.sin(-0.4) + math.sqrt(5 - math.cos(0.4) ** 2)
     assert run["link.piston.p"][1] == pytest.approx(x - 2, abs=1e-12)

@@ -94,12 +94,11 @@ def test_a_slot_turns_with_the_link_whose_joints_it_goes_through():
     assert np.abs(result - right).max() < 1e-12
 
 
-def test_links_that_are_welded_are_one_and_so_told():
-    linkage = bm.read(pmks_plus(MACHINES["cylinder"]))
-    assert len(linkage.links) == 3
-    notes = linkage.extras["notes"]
-    assert "BE, Ee are welded at E: they are one link, BE" in notes
-    assert "Ee" not in linkage.links
+def test_links_that_are_welded_keep_their_names():
+    data = bm.read(pmks_plus(MACHINES["cylinder"])).to_data()
+    welds = [joint["links"] for joint in data["joints"].values() if joint["type"] == "weld"]
+    assert welds == [["BE", "Ee"]]
+    assert list(data["links"]) == ["AB", "CD", "BE", "Ee"]
 
 
 @pytest.mark.parametrize(
@@ -139,7 +138,10 @@ def test_an_address_that_was_written_is_the_same_mechanism(name, tmp_path):
     ours = mech.run(at=start + angles, rates=1.0, want="*.omega")
     theirs = again.run(at=angles, rates=1.0, want="link.*.omega")
     right = sorted(np.abs(ours[n]).max() for n in ours if ours[n].any())
-    result = sorted(np.abs(theirs[n]).max() for n in theirs if np.abs(theirs[n]).max() > 1e-9)
+    joints = back.to_data()["joints"].values()
+    welded = {f"link.{joint['links'][1]}.omega" for joint in joints if joint["type"] == "weld"}
+    rates = [np.abs(theirs[n]).max() for n in theirs if n not in welded]
+    result = sorted(rate for rate in rates if rate > 1e-9)
     assert result == pytest.approx(right[-len(result) :], rel=2e-3)  # places have 10 micrometres
 
 
@@ -384,6 +386,113 @@ def test_the_masses_of_a_capsule():
     assert link["inertia"] == pytest.approx(0.0036999, abs=5e-8)
 
 
+HINGED = {  # what is in the model -> before its world, and in its one body
+    "two sizes of a box between two ends": (
+        "",
+        '<geom type="box" fromto="0 0 0 .4 .1 .2" size=".03 .05"/>',
+    ),
+    "an ellipsoid between two ends": (
+        "",
+        '<geom type="ellipsoid" fromto="0 0 0 .1 .4 .1" size=".02"/>',
+    ),
+    "gravity that is off": (
+        '<option><flag gravity="disable"/></option>',
+        '<geom size=".1" pos="1 0 0"/>',
+    ),
+    "inertia that is balanced": (
+        '<compiler balanceinertia="true"/>',
+        '<inertial pos="0 0 1" mass="1" diaginertia="1 5 1"/>',
+    ),
+    "inertia beside geoms": (
+        "",
+        '<geom size=".1"/><inertial pos=".3 0 .1" euler="20 0 30" mass="3" diaginertia=".1 .2 .15"/>',
+    ),
+    "frames": (
+        "",
+        '<frame pos="0 0 .3" euler="0 30 0"><geom type="capsule" size=".1 .3"/><frame euler="0 0 40">'
+        '<geom type="box" size=".1 .2 .3" pos="1 0 0" xyaxes="1 0 1 0 1 0"/></frame></frame>',
+    ),
+    "angles of other axes": (
+        '<compiler angle="radian" eulerseq="zYx"/>',
+        '<geom type="box" size=".1 .2 .3" pos=".1 0 .5" euler=".3 -.4 .7"/>'
+        '<geom type="cylinder" size=".1 .3" axisangle="1 2 3 .5"/>',
+    ),
+}
+
+
+@pytest.mark.parametrize("subject", HINGED)
+def test_numbers_of_a_model_are_those_of_mujoco(subject):
+    mujoco = pytest.importorskip("mujoco", reason="the outside judge of masses")
+    before, inside = HINGED[subject]
+    body = f'<body name="a"><joint name="A" axis="0 -1 0" damping=".2"/>{inside}</body>'
+    text = f"<mujoco>{before}<worldbody>{body}</worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(text)
+    state = mujoco.MjData(model)
+    state.qpos[:], state.qvel[:] = 0.3, 0.8
+    mujoco.mj_forward(model, state)
+    inertia = np.zeros(1)
+    mujoco.mj_mulM(model, state, inertia, np.ones(1))
+    outputs = ["driver.motor.J_red", "driver.motor.drive"]
+    run = bm.read(text).run(at=[0.3], rates=0.8, want=outputs, static=True)
+    assert run["driver.motor.J_red"] == pytest.approx(inertia, rel=1e-12)
+    effort = state.qfrc_bias[0] - state.qfrc_passive[0]
+    assert run["driver.motor.drive"][0] == pytest.approx(effort, rel=1e-12)
+
+
+def test_a_hinge_may_stand_in_a_frame():
+    text = """<mujoco><worldbody><body name="a" pos="0 0 1"><frame pos=".1 0 0" euler="0 90 0">
+    <joint name="A" axis="0 1 0" pos="0 0 .2"/></frame><geom size=".1" pos="1 0 0"/></body></worldbody>
+    </mujoco>"""
+    at = bm.read(text).to_data()["joints"]["A"]["at"]
+    assert at[0] == pytest.approx([0.3, 1.0], abs=1e-15)
+
+
+def test_an_equality_welds_bodies_by_their_relative_pose():
+    # mujoco's pose of b by its weld: 0.5 and 0.2 in the axes of a, turned by 30 degrees about y
+    half = math.radians(15)
+    slides = (
+        '<joint name="X" type="slide" axis="1 0 0"/><joint name="Z" type="slide" axis="0 0 1"/>'
+    )
+    text = f"""<mujoco><worldbody><body name="a"><joint name="A" axis="0 -1 0"/><geom size=".1"/></body>
+    <body name="b" pos="3 0 0">{slides}<joint name="B" axis="0 -1 0"/><geom size=".1" pos="1 0 0"/></body>
+    </worldbody><equality><weld body1="a" body2="b" relpose=".5 0 .2 {math.cos(half)!r} 0
+    {math.sin(half)!r} 0"/></equality></mujoco>"""
+    linkage = bm.read(text)
+    assert not linkage.check()
+    run = linkage.run(at=[0.4], want=["link.b.p", "link.b.angle"])
+    angle = 0.4 - 2 * half
+    assert run["link.b.angle"][0] == pytest.approx(angle, abs=1e-12)
+    centre = run["link.b.p"][0] + 3 * np.exp(1j * angle)
+    assert centre == pytest.approx((0.5 + 0.2j) * np.exp(0.4j), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (('<body name="a">', '<include file="b.xml"/><body name="a">'), "include.*mj_saveLastXML"),
+        (("<geom", '<replicate count="2"><geom/></replicate><geom'), "replicate.*mj_saveLastXML"),
+        (("<worldbody>", '<compiler coordinate="global"/><worldbody>'), "coordinates are global"),
+    ],
+)
+def test_models_that_are_not_written_out_are_refused(change, message):
+    text = '<mujoco><worldbody><body name="a"><joint axis="0 1 0"/><geom size=".1"/></body></worldbody></mujoco>'
+    assert bm.read(text).links
+    with pytest.raises(FormatError, match=message):
+        bm.read(text.replace(*change, 1))
+
+
+@pytest.mark.parametrize(
+    ("attribute", "note"),
+    [("gravcomp", "body gravcomp: left out"), ("bound", "compiler boundmass: left out")],
+)
+def test_what_changes_forces_in_a_model_is_a_note(attribute, note):
+    before = '<compiler boundmass="5"/>' * (attribute == "bound")
+    own = ' gravcomp="1"' * (attribute == "gravcomp")
+    body = f'<body name="a"{own}><joint axis="0 1 0"/><geom size=".1"/></body>'
+    linkage = bm.read(f"<mujoco>{before}<worldbody>{body}</worldbody></mujoco>")
+    assert note in linkage.extras["notes"]
+
+
 def test_an_equality_of_joints_is_a_coupling():
     text = """<mujoco><worldbody><body name="a"><joint name="A" axis="0 0 -1"/><inertial pos="0 0 0"
     mass="1" diaginertia="1 1 1"/></body><body name="b" pos="1 0 0"><joint name="B" type="slide"
@@ -448,6 +557,10 @@ def test_a_gearbox_of_sdf_turns_by_its_ratio():
             '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="floating"><parent link="a"/><child link="b"/></joint></robot>',
             "it is a floating",
         ),
+        (
+            '<robot name="r" xmlns:xacro="x"><xacro:property name="w" value="1"/></robot>',
+            "xacro FILE > robot.urdf",
+        ),
         ('<sdf version="1.9"><world name="w"/></sdf>', "it has no model"),
         (
             '<sdf version="1.9"><model name="m"><link name="a"/><joint name="j" type="revolute"><parent>a</parent><child>q</child></joint></model></sdf>',
@@ -505,6 +618,7 @@ def test_poses_of_sdf(turn, around):
     linkage = bm.read(robot(TURNS[turn], around))
     assert not linkage.check()
     data = linkage.to_data()
+    assert data["joints"].pop("fixed")["links"] == ["frame", "base"]
     places = {name: complex(*joint["at"][0]) for name, joint in data["joints"].items()}
     pin = 1j + 0.1 * np.exp(0.7j)
     expected = {"A": 1j, "B": pin, "E": 0.35 + 1j, "C": 0.35 + 1.2j}
@@ -513,6 +627,30 @@ def test_poses_of_sdf(turn, around):
     assert data["links"]["crank"]["mass"] == 2.0
     assert complex(*data["links"]["crank"]["cm"]) == pytest.approx(pin)
     assert data["links"]["rod"]["mass"] == data["links"]["rod"]["inertia"] == 1.0  # of SDF itself
+
+
+@pytest.mark.parametrize(
+    ("version", "frame", "angle"),
+    [
+        ("1.4", "", 0.0),
+        ("1.6", "<use_parent_model_frame>1</use_parent_model_frame>", 0.0),
+        ("1.6", "", 0.7),
+        ("1.11", "", 0.7),
+    ],
+)
+def test_axes_of_sdf_are_in_the_frame_that_their_version_has(version, frame, angle):
+    text = f"""<sdf version="{version}"><model name="m"><link name="a"><pose>0 0 0 0 -0.7 0</pose></link>
+      <joint name="S" type="prismatic"><parent>world</parent><child>a</child><axis>{frame}
+      <xyz>1 0 0</xyz></axis></joint><link name="b"/><joint name="B" type="revolute"><parent>a</parent>
+      <child>b</child><axis><xyz>0 1 0</xyz></axis></joint></model></sdf>"""
+    assert bm.read(text).to_data()["joints"]["S"]["angle"][0] == pytest.approx(angle, abs=1e-15)
+
+
+def test_a_link_without_gravity_is_a_note():
+    text = robot(TURNS["radians"]).replace(
+        '<link name="base"/>', '<link name="base"><gravity>0</gravity></link>'
+    )
+    assert "gravity acts on base, too" in bm.read(text).extras["notes"]
 
 
 def test_links_of_nested_models_are_told_apart():
@@ -524,7 +662,8 @@ def test_links_of_nested_models_are_told_apart():
         f'<sdf version="1.9"><model name="m"><link name="a"/>{inner}{fixed}{joints}</model></sdf>'
     )
     data = bm.read(text).to_data()
-    assert list(data["links"]) == ["in::a"]
+    assert list(data["links"]) == ["a", "in::a"]
+    assert data["joints"]["w"] | {"type": "weld", "links": ["frame", "a"]} == data["joints"]["w"]
     assert data["joints"]["j"]["at"][0] == [0.0, 1.0]
 
 

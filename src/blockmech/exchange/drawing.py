@@ -83,6 +83,21 @@ class Pair(NamedTuple):
     damping: float = 0.0
 
 
+class Weld(NamedTuple):
+    """Two links that are one rigid link, under names of their own.
+
+    at, second_at : a place on the first link and, where it differs, on the second
+    turn : angle [rad] by which the second is drawn ahead of where it is welded
+    """
+
+    name: str
+    first: str
+    second: str
+    at: complex = 0j
+    second_at: complex | None = None
+    turn: float = 0.0
+
+
 class Wheels(NamedTuple):
     """Two links that turn as gear wheels or by a chain, with their sizes: teeth or radii.
 
@@ -142,6 +157,7 @@ class Drawing:
     fixed: set[str] = field(default_factory=set)
     slots: dict[str, list[Slot]] = field(default_factory=dict)
     pairs: list[Pair] = field(default_factory=list)
+    welds: list[Weld] = field(default_factory=list)
     wheels: list[Wheels] = field(default_factory=list)
     ratios: list[Ratio] = field(default_factory=list)
     drives: dict[str, Drive] = field(default_factory=dict)
@@ -175,34 +191,6 @@ class Drawing:
         if group <= self.fixed:
             return FRAME
         return next((n for n, members in self.links.items() if group <= set(members)), None)
-
-    def weld(self, first: str, second: str) -> None:
-        """Make two links one, which has the name of the first, or is the frame."""
-        if first == second:
-            return
-        keep, gone = (second, first) if second == FRAME else (first, second)
-
-        def of(link: str) -> str:
-            return keep if link == gone else link
-
-        points = self.links.pop(gone, [])
-        if keep == FRAME:
-            self.fixed.update(points)
-        else:
-            self.links[keep] = list(dict.fromkeys([*self.links[keep], *points]))
-        bodies = [self.inertias.pop(x) for x in (keep, gone) if x in self.inertias]
-        if bodies and keep != FRAME:
-            self.inertias[keep] = together(bodies)
-        self.slots = {
-            point: [slot._replace(on=of(slot.on), rider=of(slot.rider)) for slot in slots]
-            for point, slots in self.slots.items()
-        }
-        self.drives = {p: drive._replace(link=of(drive.link)) for p, drive in self.drives.items()}
-        ends = [x._replace(first=of(x.first), second=of(x.second)) for x in self.pairs]
-        self.pairs = [pair for pair in ends if pair.first != pair.second]
-        self.wheels = [x._replace(first=of(x.first), second=of(x.second)) for x in self.wheels]
-        self.loads = [load._replace(link=of(load.link)) for load in self.loads]
-        self.springs = [x._replace(links=(of(x.links[0]), of(x.links[1]))) for x in self.springs]
 
 
 def together(bodies: Iterable[Inertia]) -> Inertia:

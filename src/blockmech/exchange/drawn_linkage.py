@@ -5,7 +5,7 @@
 * a point where m links meet is m - 1 joints with the first of them, a fixed one joins the frame;
 * a point that slides is a pin in a slot: a slider without mass between the slot's link and the
   links at the point, the frame where the point is fixed; a link that slides itself takes its place;
-* two links with two pins in common are one, and one with two fixed points is part of the frame;
+* two links with two pins in common are welded, and one with two fixed points to the frame;
 * a point of one link alone is a marker.
 
 What cannot be taken is a note that names it.
@@ -16,6 +16,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
+from collections.abc import Iterable
 from fractions import Fraction
 from itertools import combinations
 from typing import Any
@@ -30,6 +31,7 @@ from blockmech.exchange.drawing import (
     Drive,
     Pair,
     Ratio,
+    Weld,
     Wheels,
     scaled,
 )
@@ -66,6 +68,7 @@ class _Making:
         self.stops: dict[str, dict[str, float]] = {}
         self.names: dict[str, str] = {FRAME: FRAME}
         self.pairs: dict[str, str] = {}  # name of a pair in the drawing -> its joint
+        self.carriers: dict[str, str] = {}  # welded link -> one that carries it
 
     def _unit(self, unit: str | None) -> float:
         drawing = self.drawing
@@ -82,11 +85,13 @@ class _Making:
     def document(self) -> Data:
         """See `document`."""
         drawing = self.drawing
-        while self._rigid():
-            pass
         for name in drawing.links:
             self.names[name] = self._free("links", name)
             self.links[self.names[name]] = self._link(name)
+        for weld in drawing.welds:
+            self._weld(weld)
+        while rigid := self._rigid():
+            self._weld(rigid)
         for point, members in drawing.meeting().items():
             self._point(point, members)
         for pair in drawing.pairs:
@@ -94,7 +99,7 @@ class _Making:
         self._drive_something()
         self._couple()
         self._markers()
-        if not self.joints:
+        if not self._movable():
             message = "it has no links that a joint joins"
             raise FormatError(Problem("bad-drawing", drawing.name, message, "", "draw the linkage"))
         self._loads()
@@ -128,22 +133,60 @@ class _Making:
                 stops[driver or f"joint.{joint}.coordinate"] = ends
         return stops
 
-    def _rigid(self) -> bool:
-        """Weld the first two links that have two pins in common; whether there are any."""
+    def _rigid(self) -> Weld | None:
+        """A weld of the first two links that have two pins in common; None without any."""
         drawing = self.drawing
+        rank = {name: k for k, name in enumerate(self.names)}
         pins: dict[tuple[str, str], set[complex]] = {}
         for point, members in drawing.meeting().items():
             if point not in drawing.slots:
-                for ends in combinations(members, 2):
+                for ends in combinations(sorted(self._bodies(members), key=rank.__getitem__), 2):
                     pins.setdefault(ends, set()).add(drawing.points[point])
         for (first, second), positions in pins.items():
             if len(positions) > 1:
                 fixed = f"link {second} joins fixed points: it is part of the frame"
                 two = f"links {first} and {second} have two pins in common: they are one link"
                 drawing.note(fixed if first == FRAME else two)
-                drawing.weld(first, second)
-                return True
-        return False
+                return Weld(f"{first}_{second}", first, second, min(positions, key=abs))
+        return None
+
+    def _weld(self, weld: Weld) -> None:
+        """A joint that welds two links, of which none carries the other already."""
+        first, second = (self._body(link) for link in (weld.first, weld.second))
+        if first == second:
+            return
+        if second == FRAME:
+            first, second = second, first
+        self.carriers[second] = first
+        second_at = weld.at if weld.second_at is None else weld.second_at
+        joint = self.joints[self._free("joints", weld.name)] = {
+            "type": "weld",
+            "links": [self.names[weld.first], self.names[weld.second]],
+            "at": [self._metres(weld.at), self._metres(second_at)],
+        }
+        if weld.turn:
+            joint["angle"] = [0.0, weld.turn]
+
+    def _body(self, link: str) -> str:
+        """The link, of those welded to one, that stands for all of them."""
+        while link in self.carriers:
+            link = self.carriers[link]
+        return link
+
+    def _document_bodies(self) -> dict[str, str]:
+        """Link of the document -> the one that stands for all that are welded to it."""
+        return {name: self.names[self._body(link)] for link, name in self.names.items()}
+
+    def _movable(self) -> dict[str, Data]:
+        """The joints in which something moves."""
+        return {name: joint for name, joint in self.joints.items() if joint["type"] != "weld"}
+
+    def _bodies(self, links: Iterable[str]) -> dict[str, str]:
+        """The first of some links on each rigid body."""
+        bodies: dict[str, str] = {}
+        for link in links:
+            bodies.setdefault(self._body(link), link)
+        return bodies
 
     def _link(self, name: str) -> Data:
         link: Data = {"pose": [0.0, 0.0, 0.0]}
@@ -174,18 +217,22 @@ class _Making:
             self._slotted(point, members, drive)
             return
         turning = {x for pair in drawing.wheels for x in (pair.first, pair.second)}
-        ends = sorted(members, key=lambda name: name in turning)  # a wheel turns on the others
+        # a wheel turns on the others
+        bodies = self._bodies(sorted(members, key=lambda name: name in turning))
+        ends = list(bodies.values())
         if drive is not None:
+            turned = bodies.get(self._body(drive.link))
             if len(ends) < 2:
                 drawing.note(f"point {point} is driven, but joins no two links: its drive was left")
                 drive = None
-            elif drive.link in ends[1:]:
-                ends = [ends[0], drive.link, *(x for x in ends[1:] if x != drive.link)]
+            elif turned in ends[1:]:
+                ends.remove(turned)
+                ends.insert(1, turned)
             elif len(ends) > 2:
                 drawing.note(f"{point} is driven and joins {listed(ends)}: {ends[1]} is turned")
-        for link in ends[1:]:
-            turned = drive if link == ends[1] else None
-            self._pair(Pair(ends[0], link, drawing.points[point], None, turned, name=point))
+        for k, link in enumerate(ends[1:]):
+            of_link = None if k else drive
+            self._pair(Pair(ends[0], link, drawing.points[point], None, of_link, name=point))
 
     def _slotted(self, point: str, members: list[str], drive: Drive | None) -> None:
         """A pin in one slot or two: a slider for each, unless a link of the point slides itself."""
@@ -215,15 +262,15 @@ class _Making:
             self._pair(Pair(slot.on, slider, foot, slot.angle, slot_drive, z, name))
         if not sliders:
             return
-        first, *rest = sliders
-        pinned = [x for x in members if x not in sliders]
-        if not pinned and not rest and first not in members:
+        if not {*members, *sliders[1:]}:
             drawing.note(f"point {point} slides and no link hangs on it")
-        for link in [*rest, *pinned]:
+        first, *pinned = self._bodies([*sliders, *members]).values()
+        for link in pinned:
             self._pair(Pair(first, link, z, name=point))
 
     def _pair(self, pair: Pair) -> None:
-        if not {pair.first, pair.second} <= self.names.keys() or pair.first == pair.second:
+        ends = {pair.first, pair.second}
+        if not ends <= self.names.keys() or len(self._bodies(ends)) < 2:
             self.drawing.note(f"{pair.name} joins no two links: left out")
             return
         name = self._free("joints", pair.name or f"{pair.first}_{pair.second}")
@@ -241,8 +288,8 @@ class _Making:
         if pair.drive is not None:
             self._driven(name, pair.drive)
         if pair.limits != FREE:
-            ends = {"from": pair.limits[0] * scale, "to": pair.limits[1] * scale}
-            self.stops[name] = {key: x for key, x in ends.items() if abs(x) < BOUNDLESS}
+            limits = {"from": pair.limits[0] * scale, "to": pair.limits[1] * scale}
+            self.stops[name] = {key: x for key, x in limits.items() if abs(x) < BOUNDLESS}
         if pair.stiffness or pair.damping:
             numbers = {"stiffness": pair.stiffness, "rest_angle": pair.rest * scale}
             load = {"type": "torsion_spring", "joint": name, **numbers, "damping": pair.damping}
@@ -280,19 +327,23 @@ class _Making:
         What moves freely beside a drive gets one as well, if the drawing says so.
         """
         named = {driver["joint"]: name for name, driver in self.drivers.items()}
-        if not self.joints or (named and not self.drawing.free):
+        movable, bodies = self._movable(), self._document_bodies()
+        if not movable or (named and not self.drawing.free):
             return
         following = [self.pairs[x.driven] for x in self.drawing.ratios if x.driven in self.pairs]
         following += filter(None, (self._axles(pair)[1] for pair in self.drawing.wheels))
         pairs = [
-            AssurPair(x, d["links"][0], d["links"][1], d["type"]) for x, d in self.joints.items()
+            AssurPair(x, bodies[d["links"][0]], bodies[d["links"][1]], d["type"])
+            for x, d in movable.items()
         ]
-        driven, free = list(following), [x for x in self.joints if x not in {*following, *named}]
+        links = {*bodies.values()} - {FRAME}
+        driven = list(following)
+        free = [pair.name for pair in pairs if pair.name not in {*following, *named}]
         free.sort(key=lambda joint: FRAME not in self.joints[joint]["links"])
         chosen: list[str] = []
         for joint in [*named, *(free if len(free) < MOST_JOINTS else free[:1])]:
             mobility = [
-                rigidity(self.links, pairs, (FRAME,), drivers).mobility
+                rigidity(links, pairs, (FRAME,), drivers).mobility
                 for drivers in (driven, [*driven, joint])
             ]
             if mobility[1] < mobility[0]:
@@ -340,10 +391,12 @@ class _Making:
     def _axles(self, pair: Wheels) -> tuple[str, str]:
         """The joints of two wheels on one link, which stands first in both; "" without any."""
         axles: list[dict[str, str]] = []
+        bodies = self._document_bodies()
         for wheel, kind in (pair.first, "R"), (pair.second, "R" if pair.rack is None else "P"):
-            name = self.names.get(wheel)
-            ends = [(j, d["links"]) for j, d in self.joints.items() if d["type"] == kind]
-            axles.append({(set(x) - {name}).pop(): j for j, x in ends if name in x})
+            body = bodies.get(self.names.get(wheel, ""), "")
+            joints = [(j, d["links"]) for j, d in self.joints.items() if d["type"] == kind]
+            ends = [(j, {bodies[link] for link in links}) for j, links in joints]
+            axles.append({(x - {body}).pop(): j for j, x in ends if body in x})
         arm = next((link for link in axles[0] if link in axles[1]), None)
         return (axles[0][arm], axles[1][arm]) if arm is not None else ("", "")
 
@@ -383,8 +436,8 @@ class _Making:
         self._coupling(pair.name or "gears", coupling, ends, leading)
 
     def _rack(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
-        guide = self.joints[ends[1]]
-        forth = guide["links"][1] == self.names[pair.second]
+        guide, bodies = self.joints[ends[1]], self._document_bodies()
+        forth = bodies[guide["links"][1]] == bodies[self.names[pair.second]]
         cosine = math.cos(guide["angle"][0] - (pair.rack or 0.0)) * (1 if forth else -1)
         side = 1 if cosine * pair.sizes[0] > 0 else -1
         rack = {"type": "rack", "radius": abs(pair.sizes[0]) * self.scale, "side": side}
@@ -430,7 +483,7 @@ class _Making:
                 > 1
             ):
                 continue
-            if len(members) == 1:
+            if len(self._bodies(members)) == 1:
                 markers = self.links[self.names[members[0]]].setdefault("markers", {})
                 names = {*self.names.values(), *self.links, *markers}
                 name = free_name(_clean(point) or "point", names)
@@ -444,7 +497,7 @@ class _Making:
 
     def _loads(self) -> None:
         for load in self.drawing.loads:
-            if self.names.get(load.link, FRAME) == FRAME:
+            if load.link not in self.names or self._body(load.link) == FRAME:
                 self.drawing.note(f"force {load.name} acts on no moving link: left out")
                 continue
             force = {"force": [load.force.real, load.force.imag], "at": self._metres(load.at)}
@@ -453,7 +506,7 @@ class _Making:
                 load.name, {"type": "force", "link": self.names[load.link], **force, **turns}
             )
         for spring in self.drawing.springs:
-            if not {*spring.links} <= self.names.keys() or spring.links[0] == spring.links[1]:
+            if not {*spring.links} <= self.names.keys() or len(self._bodies(spring.links)) < 2:
                 self.drawing.note(f"spring {spring.name} joins no two links: left out")
                 continue
             at = [self._metres(z) for z in spring.at]

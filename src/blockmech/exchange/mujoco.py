@@ -40,14 +40,21 @@ LOOKS = {"asset", "visual", "statistic", "size", "custom", "sensor", "light", "c
 LOOKS |= {"keyframe", "rgba", "material", "group", "contype", "conaffinity", "condim", "friction"}
 LOOKS |= {"solref", "solimp", "solreflimit", "solimplimit", "margin", "gap", "timestep", "flag"}
 LOOKS |= {"integrator", "solver", "iterations", "tolerance", "priority", "solmix", "option cone"}
+LOOKS |= {"energy", "warmstart", "filterparent", "refsafe", "clampctrl", "actuation", "midphase"}
+LOOKS |= {"eulerdamp", "autoreset", "nativeccd", "island", "multiccd", "override", "fusestatic"}
 LOOKS |= {"cone", "ctrlrange", "ctrllimited", "forcerange", "forcelimited", "kp", "kv", "gear"}
-LOOKS |= {"balanceinertia", "meshdir", "texturedir", "coordinate", "name", "class", "user"}
-LOOKS |= {"assetdir", "boundmass", "boundinertia", "model", "gravcomp", "default", "impratio"}
+LOOKS |= {"meshdir", "texturedir", "name", "class", "user", "assetdir", "model", "default"}
+LOOKS |= {"impratio", "mocap", "strippath", "usethread"}
+ELSEWHERE = ("include", "replicate", "attach")  # what stands for parts that are not written out
 
 
 def read(text: str, where: str) -> Drawing:
     """The drawing of a model in its reference pose."""
-    root = record_of(xml_of(text, where), where)
+    element = xml_of(text, where)
+    if shorthand := next((part.tag for part in element.iter() if part.tag in ELSEWHERE), None):
+        remedy = "load it in MuJoCo, save it by mj_saveLastXML and read that"
+        raise wrong(where, f"<{shorthand}> stands for parts of the model", "all bodies", remedy)
+    root = record_of(element, where)
     if root.tag != "mujoco" or not root.all("worldbody"):
         raise wrong(where, "it has no worldbody", "<mujoco> with a <worldbody>")
     return _Reading(root, where).read()
@@ -62,6 +69,9 @@ class _Reading:
         self.order = compiler.get("eulerseq", "xyz")
         self.of_geoms = compiler.get("inertiafromgeom", "auto")
         self.limited = compiler.get("autolimits", "true") != "false"
+        self.balanced = compiler.get("balanceinertia") == "true"
+        if compiler.get("coordinate", "local") != "local":
+            raise wrong(where, "its coordinates are global", "local", "save it in MuJoCo 2.3.3")
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for record in root.all("default"):
             self._default(record, {}, "main")
@@ -99,7 +109,10 @@ class _Reading:
         if total := root.first("compiler").number("settotalmass", -1.0):
             self._scale(total)
         option = root.first("option")
-        assembly.gravity = np.array(option.numbers("gravity", 3, "0 0 -9.81"))
+        flag = option.first("flag")
+        flag.consumed |= {name for name, switch in flag.fields.items() if switch == "enable"}
+        if flag.get("gravity") != "disable":
+            assembly.gravity = np.array(option.numbers("gravity", 3, "0 0 -9.81"))
         for name, (body, pose) in self.sites.items():
             if self.links[body] != FRAME and name not in assembly.drawing.points:
                 assembly.drawing.points[name] = assembly.flat(pose.origin)
@@ -160,16 +173,17 @@ class _Reading:
             raise wrong(record.where, "there are two bodies of this name")
         inherited = record.get("childclass") or inherited
         pose = self.poses[name] = self._pose(record, outer)
-        joints = record.all("joint")
-        if record.all("freejoint") or any(j.get("type") == "free" for j in joints):
+        frames = self._frames(record, pose)
+        joints = [(joint, at) for outer, at in frames for joint in outer.all("joint")]
+        if record.all("freejoint") or any(j.get("type") == "free" for j, _ in joints):
             raise wrong(record.where, "it moves freely in space", "hinges and slides in one plane")
         base = self.links[name] = self.links[parent]
-        for k, joint in enumerate(joints, 1):  # each hangs on what the one before it moves
+        for k, (joint, at) in enumerate(joints, 1):  # each hangs on what the one before it moves
             link = name if k == len(joints) else free_name(f"{name}_{k}", self.links)
             self.assembly.masses[link] = []
-            self._joint(self._of_class(joint, inherited), base, link, pose)
+            self._joint(self._of_class(joint, inherited), base, link, at)
             base = self.links[name] = link
-        masses = self._masses(record, pose, inherited)
+        masses = self._masses(frames, inherited)
         if base != FRAME:
             self.assembly.masses[base] += masses
         self._inside(record, name, inherited, pose)
@@ -197,17 +211,14 @@ class _Reading:
         joint = joint._replace(stiffness=stiffness, rest=rest, damping=damping)
         self.assembly.join(joint)
 
-    def _masses(self, record: Record, pose: Pose, inherited: str) -> list[Mass]:
-        inertial = record.all("inertial")
-        if inertial and self.of_geoms != "true":
-            return [self._inertial(inertial[0], pose)]
-        if self.of_geoms == "false":
-            return []
-        masses = []
-        for outer, at in self._frames(record, pose):
-            for geom in outer.all("geom"):
-                masses += self._geom(self._of_class(geom, inherited), at)
-        return masses
+    def _masses(self, frames: list[tuple[Record, Pose]], inherited: str) -> list[Mass]:
+        inertial = [self._inertial(x, at) for outer, at in frames for x in outer.all("inertial")]
+        geoms = [(geom, at) for outer, at in frames for geom in outer.all("geom")]
+        if self.of_geoms == "false" or (inertial and self.of_geoms != "true"):
+            for geom, _ in geoms:
+                geom.skip()
+            return inertial
+        return [m for geom, at in geoms for m in self._geom(self._of_class(geom, inherited), at)]
 
     def _frames(self, record: Record, pose: Pose) -> list[tuple[Record, Pose]]:
         """A body and the frames in it."""
@@ -220,7 +231,10 @@ class _Reading:
             xx, yy, zz, xy, xz, yz = record.numbers("fullinertia", 6)
             inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         else:
-            inertia = np.diag(record.numbers("diaginertia", 3))
+            moments = np.array(record.numbers("diaginertia", 3))
+            if self.balanced and 2 * moments.max() > moments.sum():
+                moments[:] = moments.mean()
+            inertia = np.diag(moments)
         return Mass(record.number("mass"), at.origin, at.axes @ inertia @ at.axes.T)
 
     def _geom(self, record: Record, pose: Pose) -> list[Mass]:
@@ -234,10 +248,7 @@ class _Reading:
             axis = ends[1] - ends[0]
             half = float(np.linalg.norm(axis)) / 2
             at = pose.at(ends.mean(axis=0), axes_along(unit(axis, record.where)))
-            flat = (
-                sizes[:1] if kind in ("capsule", "cylinder") else (sizes[:1] * 2 + sizes[1:2])[-2:]
-            )
-            sizes = [*flat, half]
+            sizes = [*sizes[:1] * (1 if kind in ("capsule", "cylinder") else 2), half]
         body = solid(kind, sizes) if min(sizes, default=0.0) > 0 else None
         density, mass = record.number("density", DENSITY), record.get("mass")
         if body is None:
@@ -271,12 +282,18 @@ class _Reading:
             self._ratio(record, name)
             return
         (first, at), (second, second_at) = self._end(record, 1), self._end(record, 2)
-        at = at or self.poses[first].at(record.numbers("anchor", 3, "0 0 0"))
         ends = (self.links[first], self.links[second])
-        if record.tag == "weld":
-            record.consumed |= {"relpose", "torquescale", "anchor"}
-        kind = "ball" if record.tag == "connect" else "weld"
-        assembly.join(Joint(name, kind, *ends, at, second_at or at))
+        if record.tag == "connect":
+            at = at or self.poses[first].at(record.numbers("anchor", 3, "0 0 0"))
+            assembly.join(Joint(name, "ball", *ends, at, second_at or at))
+            return
+        record.consumed |= {"torquescale", "anchor"}
+        *position, w, x, y, z = record.numbers("relpose", 7, "0 1 0 0 0 0 0")
+        if at is None and any((w, x, y, z)):
+            at = self.poses[first].at(position, quaternion((w, x, y, z), record.where))
+            second_at = self.poses[second]
+        at = at or self.poses[second]
+        assembly.join(Joint(name, "weld", *ends, at, second_at or at))
 
     def _ratio(self, record: Record, name: str) -> None:
         driven, leading = record.get("joint1"), record.get("joint2")

@@ -20,7 +20,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -32,6 +32,7 @@ from blockmech.exchange.drawing import (
     Inertia,
     Load,
     Slot,
+    Weld,
     direction,
 )
 from blockmech.exchange.formats import Reader
@@ -388,7 +389,7 @@ def drawing_of(address: Address, where: str) -> Drawing:
             drawing.drives[driven.key] = _drive(joint, driven, address, drawing)
     for joint in joints.values():
         if joint.has(WELDED):
-            _weld(joint.key, roots, bars, drawing)
+            drawing.welds += _welds(joint, roots, bars, drawing)
     drawing.loads = [x._replace(link=root_of.get(x.link, x.link)) for x in address.loads]
     drawing.notes += list(dict.fromkeys(address.notes))
     return drawing
@@ -450,9 +451,11 @@ def _drive(joint: Joint, driven: Joint, address: Address, drawing: Drawing) -> D
     return Drive(rate, 0.0, stroke)
 
 
-def _weld(key: str, roots: dict[str, Bar], bars: dict[str, Bar], drawing: Drawing) -> None:
-    """Weld the links that meet at a joint: a compound link and blocks, or without one all."""
-    members = drawing.meeting()[key]
+def _welds(
+    joint: Joint, roots: dict[str, Bar], bars: dict[str, Bar], drawing: Drawing
+) -> Iterator[Weld]:
+    """Welds of the links that meet at a joint: a compound link and blocks, or without one all."""
+    key, members = joint.key, [x for x in drawing.meeting()[joint.key] if x != FRAME]
     compounds = [
         name
         for name in members
@@ -460,13 +463,8 @@ def _weld(key: str, roots: dict[str, Bar], bars: dict[str, Bar], drawing: Drawin
     ]
     if compounds:
         members = [x for x in members if x in compounds or (x in roots and roots[x].block)]
-    first, *rest = sorted(
-        (x for x in members if x != FRAME), key=lambda x: x in roots and roots[x].block
-    ) or [""]
-    for link in rest:
-        drawing.weld(first, link)
-    if rest:
-        drawing.note(f"{listed([first, *rest])} are welded at {key}: they are one link, {first}")
+    members.sort(key=lambda x: x in roots and roots[x].block)
+    return (Weld(key, members[0], link, joint.at) for link in members[1:])
 
 
 def recognises(text: str) -> bool:

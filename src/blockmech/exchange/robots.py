@@ -11,6 +11,7 @@ Sources: ROS wiki, urdf/XML; sdformat.org, specification 1.11.
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 
@@ -44,7 +45,7 @@ WORLD = "world"
 LOOKS = {"visual", "collision", "material", "sensor", "plugin", "name", "version"}
 LOOKS |= {"safety_controller", "calibration", "self_collide", "light", "scene", "physics", "gui"}
 LOOKS |= {"effort", "velocity", "audio_source", "projector", "wind", "enable_wind", "stiffness"}
-LOOKS |= {"allow_auto_disable", "dissipation", "provide_feedback", "kinematic", "gravity"}
+LOOKS |= {"allow_auto_disable", "dissipation", "provide_feedback"}
 LOOKS |= {"canonical_link", "magnetic_field", "atmosphere", "spherical_coordinates", "state"}
 LOOKS |= {"hardwareInterface", "actuator", "type"}
 
@@ -129,6 +130,9 @@ def _bound(limit: Record, key: str, default: float) -> float:
 def read_urdf(text: str, where: str) -> Drawing:
     """The drawing of a robot, all its coordinates at zero."""
     root = record_of(xml_of(text, where), where)
+    if "<xacro:" in text:
+        remedy = "expand it: xacro FILE > robot.urdf"
+        raise wrong(where, "it is a xacro, which stands for a robot", "URDF", remedy)
     tree = _Tree(where, root.get("name"), "URDF file")
     links = {record.get("name"): record for record in root.all("link")}
     joints = root.all("joint")
@@ -223,6 +227,7 @@ def read_sdf(text: str, where: str) -> Drawing:
     movable = [m for m in models if m.get("static") not in ("true", "1")] or models
     tree = _Tree(where, movable[0].get("name"), "SDF file")
     scopes = _Scopes(tree, f"{movable[0].get('name')}::")
+    scopes.axes_of_models = tuple(map(int, re.findall(r"\d+", root.get("version")))) < (1, 5)
     for world in worlds:
         scopes.enter(world, "", "")
     poses = {name: scopes.pose(name) for name in scopes.links}
@@ -231,6 +236,8 @@ def read_sdf(text: str, where: str) -> Drawing:
         body = scopes.body(name)
         if body != FRAME:
             tree.assembly.masses[body] = []
+        if record.get("gravity") in ("false", "0"):
+            tree.assembly.drawing.note(f"gravity acts on {name}, too")
         inertial = record.first("inertial")
         tree.mass(inertial, _pose(inertial, poses[name]), body, 1.0)  # as SDF has it
     for name in scopes.joints:
@@ -246,6 +253,7 @@ class _Scopes:
     def __init__(self, tree: _Tree, main: str = "") -> None:
         """``main`` is the scope whose names stand alone."""
         self.tree, self.poses, self.main = tree, tree.poses, main
+        self.axes_of_models = False  # whether axes are those of the model, as before SDF 1.5
         self.links: dict[str, Record] = {}
         self.joints: dict[str, tuple[Record, str]] = {}  # with their scope
         self.bases: dict[str, tuple[Record, str, str]] = {}  # and what they stand on
@@ -263,6 +271,7 @@ class _Scopes:
             self.joints[name] = joint, scope
             self.bases[name] = joint, self.ends(name)[1], scope
         for frame in model.all("frame"):
+            frame.skip()  # nothing may stand on it
             attached = self.named(frame.get("attached_to"), scope) or base
             self.bases[self.named(frame.get("name"), scope)] = frame, attached, scope
         for inner in model.all("model"):
@@ -334,7 +343,7 @@ def _sdf_joint(name: str, scopes: _Scopes) -> None:
     axis = record.first("axis")
     direction = unit(axis.numbers("xyz", 3, "0 0 1"), record.where)
     outer = axis.first("xyz").get("expressed_in")
-    if axis.get("use_parent_model_frame") in ("true", "1"):
+    if scopes.axes_of_models or axis.get("use_parent_model_frame") in ("true", "1"):
         outer = "__model__"
     if outer:
         direction = pose.axes.T @ scopes.pose(scopes.named(outer, scope)).axes @ direction

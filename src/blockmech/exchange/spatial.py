@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -26,6 +26,7 @@ from blockmech.exchange.drawing import (
     Inertia,
     Pair,
     Ratio,
+    Weld,
     scaled,
     together,
 )
@@ -168,13 +169,7 @@ class Assembly:
             leading, driven = senses.get(ratio.leading, 1), senses.get(ratio.driven, 1)
             signed = tuple(driven * c * leading**k for k, c in enumerate(ratio.coefficients))
             drawing.ratios.append(ratio._replace(coefficients=signed))
-        gone: dict[str, str] = {}  # welded body -> what it belongs to
-        for joint in self.joints.values():
-            first, second = (_last(body, gone) for body in (joint.first, joint.second))
-            if joint.kind == "weld" and first != second:
-                first, second = (second, first) if second == FRAME else (first, second)
-                gone[second] = first
-                drawing.weld(first, second)
+        drawing.welds += [self._weld(j) for j in self.joints.values() if j.kind == "weld"]
         self._tidy()
         drawing.gravity = self.flat(self.gravity)
         for sentence in root.unread(looks):
@@ -261,6 +256,19 @@ class Assembly:
             raise wrong(at, f"it is a {kind} across no plane", "a planar mechanism")
         return 1.0
 
+    def _weld(self, joint: Joint) -> Weld:
+        """Two bodies at a joint of both, in whose axes they are one."""
+        at, second_at = (self.flat(pose.origin) for pose in (joint.pose, joint.second_pose))
+        turn = joint.second_pose.axes @ joint.pose.axes.T
+        normal, x, y = self.plane
+        if abs(normal @ turn @ normal - 1) > FLAT:
+            raise wrong(
+                f"{self.where}, {joint.name}", "it welds a part askew", "a planar mechanism"
+            )
+        angle = math.atan2(y @ turn @ x, x @ turn @ x)
+        angle = 0.0 if abs(angle) < FLAT else angle
+        return Weld(joint.name, joint.first, joint.second, at, second_at, angle)
+
     def _lean(self, joint: Joint, at: str) -> None:
         """Hold a body as it is drawn that moves out of the plane, where it bears no other.
 
@@ -304,17 +312,15 @@ class Assembly:
             if pair.drive is not None and twin.drive is None:
                 distinct[distinct.index(twin)] = twin._replace(drive=pair.drive)
         drawing.pairs = distinct
-        joined = {x for pair in distinct for x in (pair.first, pair.second)}
+        joined = {FRAME, *(x for pair in distinct for x in (pair.first, pair.second))}
+        welded = [{weld.first, weld.second} for weld in drawing.welds]
+        while carried := {x for ends in welded if ends & joined for x in ends} - joined:
+            joined |= carried
+        drawing.welds = [weld for weld in drawing.welds if weld.first in joined]
         for name in [x for x in drawing.links if x not in joined]:
             drawing.note(f"no joint holds {name}: left out")
             for point in drawing.links.pop(name):
                 del drawing.points[point]
-
-
-def _last(body: str, gone: Mapping[str, str]) -> str:
-    while body in gone:
-        body = gone[body]
-    return body
 
 
 def _same(first: Pair, second: Pair, size: float) -> bool:
