@@ -3,6 +3,7 @@
 The limits are those of issue "The studio". Times are the least of several, on the machine's load
 that the notes say.
 """
+# ruff: noqa: F811 (fixtures are named by their users)
 
 import json
 import os

@@ -1,9 +1,10 @@
 """What a hand does to a sheet, without a browser: acts, and what is said to them."""
 
-from blockmech.editor import sketching, state
+from blockmech.editor import state
 from blockmech.editor.acts import acted
 from blockmech.editor.answers import Question
 from blockmech.editor.files import Filed
+from blockmech.editor.pins import pins_of
 from blockmech.ground.errors import BlockmechError
 
 
@@ -28,7 +29,7 @@ class Hand:
 
     @property
     def drawn(self):
-        return sketching.pins_of(self.form)
+        return pins_of(self.form)
 
     def do(self, act, **request):
         try:

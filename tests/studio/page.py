@@ -21,6 +21,15 @@ class Sheet:
         page.locator("html[data-ready]").wait_for(state="attached")
         self.svg = page.locator(".canvas svg").first
 
+    @classmethod
+    def of(cls, page, sheet):
+        """The same sheet in another window."""
+        window = cls.__new__(cls)
+        page.locator("html[data-revision]").wait_for(state="attached")
+        window.page, window.acts, window.root, window.id = page, 0, sheet.root, sheet.id
+        window.svg = page.locator(".canvas svg").first
+        return window
+
     @property
     def state(self):
         return self.page.request.get(f"{self.root}/api/documents/{self.id}").json()
@@ -41,12 +50,10 @@ class Sheet:
         html, page = self.page.locator("html"), self.page
         before = html.get_attribute("data-revision")
         act()
-        for _ in range(400):
-            if html.get_attribute("data-revision") != before:
-                page.wait_for_timeout(60)
-                return
-            page.wait_for_timeout(25)
-        raise AssertionError(f"nothing changed; it says {self.said()}")
+        try:
+            page.locator(f'html:not([data-revision="{before}"])').wait_for(state="attached")
+        except Exception as error:
+            raise AssertionError(f"nothing changed; it says {self.said()}") from error
 
     def said(self):
         parts = (self.page.locator(".left > .status"), self.page.locator(".left > .wrong"))

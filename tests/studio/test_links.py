@@ -9,7 +9,7 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.editor import drawing, sketching
-from blockmech.editor.sketching import outlines_of
+from blockmech.editor.pins import Drawn, outlines_of, pins_of
 from blockmech.exchange.formats import Order
 from blockmech.exchange.outlines import outlines
 from tests.studio.hand import Hand
@@ -93,7 +93,7 @@ def test_a_pin_is_moved_and_deleted_in_the_browsers_way():
     pane.do("move", pins={"A": [0.25, 0.0]})
     assert pane.drawn["A"].z == 0.25
     pane.do("pin", at=[1.23, 2.0])
-    assert pane.drawn["E"] == sketching.Drawn(1.23 + 2j)
+    assert pane.drawn["E"] == Drawn(1.23 + 2j)
     pane.act("Delete", "A")
     assert "A" not in pane.drawn
     assert "drivers" not in pane.sheet.form
@@ -104,7 +104,7 @@ def test_pins_that_no_link_carries_are_kept_in_the_file_and_not_computed_with():
     before = pane.mechanism.run(at=[1.0], rates=0.0, friction="none").to_csv()
     pane.add(9 + 9j)
     again = bm.Linkage.from_data(pane.sheet.form)
-    assert sketching.pins_of(again.to_data())["E"].z == 9 + 9j
+    assert pins_of(again.to_data())["E"].z == 9 + 9j
     assert again.run(at=[1.0], rates=0.0, friction="none").to_csv() == before
     pane.act("Delete", "E")
     assert "view" not in pane.sheet.form
@@ -113,7 +113,7 @@ def test_pins_that_no_link_carries_are_kept_in_the_file_and_not_computed_with():
 @pytest.mark.parametrize("name", JOINTS)
 def test_every_document_of_the_gallery_is_shown_as_it_is(name):
     sheet = Hand(opened(GRAPHS / "joints" / f"{name}.json"))
-    pins = sketching.pins_of(sheet.form)
+    pins = pins_of(sheet.form)
     drawn = drawing.of_links(sheet.form)
     assert [pin["name"] for pin in drawn["pins"]] == list(pins)
     json.dumps(drawn, allow_nan=False)
@@ -218,7 +218,7 @@ def test_pins_that_move_together_keep_their_distances():
 def test_a_machine_with_cylinders_is_moved_as_a_whole():
     """Places that rounded poses do not bring together stay apart, and it runs as before."""
     sheet = Hand(opened(GRAPHS / "joints" / "excavator.json"))
-    places = {name: pin.z + 0.7 - 0.35j for name, pin in sketching.pins_of(sheet.form).items()}
+    places = {name: pin.z + 0.7 - 0.35j for name, pin in pins_of(sheet.form).items()}
     mechanism = bm.Linkage.from_data(sketching.moved(sheet.form, places)).compile()
     names = [f"link.{name}.omega" for name in ("boom", "arm", "bucket")]
     one, other = (m.run(samples=5, want=names) for m in (sheet.mechanism, mechanism))

@@ -14,6 +14,7 @@ from blockmech import editor
 from blockmech.builders import opened
 from blockmech.editor import sketching
 from blockmech.editor.live import live
+from blockmech.editor.pins import guide_of, pins_of
 from blockmech.editor.turn import poses_of, shown_motion
 from blockmech.testing.graph_files import gallery
 
@@ -96,7 +97,7 @@ def test_what_is_seen_while_all_pins_are_dragged_is_what_is_committed(name, tmp_
     document = opened(gallery()[name])
     functions = live(document, document.compile())
     form = document.to_data()
-    pins = sketching.pins_of(form)
+    pins = pins_of(form)
     size = max(abs(a.z - b.z) for a in pins.values() for b in pins.values())
     shake, to = random.Random(name), {}
     for pin, i in functions.pins.items():
@@ -124,7 +125,7 @@ def test_lengths_and_masses_change_no_text():
     document = opened(gallery()["joints/watt_sixbar"])
     form, texts = document.to_data(), set()
     for k in range(1, 6):
-        z = sketching.pins_of(form)["C"].z + 0.01 * k + 0.007j * k
+        z = pins_of(form)["C"].z + 0.01 * k + 0.007j * k
         dragged = bm.Linkage.from_data(sketching.moved(form, {"C": z}))
         texts.add(live(dragged, dragged.compile()).data()["hash"])
     assert len(texts) == 1
@@ -136,6 +137,6 @@ def test_a_pin_dragged_off_the_axis_of_a_cylinder_turns_its_guide_with_it():
     assert moved["joints"]["arm_cylinder"] == form["joints"]["arm_cylinder"]
     linkage = bm.Linkage.from_data(moved)
     assert str(linkage.decompose().formation).count("II cylinder") == 3
-    assert sketching.pins_of(moved)["arm_cylinder"].z == pytest.approx(2.5 + 1.6j, abs=1e-3)
-    before, after = (sketching.guide_of(f, "arm_cylinder") for f in (form, moved))
+    assert pins_of(moved)["arm_cylinder"].z == pytest.approx(2.5 + 1.6j, abs=1e-3)
+    before, after = (guide_of(f, "arm_cylinder") for f in (form, moved))
     assert after != pytest.approx(before, abs=1e-3)

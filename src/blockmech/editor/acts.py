@@ -6,6 +6,7 @@ Acts come by name with what they are about, as plain data.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -13,11 +14,12 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Linkage
 from blockmech.draw.motion import moves_of_result
 from blockmech.draw.sketch import sketch_of
-from blockmech.editor import edits, sketching
+from blockmech.editor import applied, edits, sketching
 from blockmech.editor.document import Revision, Step
 from blockmech.editor.dragging import dragged, handles_of
 from blockmech.editor.fields import Units, item_at
 from blockmech.editor.forms import typed
+from blockmech.editor.pins import pins_of
 from blockmech.editor.redraw import as_links
 from blockmech.editor.sketching import Form
 from blockmech.editor.turn import shown_motion
@@ -31,14 +33,16 @@ Request = Record
 COUPLED = {"Gears": "gear", "Rack": "rack", "Cam": "cam", "Belt": "belt"}
 AT_PINS: dict[str, Callable[..., Form]] = {
     "Link": sketching.linked,
-    "To the frame": sketching.attached,
+    "To the frame": sketching.grounded,
     "Slider": sketching.sliding,
+    "Weld": sketching.welded,
     "Driver": sketching.driven,
     "Cylinder": sketching.cylinder,
-    **{word: partial(sketching.coupled, kind=kind) for word, kind in COUPLED.items()},
-    "Spring": partial(sketching.loaded, kind="spring"),
-    "Force": partial(sketching.loaded, kind="force"),
-    "Masses": sketching.weighed,
+    **{word: partial(applied.coupled, kind=kind) for word, kind in COUPLED.items()},
+    "Spring": partial(applied.loaded, kind="spring"),
+    "Force": partial(applied.loaded, kind="force"),
+    "Dimension": sketching.with_dimension,
+    "Masses": applied.weighed,
     "Copy": sketching.copied,
     "Delete": sketching.removed,
 }
@@ -49,15 +53,25 @@ def acted(now: Revision, request: Request) -> Step:
     """The step that an act makes. Raises `BlockmechError` for what cannot be done."""
     act = str(request.get("act", ""))
     if act in AT_PINS:
-        return _at_pins(now.form, act, list(request.get("pins", ())), request)
-    if act not in ACTS:
+        step = _at_pins(now.form, act, list(request.get("pins", ())), request)
+    elif act in ACTS:
+        step = ACTS[act](now, request)
+    else:
         raise refused("act", f"there is no act {act!r}", valid=listed((*AT_PINS, *ACTS)))
-    return ACTS[act](now, request)
+    return Step(_fitted(step.form), step.said)
+
+
+def _fitted(form: Form) -> Form:
+    """With the drawing as its dimensions say, where these do not contradict each other."""
+    if form.get("dimensions"):
+        with suppress(GraphError):
+            return Linkage.from_data(form).fit_dimensions().linkage.to_data()
+    return form
 
 
 def _at_pins(form: Form, act: str, names: list[str], request: Request) -> Step:
     """What is done to pins, or by a tool from one pin to another."""
-    drawing = sketching.pins_of(form) if "links" in form else {}
+    drawing = pins_of(form) if "links" in form else {}
     pins = [name for name in names if name in drawing]
     if act == "Masses" and not pins:
         pins = list(drawing)
@@ -88,7 +102,7 @@ def _draw(now: Revision, request: Request) -> Step:
     form, ends, tool = now.form, [], str(request.get("tool") or "Link")
     for end in (request["from"], request["to"]):
         form, pin = sketching.pin_at(form, end)
-        if tool in ON_FRAME and not sketching.pins_of(form)[pin].links:
+        if tool in ON_FRAME and not pins_of(form)[pin].links:
             form = sketching.attached(form, [pin])
         ends.append(pin)
     return _at_pins(form, tool, ends, request)
@@ -98,7 +112,7 @@ def _move(now: Revision, request: Request) -> Step:
     """Pins put elsewhere, links first stood in the poses in which they were taken hold of."""
     positions = {name: complex(*at) for name, at in request["pins"].items()}
     form = sketching.posed(now.form, request.get("poses") or {})
-    unknown = positions.keys() - sketching.pins_of(form).keys()
+    unknown = positions.keys() - pins_of(form).keys()
     if unknown:
         raise refused(listed(unknown), "no pin is called so", "look at the drawing again")
     return Step(sketching.moved(form, positions), f"move {', '.join(positions)}")

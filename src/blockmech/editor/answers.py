@@ -30,8 +30,8 @@ from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.simulation import simulate
 from blockmech.editor.document import Revision
+from blockmech.editor.pins import outlines_of, pins_of
 from blockmech.editor.redraw import as_links
-from blockmech.editor.sketching import outlines_of, pins_of
 from blockmech.editor.turn import along_of, motion_data, numbers, poses_of, shown_motion
 from blockmech.exchange.formats import WRITERS, Order
 from blockmech.figures.curves import chosen_panels, without_friction

@@ -13,9 +13,17 @@ from typing import Any
 
 from blockmech.draw.motion import Motion
 from blockmech.draw.sketch import sketch_of
-from blockmech.editor import sketching
 from blockmech.editor.dragging import handles_of
-from blockmech.editor.sketching import Form, cylinders_of, outlines_of, pins_of, pose_of, sides_of
+from blockmech.editor.pins import (
+    Drawn,
+    cylinders_of,
+    guide_of,
+    outlines_of,
+    pins_of,
+    pose_of,
+    sides_of,
+)
+from blockmech.editor.sketching import Form
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import shown_name
 from blockmech.ground.values import Place, xy
@@ -32,7 +40,7 @@ def of_links(form: Form) -> Drawing:
     return {
         "fixed": FRAME,
         "poses": {link: _pose(form, link) for link in (FRAME, *outlines)},
-        "pins": [_pin(form, name, inside) for name in pins],
+        "pins": [_pin(form, name, pin, inside) for name, pin in pins.items()],
         "links": [
             {"name": link, "fill": fill_of(i), "ends": ends, "slim": link in inside}
             for i, (link, ends) in enumerate(outlines.items())
@@ -40,6 +48,10 @@ def of_links(form: Form) -> Drawing:
         "dimensions": list(
             dict.fromkeys(pair for ends in outlines.values() for pair in sides_of(ends))
         ),
+        "stated": [
+            {"name": name, **stated, "points": [x.rpartition(".")[2] for x in stated["points"]]}
+            for name, stated in form.get("dimensions", {}).items()
+        ],
         "loads": list(_loads(form)),
         "wheels": [wheel for c in form.get("couplings", {}).items() for wheel in _wheels(form, *c)],
     }
@@ -55,9 +67,8 @@ def _pose(form: Form, link: str) -> list[float]:
     return [o.real, o.imag, cmath.phase(e)]
 
 
-def _pin(form: Form, name: str, inside: Record) -> Drawing:
+def _pin(form: Form, name: str, pin: Drawn, inside: Record) -> Drawing:
     """A pin on the link that has its point; a slide also with its guide on the other one."""
-    pin = pins_of(form)[name]
     joint = form.get("joints", {}).get(name)
     guide, at = None, [FRAME, *xy(pin.z)]
     if joint:
@@ -66,7 +77,7 @@ def _pin(form: Form, name: str, inside: Record) -> Drawing:
         if joint["type"] == "P":
             partner = 1 - i
             o = pose_of(form, joint["links"][partner])[1]
-            turn = sketching.guide_of(form, name) - cmath.phase(o)
+            turn = guide_of(form, name) - cmath.phase(o)
             hidden = {*joint["links"]} <= inside.keys()
             on = _spot(joint["links"][partner], joint["at"][partner])
             guide = {"at": on, "angle": turn, "hidden": hidden}
@@ -180,6 +191,7 @@ def of_blocks(motion: Motion) -> Drawing:
             for i, body in enumerate(sketch.bodies)
         ],
         "dimensions": [],
+        "stated": [],
         "loads": [
             {"name": load.name, "ends": [spot(*x) for x in load.spots], "force": None}
             for load in sketch.loads

@@ -15,7 +15,7 @@ from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache, reduce
-from itertools import chain
+from itertools import chain, cycle
 from operator import getitem
 from typing import Any, NamedTuple
 
@@ -33,6 +33,7 @@ MANY = {"mm": Fraction(1000), "inch": 1 / Fraction("0.0254"), "kN": Fraction(1, 
 MANY |= {"lbf": 1 / Fraction("4.4482216152605"), "deg": 180 / PI, "rpm": 30 / PI}
 """How many of a unit that a user may choose make one of SI; doubles are too few to go back."""
 COMMA = re.compile(r"([-+]?\d+),(\d+)(?![\d,.])")
+ENTRIES = ("number", "place", "text")  # kinds of fields that stand in a list
 DIGITS = 17  # that tell every double from its neighbours
 
 
@@ -40,7 +41,8 @@ class Field(NamedTuple):
     """One line of a form.
 
     path : where its value is in the form of the document
-    kind : number, pair, place, choice, text, json; map is a section that takes new keys
+    kind : number, pair, place, choice, text, json; list has several of its ``entries``; map is a
+        section that takes new keys
     unit : of SI
     said : what the declaration says of it
     starter : of a map what a new item is, of a choice among kinds what each begins with
@@ -55,6 +57,7 @@ class Field(NamedTuple):
     said: str = ""
     starter: Any = None
     beside: tuple[tuple[str, Any], ...] = ()
+    entries: tuple[Any, ...] = ()
 
 
 def schema_of(blocks: bool) -> Schema:
@@ -178,10 +181,10 @@ def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator
         for name, item in raw.items():
             yield from fields_of(root, entries, item, (*path, name))
         return
-    yield _leaf(node, path)
+    yield _leaf(root, node, path)
 
 
-def _leaf(node: Schema, path: Path) -> Field:
+def _leaf(root: Schema, node: Schema, path: Path) -> Field:
     unit, about = (str(node.get(key, "")) for key in ("unit", "description"))
     leaf = Field(path, "json", unit, node.get("default"), said=about)
     if any("polar" in o.get("properties", {}) for o in node.get("anyOf", ())):
@@ -190,6 +193,10 @@ def _leaf(node: Schema, path: Path) -> Field:
         return leaf._replace(kind="choice", choices=tuple(node.get("enum", (False, True))))
     if node.get("minItems") == node.get("maxItems") == 2:
         return leaf._replace(kind="pair")
+    items = node.get("prefixItems") or filter(None, [node.get("items")])
+    entries = tuple(_leaf(root, resolved(root, item), path) for item in items)
+    if entries and all(entry.kind in ENTRIES for entry in entries):
+        return leaf._replace(kind="list", unit=entries[0].unit, entries=entries)
     kinds = {"number": "number", "integer": "number", "string": "text"}
     return leaf._replace(kind=kinds.get(str(node.get("type")), "json"))
 
@@ -245,6 +252,8 @@ class Units(NamedTuple):
         if field.kind == "place" and isinstance(value, dict):
             r, angle = value["polar"]
             return f"{_digits(r, k)} @ {_digits(angle, self._many('rad'))}"
+        if field.kind == "list" and isinstance(value, list):
+            return "; ".join(map(self.text, cycle(field.entries), value))
         numbers = isinstance(value, list) and all(map(_is_number, value))
         if field.kind in ("place", "pair") and numbers:
             return ", ".join(_digits(x, k) for x in value)
@@ -275,7 +284,9 @@ class Units(NamedTuple):
             return text if x is None else x
         if field.kind in ("place", "pair"):
             return self._pair(field, text)
-        if field.kind == "json":
+        if field.kind == "list" and text[0] != "[":
+            return list(map(self.value, cycle(field.entries), text.split(";")))
+        if field.kind in ("json", "list"):
             try:
                 return json.loads(text)
             except ValueError:

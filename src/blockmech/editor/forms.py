@@ -23,14 +23,15 @@ from blockmech.editor.fields import (
     with_item,
 )
 from blockmech.ground.errors import Problem, refused
+from blockmech.model.joints.contents import sections
 from blockmech.model.parameters import parameters_of
 from blockmech.typing import Data, Record
 
-ITEMS = ("blocks", "links", "joints", "drivers", "loads", "couplings", "signals")
+ITEMS = ("blocks", *sections())
 """Sections of which each item has a form."""
 
 ASIDE = (*ITEMS, "version", "wires", "view", "expect")  # in no form of the document
-HINTS = {"place": "x, y or r @ angle", "pair": "x, y", "json": "JSON", "map": ""}
+HINTS = {"place": "x, y or r @ angle", "pair": "x, y", "list": "a; b", "json": "JSON", "map": ""}
 
 
 def parts_of(form: Form) -> list[Path]:
@@ -110,7 +111,11 @@ def _fields(document: Opened, form: Form, part: Path) -> Iterator[Field]:
         node["properties"] = {key: section for key, section in sections if key not in ASIDE}
     for field in fields_of(root, node, item_at(form, part), part):
         if not (part[:1] == ("blocks",) and field.path == (*part, "type")):
-            yield field._replace(unit=units.get(field.path, field.unit))
+            entries = tuple(
+                entry._replace(unit=units.get((*field.path, k), entry.unit))
+                for k, entry in enumerate(field.entries)
+            )
+            yield field._replace(unit=units.get(field.path, field.unit), entries=entries)
     yield from _wires(document, part)
 
 
@@ -126,7 +131,8 @@ def _wires(document: Opened, part: Path) -> Iterator[Field]:
 
 def _row(local: Path, field: Field, value: Any, units: Units, wrong: str) -> Data:
     """A field as the page shows it, in the chosen units."""
-    unit, empty = units.unit(field.unit), ""
+    names, empty = [units.unit(x.unit) for x in field.entries or (field,)], ""
+    unit = ", ".join(names if len({*names}) > 1 else names[:1])
     row = {
         "path": list(local),
         "kind": field.kind if field.kind in ("choice", "map") else "text",

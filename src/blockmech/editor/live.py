@@ -20,6 +20,7 @@ import numpy as np
 from blockmech.builders import Graph, Linkage
 from blockmech.compiled import Compiled
 from blockmech.editor import sketching
+from blockmech.editor.pins import pins_of, standing_at
 from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import Planar, leaves
 from blockmech.engines.trace import PRIMITIVES, angle, expi, sqrt
@@ -256,7 +257,7 @@ def live(document: Any, mechanism: Compiled) -> Live | None:
     try:
         if isinstance(document, Linkage):
             try:
-                return _of_links(document, mechanism)
+                return _of_links(document, mechanism, drags=not document.dimensions)
             except (BlockmechError, Untraceable, ZeroDivisionError):
                 return _of_links(document, mechanism, drags=False)
         script = _script(mechanism._of_blocks)
@@ -289,12 +290,12 @@ def _links_of(s: Structure) -> dict[str, int]:
 def _of_links(document: Linkage, mechanism: Compiled, drags: bool = True) -> Live | None:
     """Of links and joints: links are named as there, and their frames are seats on blocks."""
     tape, form = Tape(), document.to_data()
-    pins = sketching.pins_of(form)
+    pins = pins_of(form)
     at = dict[str, int]()
     for name in pins if drags else ():
         if name not in at:
             number = len({*at.values()})
-            at |= dict.fromkeys((name, *sketching.standing_at(pins, name)), number)
+            at |= dict.fromkeys((name, *standing_at(pins, name)), number)
     seeds = np.eye(2 * len({*at.values()}))
     positions = dict[str, Any]()
     for name, i in at.items():

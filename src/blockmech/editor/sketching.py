@@ -1,66 +1,35 @@
 """A sketch of links and joints, pin by pin, as changes of a joint-based form.
 
-A pin that no link carries is a place in ``view``; one that one link carries is a marker of it;
-with a second link it becomes a joint. The frame of a new link lies as the ground's, so a drawing
-is its own approximate pose. Each change takes the names of pins and gives another form.
+Each change takes the names of pins (see `blockmech.editor.pins`) and gives another form.
 """
 
 from __future__ import annotations
 
 import cmath
 import copy
-import math
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Container, Iterable, Mapping, Sequence
 from string import ascii_uppercase
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from blockmech.blocks.registry import REGISTRY
-from blockmech.editor.fields import Path, item_at, with_item
+from blockmech.editor.fields import Path, with_item
+from blockmech.editor.pins import (
+    LOOSE,
+    SAME,
+    Drawn,
+    cylinders_of,
+    guide_of,
+    pins_of,
+    pose_of,
+    standing_at,
+)
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
 from blockmech.typing import Data, Record
 
 Form = Data
-LOOSE = ("view", "pins")  # where pins stand that no link carries yet
-BAR = 1.0  # [kg/m] of a bar whose mass nobody has said
 STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
-CAM = 10.0  # distance of a cam's follower from its shaft, over rise and roller of a new one
-PAIRS = {"R": "a joint that turns", "P": "a joint that slides"}
-SAME = 1e-9  # of the drawing's size, within which two pins stand on one place: it has 3 digits
-
-
-class Drawn(NamedTuple):
-    """A pin of the sketch: its place [m], the links that it joins, and its kind."""
-
-    z: complex
-    links: tuple[str, ...] = ()
-    kind: str = ""  # "R", "P", or "" of what joins nothing yet
-    driven: bool = False
-
-
-def pose_of(form: Record, link: str) -> tuple[complex, complex]:
-    """Origin [m] and x axis of a link's frame in the drawing."""
-    x, y, angle = form["links"].get(link, {}).get("pose") or (0.0, 0.0, 0.0)
-    return complex(x, y), cmath.rect(1.0, angle)
-
-
-def pins_of(form: Record) -> dict[str, Drawn]:
-    """All joints, markers and loose pins of a form where they are drawn."""
-    driven = {driver["joint"] for driver in form.get("drivers", {}).values()}
-    pins = {name: Drawn(complex(*at)) for name, at in (item_at(form, LOOSE) or {}).items()}
-    for link, body in form.get("links", {}).items():
-        o, e = pose_of(form, link)
-        for name, marker in body.get("markers", {}).items():
-            pins[name] = Drawn(o + e * Place.parse(marker["at"]).z, (link,))
-    for name, joint in form.get("joints", {}).items():
-        o, e = pose_of(form, joint["links"][0])
-        z = o + e * Place.parse(joint["at"][0]).z
-        pins[name] = Drawn(z, tuple(joint["links"]), joint["type"], name in driven)
-    return pins
+DIMENSIONS = {2: "length", 3: "angle"}  # of so many pins
 
 
 def free(names: Iterable[str], preferred: Iterable[str], wish: str) -> str:
@@ -98,13 +67,16 @@ def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
             changed["links"][link] = (
                 {} if link == FRAME else {"pose": [pin.z.real, pin.z.imag, 0.0]}
             )
-        at = _on(changed, link, pin.z)
+        at = on_link(changed, link, pin.z)
         if not pin.links:
             changed = with_item(changed, (*LOOSE, name), None)
             changed = with_item(changed, ("links", link, "markers", name), {"at": at})
         elif pin.kind:
-            changed["joints"][name]["links"].append(link)
-            changed["joints"][name]["at"].append(at)
+            joint = changed["joints"][name]
+            if "angle" in joint:
+                joint["angle"] += _angles(changed, [link], guide_of(changed, name))
+            joint["links"].append(link)
+            joint["at"].append(at)
         else:
             (first,) = pin.links
             before = changed["links"][first]["markers"][name]["at"]
@@ -114,6 +86,37 @@ def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
             links, positions = map(list, zip(*pair, strict=True))
             changed["joints"][name] = {"type": "R", "links": links, "at": positions}
     return changed
+
+
+def grounded(form: Form, names: Iterable[str]) -> Form:
+    """With pins on the frame; without it, where all of them are on it already."""
+    names = list(names)
+    if not all(FRAME in pins_of(form)[name].links for name in names):
+        return attached(form, names)
+    for name in names:
+        form = detached(form, name, FRAME)
+    return form
+
+
+def detached(form: Form, name: str, link: str) -> Form:
+    """Without a link at a pin, which stays on what else carries it, or is loose.
+
+    Of a joint that slides nothing stays, and no driver of a joint that changes.
+    """
+    pin = pins_of(form)[name]
+    form = driven(form, [name]) if pin.driven else form
+    joint, i = form.get("joints", {}).get(name), pin.links.index(link)
+    if joint is None:
+        form = with_item(_without_marker(form, link, name), (*LOOSE, name), xy(pin.z))
+    elif len(pin.links) > 2:
+        sides = {key: x[:i] + x[i + 1 :] for key, x in joint.items() if isinstance(x, list)}
+        form = with_item(form, ("joints", name), {**joint, **sides})
+    else:
+        form = with_item(form, ("joints", name), None)
+        if joint["type"] != "P":
+            marker = {"at": joint["at"][1 - i]}
+            form = with_item(form, ("links", pin.links[1 - i], "markers", name), marker)
+    return {**form, "joints": form.get("joints", {})}
 
 
 def moved(form: Form, positions: Mapping[str, complex]) -> Form:
@@ -143,44 +146,40 @@ def moved(form: Form, positions: Mapping[str, complex]) -> Form:
     return _loads_put(form, [(pins[name], z) for name, z in targets.items()], swung)
 
 
-def standing_at(pins: Mapping[str, Drawn], name: str) -> list[str]:
-    """The pins and guides at the place of a pin that share a link with it, without itself."""
-    z, links = pins[name].z, {*pins[name].links}
-    size = max(abs(pin.z - z) for pin in pins.values())
-    return [
-        companion
-        for companion, pin in pins.items()
-        if companion != name
-        and (not pin.links or {*pin.links} & links)
-        and pin.kind
-        and abs(pin.z - z) <= SAME * size
-    ]
-
-
-def cylinders_of(form: Record) -> dict[str, tuple[str, str]]:
-    """Barrels and rods, with the pins of the two: links that have a pin, and a guide at it."""
-    on = dict[str, list[tuple[str, str, complex]]]()
-    for name, joint in form.get("joints", {}).items():
-        for link, at in zip(joint["links"], joint["at"], strict=True):
-            on.setdefault(link, []).append((name, joint["type"], Place.parse(at).z))
-    ends = dict[str, tuple[str, str]]()  # link -> its guide and its pin
-    for link, joints in on.items():
-        kinds = {kind: (name, z) for name, kind, z in joints}
-        if link != FRAME and len(joints) == 2 and kinds.keys() == {"P", "R"}:
-            (guide, z), (pin, at) = kinds["P"], kinds["R"]
-            if z == at:
-                ends[link] = guide, pin
-    both = {g: [pin for guide, pin in ends.values() if guide == g] for g, _ in ends.values()}
-    return {link: (both[g][0], both[g][1]) for link, (g, _) in ends.items() if len(both[g]) == 2}
-
-
 def dimensioned(form: Form, a: str, b: str, value: float) -> Form:
-    """With two pins at a distance [m]: the second moves, or the first where that one is fixed."""
+    """With two pins at a distance [m]: the second moves, or the first where that one is fixed.
+
+    Where the drawing has this distance as a dimension, that has another value.
+    """
     pins = pins_of(form)
+    points = {point_of(pins, a), point_of(pins, b)}
+    for name, dimension in form.get("dimensions", {}).items():
+        if dimension["type"] == "length" and {*dimension["points"]} == points:
+            return dict(with_item(form, ("dimensions", name, "value"), value))
     if FRAME in pins[b].links and FRAME not in pins[a].links:
         a, b = b, a
     off = pins[b].z - pins[a].z
     return moved(form, {b: pins[a].z + value * (off / abs(off) if off else 1.0)})
+
+
+def point_of(pins: Mapping[str, Drawn], name: str) -> str:
+    """A pin as dimensions name it. Raises `RequestError` for one that no link carries."""
+    if not pins[name].links:
+        raise refused(name, "no link carries it", "draw a link to it first")
+    return name if pins[name].kind else f"{pins[name].links[0]}.{name}"
+
+
+def with_dimension(form: Form, names: Iterable[str]) -> Form:
+    """With the distance of two pins or the angle of three as a dimension, as it is drawn."""
+    names, pins = list(names), pins_of(form)
+    if len(names) not in DIMENSIONS:
+        raise refused(listed(names), "two pins have a distance, three an angle", "choose these")
+    *first, corner, last = (pins[name].z for name in names)
+    arm, kind = last - corner, DIMENSIONS[len(names)]
+    value = cmath.phase(arm / (first[0] - corner)) if first else abs(arm)
+    dimension = {"type": kind, "points": [point_of(pins, name) for name in names], "value": value}
+    name = free(form.get("dimensions", {}), [kind], kind)
+    return dict(with_item(form, ("dimensions", name), dimension))
 
 
 def pin_at(form: Form, end: Record) -> tuple[Form, str]:
@@ -200,14 +199,18 @@ def _put(form: Form, name: str, pin: Drawn, z: complex, links: Sequence[str]) ->
     So only what is moved changes where poses are rounded, and so does no coordinate of a slider.
     """
     marker = ("markers", name, "at")
-    positions: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in links}
+    positions: dict[Path, Any] = {
+        ("links", link, *marker): on_link(form, link, z) for link in links
+    }
     if pin.kind:
         at = list(form["joints"][name]["at"])
         for link in links:
             i = pin.links.index(link)
             (o, e), local = pose_of(form, link), Place.parse(at[i]).z
             apart = abs(o + e * local - pin.z) > SAME * (abs(complex(z)) + abs(pin.z))
-            at[i] = xy(local + (z - pin.z) / e) if apart or pin.kind == "P" else _on(form, link, z)
+            at[i] = (
+                xy(local + (z - pin.z) / e) if apart or pin.kind == "P" else on_link(form, link, z)
+            )
         positions = {("joints", name, "at"): at}
     elif not pin.links:
         positions = {(*LOOSE, name): xy(z)}
@@ -230,7 +233,7 @@ def _loads_put(form: Form, put: Sequence[tuple[Drawn, Any]], fixed: Container[st
             for pin, z in put:
                 coincident = abs(z_end - pin.z) <= SAME * (abs(o) + abs(z_end))
                 if coincident and link in pin.links and link not in fixed:
-                    at[i] = _on(form, link, z)
+                    at[i] = on_link(form, link, z)
         if at != positions:
             path = ("loads", name, "at")
             form = dict(with_item(form, path, at if load.get("links") else at[0]))
@@ -248,18 +251,34 @@ def sliding(form: Form, names: Iterable[str], angle: float | None = None, on: st
         ends = [pin.z for pin in pins_of(form).values() if on in pin.links and on != FRAME]
         angle = cmath.phase(ends[-1] - ends[0]) if len(ends) > 1 else 0.0
     for name in names:
-        joint = form["joints"].get(name)
-        if pins_of(form)[name].driven:
-            remedy = "take its driver away first"
-            raise refused(name, "it is driven, and its law is one of the kind it has", remedy)
-        if joint is None:
-            form = _on_a_block(form, name, angle, on)
-        else:
-            joint_data = {"type": "R", "links": joint["links"], "at": joint["at"]}
-            if joint["type"] == "R":
-                joint_data |= {"type": "P", "angle": _angles(form, joint["links"], angle)}
-            form = with_item(form, ("joints", name), joint_data)
+        joins = name in form["joints"]
+        form = _of_kind(form, name, "P", angle) if joins else _on_a_block(form, name, angle, on)
     return form
+
+
+def welded(form: Form, names: Iterable[str]) -> Form:
+    """With welds in place of joints, and pins in place of welds.
+
+    A pin of one link is put on the frame. Raises `RequestError` for a pin of none, and for a
+    joint that is driven.
+    """
+    for name in names:
+        form = _of_kind(
+            form if name in form["joints"] else with_joint(form, name), name, "weld", 0.0
+        )
+    return form
+
+
+def _of_kind(form: Form, name: str, kind: str, angle: float) -> Form:
+    """With a joint of a kind along an angle [rad] of the drawing; a pin if it was of that kind."""
+    joint = form["joints"][name]
+    if pins_of(form)[name].driven:
+        remedy = "take its driver away first"
+        raise refused(name, "it is driven, and its law is one of the kind it has", remedy)
+    changed = {"type": "R", "links": joint["links"], "at": joint["at"]}
+    if joint["type"] != kind:
+        changed |= {"type": kind, "angle": _angles(form, joint["links"], angle)}
+    return dict(with_item(form, ("joints", name), changed))
 
 
 def _on_a_block(form: Form, name: str, angle: float, on: str) -> Form:
@@ -277,7 +296,7 @@ def _on_a_block(form: Form, name: str, angle: float, on: str) -> Form:
 
 def _guided(form: Form, name: str, positions: Mapping[str, complex], angle: float) -> Form:
     """With a joint at which two links, each at its place, slide along a direction [rad]."""
-    at = [_on(form, link, z) for link, z in positions.items()]
+    at = [on_link(form, link, z) for link, z in positions.items()]
     guide = {"type": "P", "links": [*positions], "at": at, "angle": _angles(form, positions, angle)}
     return dict(with_item(form, ("joints", name), guide))
 
@@ -299,61 +318,6 @@ def cylinder(form: Form, names: Iterable[str]) -> Form:
     return driven(_guided(form, guide, positions, cmath.phase(axis)), [guide])
 
 
-def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
-    """With a gear, rack, cam or belt by which the first of two joints moves the second.
-
-    Sizes are those of the drawing: wheels of equal size that meet, a pinion that reaches the
-    rack, a cam whose roller stands at the follower's joint. A pin of one link is put on the
-    frame. Raises `RequestError` for joints of other kinds, and for one that follows another
-    already.
-    """
-    ends, couplings = list(both_pins(names)), form.get("couplings", {})
-    for name in ends:
-        form = form if name in form["joints"] else _grounded(form, name)
-    pairs = REGISTRY[f"coupling.{kind}"].pairs
-    kinds = "".join(form["joints"].get(name, {}).get("type", "-") for name in ends)
-    if kinds not in pairs:
-        needed = " or ".join(" and ".join(PAIRS[kind] for kind in pair) for pair in pairs)
-        raise refused(listed(ends), f"a {kind} needs {needed}, in this order", "choose two such")
-    for name in ends:
-        if not pins_of(form)[name].driven:
-            form = driven(form, [name])
-    of = {driver_data["joint"]: driver for driver, driver_data in form["drivers"].items()}
-    for driver in (of[end] for end in ends):
-        if driver in {driver_data["driven"] for driver_data in couplings.values()}:
-            raise refused(driver, "it follows another joint already", "choose another joint")
-    form = with_item(form, ("drivers", of[ends[1]]), {"joint": ends[1]})  # it has no own law
-    sizes = _sizes(form, ends, kinds, kind)
-    coupling = {"type": kind, "driver": of[ends[0]], "driven": of[ends[1]], **sizes}
-    return dict(with_item(form, ("couplings", free(couplings, [kind], kind)), coupling))
-
-
-def _sizes(form: Form, ends: list[str], kinds: str, kind: str) -> Form:
-    """Sizes of a coupling as it is drawn."""
-    a, b = (pins_of(form)[name].z for name in ends)
-    if kind == "gear":
-        return {"teeth": [20, 20]}
-    if kind == "belt":
-        return {"radii": [abs(b - a) / 4] * 2}
-    if kind == "rack":
-        axis = cmath.rect(1.0, guide_of(form, ends[kinds.index("P")]))
-        off = ((b - a) * axis.conjugate()).imag
-        return {"radius": abs(off) or abs(b - a), "side": 1 if (off > 0) == (kinds == "PR") else -1}
-    rise = abs(b - a) / CAM
-    up = {"motion": "4-5-6-7", "over": math.pi, "rise": rise}
-    law = {"kind": "segments", "segments": [up, {**up, "rise": -rise}]}
-    return {"law": law, "follower": "roller", "roller": rise}
-
-
-def guide_of(form: Record, name: str) -> float:
-    """The direction [rad] of a guide in the drawing."""
-    joint = form["joints"][name]
-    directions = joint.get("angle") or [
-        cmath.phase(complex(*d)) for d in joint.get("dir") or [(1, 0)]
-    ]
-    return float(directions[0]) + cmath.phase(pose_of(form, joint["links"][0])[1])
-
-
 def turned(form: Form, names: Iterable[str], angle: float) -> Form:
     """With the last of three pins at an angle [rad] to the first about the second.
 
@@ -363,60 +327,6 @@ def turned(form: Form, names: Iterable[str], angle: float) -> Form:
     *first, middle, last = (pins[name].z for name in names)
     base = cmath.phase(first[0] - middle) if first else 0.0
     return moved(form, {names[-1]: middle + cmath.rect(abs(last - middle), base + angle)})
-
-
-def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
-    """With a force at each of some pins, or a spring between two; both at rest as drawn."""
-    pins = pins_of(form)
-    ends = both_pins(names) if kind == "spring" else list(names)
-    for name in ends:
-        if not pins[name].links:
-            raise refused(name, "no link is there to hold it", "draw a link to the pin first")
-    on = [next((x for x in reversed(pins[n].links) if x != FRAME), FRAME) for n in ends]
-    at = [_on(form, link, pins[name].z) for link, name in zip(on, ends, strict=True)]
-    if kind == "spring":
-        free_length = abs(pins[ends[0]].z - pins[ends[1]].z)
-        loads = [{"links": on, "at": at, "stiffness": 1000.0, "free_length": free_length}]
-    else:
-        loads = [{"force": [0.0, -10.0], "link": x, "at": z} for x, z in zip(on, at, strict=True)]
-    for load in loads:
-        name = free(form.get("loads", {}), [kind], kind)
-        form = with_item(form, ("loads", name), {"type": kind, **load})
-    return form
-
-
-def weighed(form: Form, names: Iterable[str]) -> Form:
-    """With the mass of bars along the outlines of links that have none, of links at pins."""
-    pins = pins_of(form)
-    for link, ends in outlines_of(pins).items():
-        massless = form["links"][link]
-        a, b = np.array([(pins[a].z, pins[b].z) for a, b in sides_of(ends)] or [(0j, 0j)]).T
-        lengths, middles = np.abs(b - a), (a + b) / 2
-        mass = BAR * float(lengths.sum())
-        if not {*ends} & {*names} or massless.get("mass") or not mass:
-            continue
-        cm = complex(np.average(middles, weights=lengths))
-        inertia = BAR * float(lengths @ (lengths**2 / 12 + np.abs(middles - cm) ** 2))
-        body = {"mass": mass, "inertia": inertia, "cm": _on(form, link, cm)}
-        form = with_item(form, ("links", link), {**massless, **body})
-    return form
-
-
-def outlines_of(pins: Mapping[str, Drawn]) -> dict[str, list[str]]:
-    """The pins of each link in the order in which they are joined by its outline."""
-    outlines = {}
-    for link in dict.fromkeys(x for pin in pins.values() for x in pin.links if x != FRAME):
-        ends = {name: pin.z for name, pin in pins.items() if link in pin.links}
-        middle = sum(ends.values()) / len(ends)
-        around = sorted(ends, key=lambda name: cmath.phase(ends[name] - middle))
-        outlines[link] = around if len(ends) > 2 else list(ends)
-    return outlines
-
-
-def sides_of(ends: list[str]) -> Iterator[tuple[str, str]]:
-    """Neighbours on an outline."""
-    around = [*ends, *ends[:1]] if len(ends) > 2 else ends
-    yield from ((min(a, b), max(a, b)) for a, b in pairwise(around))
 
 
 def copied(form: Form, names: Iterable[str]) -> Form:
@@ -460,7 +370,7 @@ def driven(form: Form, names: Iterable[str]) -> Form:
             form = _without_drivers(form, mine)
         else:
             if name not in form["joints"]:
-                form = _grounded(form, name)
+                form = with_joint(form, name)
             turns = form["joints"][name]["type"] == "R"
             law = {"law": "constant_rate", "rate": 1.0} if turns else {}
             motor = free(drivers, ["motor"], "motor")
@@ -468,7 +378,8 @@ def driven(form: Form, names: Iterable[str]) -> Form:
     return form
 
 
-def _grounded(form: Form, name: str) -> Form:
+def with_joint(form: Form, name: str) -> Form:
+    """With a pin of one link on the frame. Raises `RequestError` for a pin of none."""
     if not pins_of(form)[name].links:
         raise refused(name, "it joins no two links", "draw a link to it first")
     return attached(form, [name])
@@ -486,15 +397,17 @@ def _without_drivers(form: Form, gone: Iterable[str]) -> Form:
 
 
 def removed(form: Form, names: Iterable[str]) -> Form:
-    """Without pins, without links of which they were the last ones, and what acts on these."""
-    touched = {link for name in names for link in pins_of(form)[name].links}
-    form = _without_pins(form, names)
-    gone = touched - {link for pin in pins_of(form).values() for link in pin.links} - {FRAME}
-    for load, load_data in form.get("loads", {}).items():
-        if gone & {load_data.get("link"), *(load_data.get("links") or ())}:
-            form = with_item(form, ("loads", load), None)
-    links = {link: load_data for link, load_data in form["links"].items() if link not in gone}
-    return {**form, "links": links, "joints": form.get("joints", {})}
+    """Without pins, and without links to which no two pins are left."""
+    touched = {link for name in names for link in pins_of(form)[name].links} - {FRAME}
+    for name in names:
+        for link in pins_of(form)[name].links:
+            if link in getattr(pins_of(form).get(name), "links", ()):
+                form = detached(form, name, link)
+        form = with_item(form, (*LOOSE, name), None)
+    for link in touched & form["links"].keys():
+        if sum(link in pin.links for pin in pins_of(form).values()) < 2:
+            form = without_link(form, link)
+    return _without_dimensions(form)
 
 
 def without_link(form: Form, link: str) -> Form:
@@ -502,26 +415,23 @@ def without_link(form: Form, link: str) -> Form:
     if link == FRAME or link not in form["links"]:
         raise refused(link, "no link is called so, or it is the frame", "choose another link")
     for name, pin in pins_of(form).items():
-        if link not in pin.links:
-            continue
-        form = driven(form, [name]) if pin.driven else form
-        joint, i = form["joints"].get(name), pin.links.index(link)
-        if joint and len(pin.links) > 2:
-            rest = {key: [x for k, x in enumerate(joint[key]) if k != i] for key in ("links", "at")}
-            form = with_item(form, ("joints", name), {**joint, **rest})
-        elif joint:
-            form = with_item(form, ("joints", name), None)
-            partner = pin.links[1 - i]
-            if joint["type"] == "R":
-                marker = {"at": joint["at"][1 - i]}
-                form = with_item(form, ("links", partner, "markers", name), marker)
-        else:
-            form = with_item(form, (*LOOSE, name), xy(pin.z))
+        if link in pin.links:
+            form = detached(form, name, link)
     for load, load_data in form.get("loads", {}).items():
         if link in (load_data.get("link"), *(load_data.get("links") or ())):
             form = with_item(form, ("loads", load), None)
     links = {name: x for name, x in form["links"].items() if name != link}
-    return {**form, "links": links, "joints": form.get("joints", {})}
+    return _without_dimensions({**form, "links": links})
+
+
+def _without_dimensions(form: Form) -> Form:
+    """Without dimensions of points that are no longer drawn."""
+    pins = pins_of(form)
+    points = {point_of(pins, name) for name, pin in pins.items() if pin.links}
+    for name, dimension in form.get("dimensions", {}).items():
+        if not {*dimension["points"]} <= points:
+            form = with_item(form, ("dimensions", name), None)
+    return form
 
 
 def without_item(form: Form, section: str, name: str) -> Form:
@@ -545,23 +455,13 @@ def posed(form: Form, poses: Mapping[str, Iterable[float]]) -> Form:
     return form
 
 
-def _without_pins(form: Form, names: Iterable[str]) -> Form:
-    for name in names:
-        pin = pins_of(form)[name]
-        form = driven(form, [name]) if pin.driven else form
-        form = with_item(with_item(form, ("joints", name), None), (*LOOSE, name), None)
-        for link in pin.links:
-            form = _without_marker(form, link, name)
-    return form
-
-
 def _without_marker(form: Form, link: str, name: str) -> Form:
     """Without a marker of a link, and without the frame if nothing else is there."""
     changed = with_item(form, ("links", link, "markers", name), None)
     return {**changed, "links": {**changed["links"], link: changed["links"].get(link, {})}}
 
 
-def _on(form: Record, link: str, z: complex) -> list[float]:
+def on_link(form: Record, link: str, z: complex) -> list[float]:
     """A place of the drawing in a link's frame."""
     o, e = pose_of(form, link)
     return xy((z - o) / e)

@@ -15,7 +15,7 @@ import { Refused, ask, kernel, stream } from "./api.js";
 /**
  * @typedef {{fixed: string, poses: Record<string, number[]>, pins: Pin[],
  *   links: {name: string, fill: string, ends: (string | Spot)[], slim: boolean}[],
- *   dimensions: [string, string][], loads: {name: string, ends: Spot[], force: [number, number] | null}[],
+ *   dimensions: [string, string][], stated: {name: string, type: string, points: string[], value?: any}[], loads: {name: string, ends: Spot[], force: [number, number] | null}[],
  *   wheels: {name: string, pin?: string, radius: number, link: string, points?: Point[]}[]}} Drawing
  */
 /**
@@ -137,7 +137,7 @@ async function take(sheet) {
   });
   if (!sheet.motion) set({ pose: null, q: null, live: null, playing: false });
   else if (store.pose !== null) showPose(Math.min(store.pose, sheet.motion.n - 1));
-  document.documentElement.dataset.revision = String(sheet.revision);
+  requestAnimationFrame(() => (document.documentElement.dataset.revision = String(sheet.revision))); // once it is drawn
   await enliven();
 }
 

@@ -21,8 +21,8 @@ import { Tracing } from "./tracing.js";
 /** @typedef {import("../state.js").Spot} Spot */
 /** @typedef {import("../state.js").Drawing} Drawing */
 
-export const PAIRS = ["Link", "Cylinder", "Gears", "Rack", "Cam", "Belt", "Spring"]; // from pin to pin
-export const AT_PINS = ["To the frame", "Slider", "Driver", "Force"];
+export const PAIRS = ["Link", "Cylinder", "Gears", "Rack", "Cam", "Belt", "Spring", "Dimension"]; // from pin to pin
+export const AT_PINS = ["To the frame", "Slider", "Weld", "Driver", "Force"];
 const GUIDE = [
   "Drag: a link is drawn. Type a length while you drag (80 mm, or 0.3 m @ 45), Enter takes it.",
   "Drag from one of its pins: the next link is joined to it.",
@@ -31,6 +31,8 @@ const GUIDE = [
   "Press Play. Esc ends a tool; then a drag moves a pin, and curves follow at once.",
 ];
 const SPAN = /** @type {Record<string, number>} */ ({ mm: 0.5, inch: 0.5, m: 2 }); // m that an empty sheet shows
+const SIGNS = /** @type {Record<string, string>} */ ({ angle: "\u2220", parallel: "\u2225", perpendicular: "\u22a5", equal: "=",
+  in_line: "\u2026", on_circle: "\u25cb", position: "\u2295" }); // of dimensions
 const BAR = 6; // px of half a link that is drawn
 const FEW = 12; // moving pins whose paths are all drawn
 
@@ -251,8 +253,13 @@ export function sheetView(parent) {
     }
     for (const one of [...pins()].reverse()) drawPin(one);
     drawArrows();
-    if (!drag && store.pose === null && ours()) for (const [a, b] of drawing()?.dimensions ?? []) drawDimension(a, b);
-    if (!drag && store.pose === null && ours()) drawAngle();
+    if (!drag && store.pose === null && ours()) {
+      const stated = drawing()?.stated ?? [];
+      for (const one of stated) if (one.type === "length") drawDimension(one.points[0], one.points[1], true); else drawStated(one);
+      const lengths = stated.filter(({ type }) => type === "length").map(({ points }) => [...points].sort().join());
+      for (const [a, b] of drawing()?.dimensions ?? []) if (!lengths.includes([a, b].join())) drawDimension(a, b);
+      drawAngle();
+    }
     if (drag?.kind === "box" && drag.now) put(svg, "rect", { ...between(drag.begun, drag.now), class: "box" });
     svg.dataset.tool = store.tool;
     svg.dataset.view = `${view.scale} ${view.x} ${view.y}`; // px/m and the origin, for who acts on places
@@ -367,6 +374,7 @@ export function sheetView(parent) {
     }
     put(own, "circle", { r: 8, class: "ring" });
     if (!one.links.length && ours()) put(own, "path", { d: "M-5-5L5 5M-5 5L5-5", class: "cross" });
+    else if (one.kind === "weld") put(own, "path", { d: "M-8 0L0-8L8 0L0 8Z", class: "weld" });
     else if (!one.guide || one.guide.hidden) put(own, "circle", { r: one.guide ? 3 : 5, class: "dot" });
     if (one.driven) put(own, "path", { d: "M13-9A16 16 0 0 0-13-9m-1-7l1 7l7-1", class: "arrow" }); // as angles count
     const words = one.label ?? one.name;
@@ -399,8 +407,8 @@ export function sheetView(parent) {
     if (line === "y") put(svg, "line", { x1: 0, x2: width, y1: y, y2: y, class: "aim" });
   }
 
-  /** @param {string} a @param {string} b */
-  function drawDimension(a, b) {
+  /** A distance; of a dimension of the drawing with its line. @param {string} a @param {string} b */
+  function drawDimension(a, b, stated = false) {
     const ends = [pin(a), pin(b)];
     if (!ends[0] || !ends[1]) return;
     const [z, w] = [where(ends[0]), where(ends[1])];
@@ -413,12 +421,30 @@ export function sheetView(parent) {
     const off = [(-(q.y - p.y) / most) * away, ((q.x - p.x) / most) * away];
     const up = off[1] > 0 ? -1 : 1;
     const middle = (/** @type {number} */ side, /** @type {number} */ share) => [p.x + share * (q.x - p.x) + side * off[0], p.y + share * (q.y - p.y) + side * off[1]];
-    const tried = [0.5, 0.3, 0.7].flatMap((share) => [middle(up, share), middle(-up, share)]);
+    if (stated) {
+      const lined = (/** @type {Pixel} */ end, /** @type {number} */ by) => `${end.x + by * up * off[0]} ${end.y + by * up * off[1]}`;
+      const turn = (Math.atan2(q.y - p.y, q.x - p.x) * 180) / Math.PI;
+      const line = put(svg, "g", { class: "stated" });
+      put(line, "path", { d: `M${lined(p, 0.5)}L${lined(p, 2)}M${lined(q, 0.5)}L${lined(q, 2)}M${lined(p, 1.7)}L${lined(q, 1.7)}` });
+      for (const [end, side] of /** @type {const} */ ([[p, 0], [q, 180]]))
+        put(line, "path", { d: "M0 0L9-3V3Z", class: "tip", transform: `translate(${lined(end, 1.7)}) rotate(${turn + side})` });
+    }
+    const tried = [0.5, 0.3, 0.7].flatMap((share) => (stated ? [middle(2.3 * up, share)] : [middle(up, share), middle(-up, share)]));
     const best = room.take(tried, ([cx, cy]) => [cx - 4 * text.length, cy - 8, 8 * text.length, 15]);
     if (best) number(best[0], best[1], text, `distance ${a} to ${b}`, {
       old: value * unit(), unit: length(), si: "m", least: 0, wrong: "is no length: write 80 mm or 1/2 m",
       take: (x) => edit({ act: "dimension", ends: [a, b], value: x }),
     });
+  }
+
+  /** What else the drawing is to fulfil: its sign between its points. @param {Drawing["stated"][number]} stated */
+  function drawStated({ name, type, points, value }) {
+    const ends = points.map(pin);
+    if (!ends.every(Boolean)) return;
+    const at_ = ends.map((one) => shown(/** @type {Pin} */ (one)));
+    const [x, y] = (["x", "y"]).map((k) => at_.reduce((sum, p) => sum + p[/** @type {"x" | "y"} */ (k)], 0) / at_.length);
+    const words = typeof value === "number" ? `${SIGNS[type]} ${rounded(value * degree())}${angle() === "deg" ? "\u00b0" : " rad"}` : SIGNS[type];
+    selectable(put(svg, "text", { x: x + 12, y: y - 12, class: "stated" }, words), ["dimensions", name]);
   }
 
   // The angle of the second of two chosen pins from the x axis, or of the last of three about the
@@ -507,7 +533,7 @@ export function sheetView(parent) {
     at = poses();
     const one = closest(pins(), shown, pointer, TAKES);
     const link = /** @type {SVGElement} */ (event.target).dataset.link ?? "";
-    const begun = { begun: pointer, text: "", pin: one, link, event };
+    const begun = { begun: pointer, grip: metres(view, pointer), text: "", pin: one, link, event };
     const { tool } = store;
     if (event.button === 1) drag = { kind: "pan", last: pointer, ...begun };
     else if (tracing.holding) drag = { kind: "link", from: { at: metres(view, pointer) }, ...begun };
@@ -573,12 +599,12 @@ export function sheetView(parent) {
   // Pins that are dragged, where they go, and what follows.
   function drop() {
     if (!drag.base) hold();
-    const [a, b] = [metres(view, drag.begun), metres(view, pointer)];
-    let by = [b[0] - a[0], b[1] - a[1]];
+    const hand = metres(view, pointer);
+    let by = [hand[0] - drag.grip[0], hand[1] - drag.grip[1]];
     if (drag.kind === "move") {
       const start = drag.start[drag.pin.name];
-      const aimed = target({ x: px(start).x + pointer.x - drag.begun.x, y: px(start).y + pointer.y - drag.begun.y }, drag.event, null, drag.pin.name);
-      const end = aimed.pin && drag.names.includes(aimed.pin) ? metres(view, pointer) : aimed.at;
+      const aimed = target(px([start[0] + by[0], start[1] + by[1]]), drag.event, null, drag.pin.name);
+      const end = aimed.pin && drag.names.includes(aimed.pin) ? hand : aimed.at;
       by = [end[0] - start[0], end[1] - start[1]];
     }
     drag.moved = Object.fromEntries(drag.names.map((/** @type {string} */ n) => [n, drag.start[n].map((/** @type {number} */ x, /** @type {number} */ k) => Number((x + by[k]).toPrecision(12)))]));
@@ -732,7 +758,7 @@ export function sheetView(parent) {
 
   /** What is typed while a link is drawn; whether it was for the drawing. @param {KeyboardEvent} event */
   function typing(event) {
-    if (drag?.kind !== "link") return false;
+    if (drag?.kind !== "link") return Boolean(drag) && event.key !== "Escape"; // what a hand holds ends first
     if (event.key === "Escape") { drag = null; typed.hidden = true; }
     else if (event.key === "Backspace") drag.text = drag.text.slice(0, -1);
     else if (event.key === "Enter") {
@@ -747,7 +773,7 @@ export function sheetView(parent) {
         typed.hidden = true;
         drawn(done, null);
       }
-    } else if (event.ctrlKey || event.metaKey || !writes(event.key)) return false;
+    } else if (event.ctrlKey || event.metaKey || !writes(event.key)) return true;
     else drag.text += event.key;
     if (drag) { drag.far = true; move(); }
     draw();
