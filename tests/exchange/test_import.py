@@ -414,6 +414,82 @@ def test_live_linkages_of_pylinkage_move_as_pylinkage_moves_them():
         assert np.abs(result[point] - expected[point]).max() < EXACT * 9, point
 
 
+PROFILES = {
+    "harmonic": ("HarmonicMotionLaw", {}),
+    "cycloidal": (
+        "CycloidalMotionLaw",
+        {"rise_start": 0.3, "rise_end": 2.0, "dwell_high_end": 2.0},
+    ),
+    "3-4-5": ("polynomial_345", {"rise_end": 2.0, "fall_end": 6.0, "dwell_high_end": 2.6}),
+    "4-5-6-7": ("polynomial_4567", {"rise_end": 2.5, "total_lift": -0.2}),
+}
+
+
+@pytest.mark.parametrize("roller", [0.0, 0.1])
+@pytest.mark.parametrize("swings", [False, True])
+@pytest.mark.parametrize("profile", PROFILES)
+def test_cams_of_pylinkage_move_as_pylinkage_moves_them(profile, swings, roller):
+    pytest.importorskip("pylinkage", reason="the other tool itself")
+    from pylinkage.actuators import Crank
+    from pylinkage.cam import FunctionProfile, motion_laws
+    from pylinkage.components import Ground
+    from pylinkage.dyads import OscillatingCamFollower, RRRDyad, TranslatingCamFollower
+    from pylinkage.simulation import Linkage
+
+    law, edges = PROFILES[profile]
+    shape = FunctionProfile(getattr(motion_laws, law)(), **{"total_lift": 0.4} | edges)
+    centre, base = Ground(0.0, 0.0, name="O"), Ground(0.3 + 2.2 * swings, 0.2, name="G")
+    cam = Crank(anchor=centre, radius=0.4, angular_velocity=0.1, initial_angle=0.7, name="cam")
+    common = {"cam_driver": cam, "profile": shape, "roller_radius": roller, "name": "F"}
+    if swings:
+        common |= {"pivot_anchor": base, "arm_length": 1.5, "initial_angle": 2.4}
+        follower = OscillatingCamFollower(**common)
+    else:
+        follower = TranslatingCamFollower(guide=base, guide_angle=1.3, **common)
+    far = Ground(4.0, 3.0, name="H")
+    rod = RRRDyad(anchor1=follower.output, anchor2=far, distance1=3.0, distance2=2.5, name="D")
+    subject = Linkage([centre, cam, base, follower, far, rod], name="valve")
+    linkage = bm.read(subject, unit="mm")
+    assert not linkage.check()
+    expected, angles, start = [], [], np.arctan2(cam.y, cam.x)
+    for _ in subject.step(iterations=60):
+        angles.append(np.arctan2(cam.y, cam.x) - start)
+        expected.append([complex(part.x, part.y) for part in (follower, rod)])
+    run = linkage.run(at=np.unwrap(angles), want=["joint.F.p", "joint.D.p"])
+    places = np.stack([run["joint.F.p"], run["joint.D.p"]], axis=1)
+    assert np.abs(1e3 * places - expected).max() < 1e-12
+    assert np.ptp(run["joint.F.p"].imag) > 1e-4
+
+
+def test_a_cam_of_points_is_a_closed_curve_through_them():
+    pytest.importorskip("pylinkage", reason="the other tool itself")
+    from pylinkage.actuators import Crank
+    from pylinkage.cam import ModifiedTrapezoidalMotionLaw, PointArrayProfile
+    from pylinkage.cam.profiles import FunctionProfile
+    from pylinkage.components import Ground
+    from pylinkage.dyads import TranslatingCamFollower
+    from pylinkage.simulation import Linkage
+    from scipy.interpolate import CubicSpline
+
+    centre = Ground(0.0, 0.0, name="O")
+    cam = Crank(anchor=centre, radius=0.4, angular_velocity=0.1, name="cam")
+    x, r = [0.0, 0.8, 1.5, 2.6, 3.4, 4.6, 5.5, math.tau], [1.0, 1.2, 1.5, 1.55, 1.5, 1.2, 1.05, 1.0]
+
+    def valve(profile):
+        follower = TranslatingCamFollower(
+            cam, profile, guide=centre, guide_angle=np.pi / 2, name="F"
+        )
+        return Linkage([centre, cam, follower], name="valve")
+
+    angles = np.linspace(0.0, 6.2, 40)
+    run = bm.read(valve(PointArrayProfile(x, r))).run(at=angles, want="link.F_follower.F.p")
+    # pylinkage itself leaves its own curve behind the last point but one
+    right = CubicSpline(x, r, bc_type="periodic")(angles)
+    assert run["link.F_follower.F.p"].imag == pytest.approx(right, abs=1e-12)
+    with pytest.raises(FormatError, match="its profile is a ModifiedTrapezoidalMotionLaw"):
+        bm.read(valve(FunctionProfile(ModifiedTrapezoidalMotionLaw())))
+
+
 def test_json_of_pylinkage(tmp_path):
     pytest.importorskip("pylinkage", reason="the other tool itself")
     from pylinkage.mechanism import fourbar

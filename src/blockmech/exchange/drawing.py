@@ -21,7 +21,7 @@ FRAME = "frame"
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 TURN = (0.0, math.tau)
 FREE = (-math.inf, math.inf)
-COORDINATES = ("rate", "acceleration", "from", "to", "mean", "amplitude", "values")
+COORDINATES = ("rate", "acceleration", "from", "to", "mean", "amplitude", "values", "rise")
 """Numbers of a law of motion that are coordinates, or their rates."""
 
 
@@ -114,6 +114,28 @@ class Wheels(NamedTuple):
     pitch: complex | None = None
     rack: float | None = None
 
+    @property
+    def slides(self) -> bool:
+        """Whether the second is a rack."""
+        return self.rack is not None
+
+
+class Cam(NamedTuple):
+    """A cam that turns on the frame and its follower, which slides or swings there.
+
+    law : of the follower's coordinate over the cam's angle from the drawn pose, of a coupling
+    tip, roller : where the follower touches with a roller of this radius; without one an edge
+    """
+
+    name: str
+    first: str
+    second: str
+    law: Record
+    tip: complex
+    slides: bool
+    roller: float = 0.0
+    phase: float = 0.0
+
 
 class Ratio(NamedTuple):
     """A pair whose coordinate is a polynomial of another one's, lowest power first."""
@@ -159,6 +181,7 @@ class Drawing:
     pairs: list[Pair] = field(default_factory=list)
     welds: list[Weld] = field(default_factory=list)
     wheels: list[Wheels] = field(default_factory=list)
+    cams: list[Cam] = field(default_factory=list)
     ratios: list[Ratio] = field(default_factory=list)
     drives: dict[str, Drive] = field(default_factory=dict)
     inertias: dict[str, Inertia] = field(default_factory=dict)

@@ -27,6 +27,7 @@ from blockmech.exchange.drawing import (
     FRAME,
     FREE,
     UNITS,
+    Cam,
     Drawing,
     Drive,
     Pair,
@@ -331,7 +332,8 @@ class _Making:
         if not movable or (named and not self.drawing.free):
             return
         following = [self.pairs[x.driven] for x in self.drawing.ratios if x.driven in self.pairs]
-        following += filter(None, (self._axles(pair)[1] for pair in self.drawing.wheels))
+        meshing: list[Wheels | Cam] = [*self.drawing.wheels, *self.drawing.cams]
+        following += filter(None, (self._axles(pair)[1] for pair in meshing))
         pairs = [
             AssurPair(x, bodies[d["links"][0]], bodies[d["links"][1]], d["type"])
             for x, d in movable.items()
@@ -365,12 +367,13 @@ class _Making:
 
         Wheels turn on one link, the first of their pins; the driven one gets a driver that follows.
         """
-        waiting: list[Wheels | Ratio] = [*self.drawing.wheels, *self.drawing.ratios]
+        drawing = self.drawing
+        waiting: list[Wheels | Cam | Ratio] = [*drawing.wheels, *drawing.cams, *drawing.ratios]
         going = True
         while going:
             going = False
             for pair in list(waiting):
-                ends = self._axles(pair) if isinstance(pair, Wheels) else self._ends(pair)
+                ends = self._ends(pair) if isinstance(pair, Ratio) else self._axles(pair)
                 leading = next((k for k, end in enumerate(ends) if self._driver_of(end)), None)
                 if leading is None:
                     continue
@@ -380,6 +383,8 @@ class _Making:
                     self.drawing.note(f"{pair.name}: both sides are driven already: left out")
                 elif isinstance(pair, Wheels):
                     self._follow(pair, ends, leading)
+                elif isinstance(pair, Cam):
+                    self._follow_cam(pair, ends, leading)
                 else:
                     self._follow_ratio(pair, ends, leading)
         for pair in waiting:
@@ -388,11 +393,11 @@ class _Making:
     def _ends(self, ratio: Ratio) -> tuple[str, str]:
         return self.pairs.get(ratio.leading, ""), self.pairs.get(ratio.driven, "")
 
-    def _axles(self, pair: Wheels) -> tuple[str, str]:
+    def _axles(self, pair: Wheels | Cam) -> tuple[str, str]:
         """The joints of two wheels on one link, which stands first in both; "" without any."""
         axles: list[dict[str, str]] = []
         bodies = self._document_bodies()
-        for wheel, kind in (pair.first, "R"), (pair.second, "R" if pair.rack is None else "P"):
+        for wheel, kind in (pair.first, "R"), (pair.second, "P" if pair.slides else "R"):
             body = bodies.get(self.names.get(wheel, ""), "")
             joints = [(j, d["links"]) for j, d in self.joints.items() if d["type"] == kind]
             ends = [(j, {bodies[link] for link in links}) for j, links in joints]
@@ -442,6 +447,20 @@ class _Making:
         side = 1 if cosine * pair.sizes[0] > 0 else -1
         rack = {"type": "rack", "radius": abs(pair.sizes[0]) * self.scale, "side": side}
         self._coupling(pair.name, rack, ends, leading)
+
+    def _follow_cam(self, cam: Cam, ends: tuple[str, str], leading: int) -> None:
+        if leading:
+            self.drawing.note(f"{cam.name}: its follower is driven: left out")
+            return
+        scale = self.scale if cam.slides else 1.0
+        law = scaled(cam.law, scale)
+        if "segments" in law:
+            law["segments"] = [scaled(segment, scale) for segment in law["segments"]]
+        coupling: Data = {"type": "cam", "law": law, "at": self._metres(cam.tip)}
+        coupling |= {"phase": cam.phase * scale}
+        if cam.roller:
+            coupling |= {"follower": "roller", "roller": cam.roller * self.scale}
+        self._coupling(cam.name, coupling, ends, leading)
 
     def _follow_ratio(self, pair: Ratio, ends: tuple[str, str], leading: int) -> None:
         kinds = [self.joints[end]["type"] for end in ends]

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import cmath
 import math
+from itertools import pairwise
 from typing import Any
 
-from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, direction
+from blockmech.couplings.laws import POLYNOMIALS
+from blockmech.exchange.drawing import FRAME, Cam, Drawing, Drive, Pair, Slot, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Fields, fields, items, json_of, number, wrong
 from blockmech.ground.errors import listed
@@ -31,6 +33,10 @@ DYADS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "PPDyad": ((), ("line1", "line2")),
 }
 """Dyad of components -> its anchors at the ends of bars, and the lines on which it slides."""
+CAMS = ("TranslatingCamFollower", "OscillatingCamFollower")
+MOTIONS = {"HarmonicMotionLaw": "harmonic", "CycloidalMotionLaw": "cycloidal"}
+RISES = {powers: motion for motion, powers in POLYNOMIALS.items() if len(powers) > 2}
+"""Rises of a cam by the name of their law, and in couplings' laws."""
 LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
 
 
@@ -154,7 +160,7 @@ class _Components:
             name = str(part.name) if not str(part.name).isdigit() else f"{kind}_{i}"
             name = free_name(name, self.drawing.points)
             self.names[id(part)] = name
-            if kind not in ("Ground", *DRIVEN, *RIGID, *DYADS):
+            if kind not in ("Ground", *DRIVEN, *RIGID, *DYADS, *CAMS):
                 self.drawing.note(f"{name} is a {kind}: left out")
                 continue
             if part.x is None or part.y is None:
@@ -180,6 +186,8 @@ class _Components:
             self._actuator(part, name)
         elif kind in DRIVEN:
             self._crank(part, name)
+        elif kind in CAMS:
+            self._cam(part, name)
         elif kind in RIGID:
             anchors = [self._of(part.anchor1), self._of(part.anchor2)]
             _rigid(self.drawing, name, anchors, self.where)
@@ -214,6 +222,26 @@ class _Components:
         position = self.drawing.points[name]
         self.drawing.pairs.append(Pair(FRAME, slider, at, angle, drive, position))
 
+    def _cam(self, part: Any, name: str) -> None:
+        """A follower that slides from a point of the frame, or swings about one."""
+        drawing, profile = self.drawing, part.profile
+        crank, centre = self._of(part.cam_driver), self._of(part.cam_driver.anchor)
+        follower, at = f"{name}_follower", drawing.points[name]
+        slides = hasattr(part, "guide")
+        pivot = self._of(part.guide if slides else part.pivot_anchor)
+        base, roller = drawing.points[pivot], float(part.roller_radius)
+        start = cmath.phase(drawing.points[crank] - drawing.points[centre])
+        if slides:  # the coordinate counts from the guide's point
+            drawing.links[follower], phase = [name], roller + profile.base_radius
+            guide = Pair(FRAME, follower, base, part.guide_angle, None, at, follower)
+            drawing.pairs.append(guide)
+        else:
+            drawing.links[follower] = [pivot, name]
+            phase = math.remainder(part.initial_angle - cmath.phase(at - base), math.tau)
+        law = _law_of_profile(profile, start, f"{self.where}, {name}")
+        link = next(x for x, points in drawing.links.items() if {centre, crank} <= {*points})
+        drawing.cams.append(Cam(f"cam_{name}", link, follower, law, at, slides, roller, phase))
+
     def _line(self, ends: list[str], name: str) -> None:
         on = self.drawing.link_of(ends)
         if on is None:
@@ -221,6 +249,31 @@ class _Components:
             raise wrong(self.where, f"{name} slides between {on}, points of two links")
         angle = direction(self.drawing.points[ends[0]], self.drawing.points[ends[1]], self.where)
         self.drawing.slots.setdefault(name, []).append(Slot(angle, on))
+
+
+def _law_of_profile(profile: Any, start: float, where: str) -> Record:
+    """What a cam's radius is above its smallest, over its angle from ``start``.
+
+    Raises `FormatError` for a profile that no law of a cam is.
+    """
+    rise = getattr(profile, "motion_law", None)
+    powers = tuple(getattr(rise, "coefficients", ()))
+    if motion := RISES.get(powers) or MOTIONS.get(type(rise).__name__):
+        edges = profile.rise_start, profile.rise_end, profile.dwell_high_end, profile.fall_end
+        rises = zip(pairwise(edges), (profile.total_lift, 0.0, -profile.total_lift), strict=True)
+        segments = [
+            {"motion": motion if lift else "dwell", "over": end - begin, "rise": lift}
+            for (begin, end), lift in rises
+            if end > begin
+        ]
+        return {"kind": "segments", "segments": segments, "start": edges[0] - start}
+    knots = [float(x) for x in getattr(profile, "angles", (0.0,))]
+    if not math.isclose(knots[-1] - knots[0], math.tau):
+        valid = "harmonic, cycloidal, 3-4-5 or 4-5-6-7 rises, or points of a whole turn"
+        raise wrong(where, f"its profile is a {type(rise or profile).__name__}", valid)
+    heights = [float(radius) - profile.base_radius for radius in profile.radii[:-1]]
+    table = {"kind": "table", "arguments": [x - start for x in knots[:-1]], "values": heights}
+    return {**table, "period": math.tau}
 
 
 def recognises(text: str) -> bool:
