@@ -18,8 +18,9 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from blockmech.blocks.joints import BuiltIn, Joint, Kernels
 from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.errors import close_match, listed
+from blockmech.ground.names import NAME_RULE, is_name
 from blockmech.ground.plane import has_arithmetic
-from blockmech.ground.values import NAME_RULE, Link, Marker, Pair, StrictModel, is_name, mistake
+from blockmech.ground.values import Link, Marker, Pair, StrictModel, mistake
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
 """Where in a model, and what is wrong there."""

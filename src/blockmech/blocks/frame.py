@@ -13,7 +13,8 @@ from pydantic import field_validator
 
 from blockmech.blocks.block import Block, bad_name, refuse
 from blockmech.blocks.joints import BuiltIn
-from blockmech.ground.values import Marker, MarkersGiven, default, is_name
+from blockmech.ground.names import is_name
+from blockmech.ground.values import Marker, MarkersGiven, default
 
 
 class Frame(Block, type="frame"):

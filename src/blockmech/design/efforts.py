@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from blockmech.compiled import Compiled
-from blockmech.ground.values import free_name
+from blockmech.ground.names import free_name
 from blockmech.loads import Couple, Force, Motor
 from blockmech.model.graph import Graph
 from blockmech.model.joints.linkage import Linkage

@@ -19,7 +19,7 @@ from blockmech.draw.layout import Box
 from blockmech.figures.palette import MOST, SIZES, SMALL, TEXT
 from blockmech.figures.paper import shown_name, text_width
 from blockmech.ground.errors import listed
-from blockmech.ground.values import split_address
+from blockmech.ground.names import split_address
 from blockmech.loads.contract import Element, Following
 from blockmech.model.diagram import Ends, UnknownBlock, Wire
 from blockmech.model.drivers import couplings_of, driven_joints

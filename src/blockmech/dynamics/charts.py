@@ -32,7 +32,8 @@ from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.pair_stops import Counted, PairStops, stopped_pairs
 from blockmech.dynamics.request import Pairs, Start
 from blockmech.ground.errors import GraphError
-from blockmech.ground.values import Marker, free_name
+from blockmech.ground.names import free_name
+from blockmech.ground.values import Marker
 from blockmech.model.graph import Graph
 from blockmech.model.joints.blocks import SaidByLinks
 from blockmech.model.joints.closing import Closing

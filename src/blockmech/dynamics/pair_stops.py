@@ -13,7 +13,7 @@ import numpy as np
 
 from blockmech.dynamics.contacts import Constraints
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.ground.values import split_address
+from blockmech.ground.names import split_address
 from blockmech.model.structure import COORDINATE, JointRef
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule

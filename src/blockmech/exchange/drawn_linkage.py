@@ -37,7 +37,7 @@ from blockmech.exchange.drawing import (
     scaled,
 )
 from blockmech.ground.errors import FormatError, Problem, listed
-from blockmech.ground.values import free_name, numbered_name
+from blockmech.ground.names import free_name, numbered_name
 from blockmech.typing import Data
 
 MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move

@@ -22,7 +22,7 @@ from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, Wheels
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
 from blockmech.ground.errors import listed
-from blockmech.ground.values import numbered_name
+from blockmech.ground.names import numbered_name
 
 RPM = math.tau / 60
 ROOM = 9e-4  # by which Linkage keeps the diameter of an arc above the distance of its limits

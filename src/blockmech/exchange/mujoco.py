@@ -32,7 +32,7 @@ from blockmech.exchange.spatial import (
     unit,
 )
 from blockmech.ground.errors import listed
-from blockmech.ground.values import free_name
+from blockmech.ground.names import free_name
 
 ACTUATORS = ("motor", "position", "velocity", "general", "intvelocity", "damper", "cylinder")
 DENSITY = 1000.0  # [kg/m3] of a geom that names none

@@ -19,7 +19,7 @@ from blockmech.draw.sketch import hull
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.standing import Standing
 from blockmech.ground.errors import printable, refused
-from blockmech.ground.values import numbered_name
+from blockmech.ground.names import numbered_name
 
 MM = 1e3
 OPTIONS = {

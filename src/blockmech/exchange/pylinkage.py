@@ -18,7 +18,7 @@ from blockmech.exchange.drawing import FRAME, Cam, Drawing, Drive, Pair, Slot, d
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Fields, fields, items, json_of, number, wrong
 from blockmech.ground.errors import listed
-from blockmech.ground.values import free_name
+from blockmech.ground.names import free_name
 from blockmech.typing import Record
 
 STEP = "rates of pylinkage are radians a step: a step was taken as a second"

@@ -29,7 +29,7 @@ from blockmech.exchange.spatial import (
     unit,
 )
 from blockmech.ground.errors import listed
-from blockmech.ground.values import free_name
+from blockmech.ground.names import free_name
 
 KINDS = {
     "revolute": "pin",

@@ -31,7 +31,7 @@ from blockmech.exchange.drawing import (
     together,
 )
 from blockmech.exchange.parsing import Record, wrong
-from blockmech.ground.values import numbered_name
+from blockmech.ground.names import numbered_name
 from blockmech.typing import Data
 
 Array = NDArray[np.float64]

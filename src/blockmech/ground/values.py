@@ -5,9 +5,9 @@ from __future__ import annotations
 import cmath
 import math
 import sys
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from itertools import chain, count, pairwise
+from itertools import pairwise
 from numbers import Integral, Real
 from typing import (
     TYPE_CHECKING,
@@ -233,47 +233,9 @@ def check_direction(key: str, *vectors: Vector | None) -> None:
         raise mistake("bad-direction", f'"{key}" must not be [0, 0]')
 
 
-NAME_RULE = 'a name is not empty and has no "." or "/"'
-"""The rule for names of blocks and markers, which stand in addresses."""
-
-
 def xy(z: complex) -> list[float]:
     """Two numbers as they stand in a file, without -0."""
     return [z.real + 0.0, z.imag + 0.0]
-
-
-def is_name(name: str) -> bool:
-    """Whether a name can stand in an address."""
-    return bool(name) and "." not in name and "/" not in name
-
-
-def free_name(name: str, used: Container[str]) -> str:
-    """The name, with underscores behind it until it is free."""
-    while name in used:
-        name += "_"
-    return name
-
-
-def numbered_name(name: str, used: Container[str]) -> str:
-    """The first of name, name_2, name_3, ... that is free."""
-    return next(x for x in chain([name], (f"{name}_{i}" for i in count(2))) if x not in used)
-
-
-def split_address(address: str, blocks: Container[str]) -> tuple[str, str]:
-    """Block and port of an address: blocks inside of others have names with dots.
-
-    Without such a block the name before the first dot, whatever that is.
-
-    >>> split_address("leg.dyad.C", {"leg.dyad"})
-    ('leg.dyad', 'C')
-    """
-    name, _, port = first = address.partition(".")
-    while name not in blocks:
-        if "." not in port:
-            return first[0], first[2]
-        inner, _, port = port.partition(".")
-        name = f"{name}.{inner}"
-    return name, port
 
 
 def mistake(

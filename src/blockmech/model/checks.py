@@ -19,7 +19,7 @@ from blockmech.blocks.modes import TwoModes
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import GraphError, Problem, listed
-from blockmech.ground.values import NAME_RULE, is_name
+from blockmech.ground.names import NAME_RULE, is_name
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import AnyBlock, Ends, UnknownBlock, Wire
 from blockmech.model.drivers import (

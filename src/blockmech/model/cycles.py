@@ -22,7 +22,7 @@ from blockmech.assur.rigidity import Overconstraint, rigidity
 from blockmech.blocks.contract import Block, Joint, Moving
 from blockmech.blocks.general import GeneralGroup
 from blockmech.ground.errors import Problem, listed
-from blockmech.ground.values import split_address
+from blockmech.ground.names import split_address
 from blockmech.model.diagram import AnyBlock, Wire
 
 MOST_LINKS = 1000

@@ -11,8 +11,9 @@ from pydantic import Field
 from blockmech.blocks.contract import Block
 from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.errors import Problem, path_text, unknown_key
+from blockmech.ground.names import split_address
 from blockmech.ground.validation_errors import field_order
-from blockmech.ground.values import StrictModel, split_address
+from blockmech.ground.values import StrictModel
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.scene import Scene

@@ -11,7 +11,7 @@ from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.joints import PAIRS
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import Problem, unknown_name
-from blockmech.ground.values import split_address
+from blockmech.ground.names import split_address
 from blockmech.loads.contract import Following
 from blockmech.model.diagram import AnyBlock
 from blockmech.model.scene import Scene

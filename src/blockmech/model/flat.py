@@ -18,7 +18,8 @@ from typing import Any
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.ground.errors import Problem, listed, unknown_name
-from blockmech.ground.values import Marker, Place, StrictModel, Vector, split_address
+from blockmech.ground.names import split_address
+from blockmech.ground.values import Marker, Place, StrictModel, Vector
 from blockmech.model.diagram import AnyBlock, Wire
 from blockmech.model.drivers import driven_joints
 from blockmech.model.parameters import interface

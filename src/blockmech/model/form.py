@@ -27,8 +27,9 @@ from blockmech.ground.errors import (
     said_already,
     shown,
 )
+from blockmech.ground.names import NAME_RULE, is_name
 from blockmech.ground.validation_errors import validated
-from blockmech.ground.values import NAME_RULE, StrictModel, is_name
+from blockmech.ground.values import StrictModel
 from blockmech.model.writing import plain
 from blockmech.typing import Data, Record
 

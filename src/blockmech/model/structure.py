@@ -18,7 +18,8 @@ from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.friction.laws.coulomb import Coulomb
 from blockmech.ground.errors import GraphError, Problem, listed
-from blockmech.ground.values import Link, Marker, split_address
+from blockmech.ground.names import split_address
+from blockmech.ground.values import Link, Marker
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
 from blockmech.typing import Data, Record

@@ -12,7 +12,8 @@ from typing import Any, TypeAlias
 from blockmech.blocks.contract import Block, Moving
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import Problem, close_match, listed, unknown_name
-from blockmech.ground.values import Marker, split_address
+from blockmech.ground.names import split_address
+from blockmech.ground.values import Marker
 from blockmech.loads.contract import LAW, Element, Following
 from blockmech.model.diagram import AnyBlock, Ends, Wire
 from blockmech.signals.contract import Signal

@@ -14,7 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from blockmech.ground.errors import GraphError, Problem
-from blockmech.ground.values import split_address
+from blockmech.ground.names import split_address
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs.by_owner import unknown_output, vector_sensor

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from blockmech.ground.errors import GraphError, Problem
-from blockmech.ground.values import free_name, split_address
+from blockmech.ground.names import free_name, split_address
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names

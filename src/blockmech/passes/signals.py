@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 
-from blockmech.ground.values import split_address
+from blockmech.ground.names import split_address
 from blockmech.model.structure import JointRef
 from blockmech.plan.plan import Schedule
 from blockmech.plan.values import NOUGHT, Value, tuple_of

@@ -28,9 +28,9 @@ from blockmech.engines.numpy import Planar, leaves
 from blockmech.exchange.c.statements import DOUBLE, FLOAT, Statements, language_c, literal
 from blockmech.exchange.c.tracing import ClosedTrace, status
 from blockmech.ground.errors import BlockmechError, as_names, listed, printable, refused
+from blockmech.ground.names import numbered_name
 from blockmech.ground.plane import EPS
 from blockmech.ground.runnable import EVERYTHING
-from blockmech.ground.values import numbered_name
 from blockmech.model.structure import JointRef
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Output, Plan

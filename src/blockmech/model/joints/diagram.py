@@ -14,8 +14,9 @@ from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.errors import GraphError, Problem, listed, path_text
+from blockmech.ground.names import free_name
 from blockmech.ground.plane import dot
-from blockmech.ground.values import Place, free_name, xy
+from blockmech.ground.values import Place, xy
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME, LinkGiven

@@ -20,8 +20,9 @@ from blockmech.assur.groups import DYADS, Unit
 from blockmech.blocks.contract import AssurGroup, Joint
 from blockmech.blocks.modes import branches, dyad_modes
 from blockmech.blocks.registry import REGISTRY
+from blockmech.ground.names import free_name
 from blockmech.ground.plane import EPS, dot
-from blockmech.ground.values import free_name, xy
+from blockmech.ground.values import xy
 from blockmech.model.joints.closing import CLOSED
 from blockmech.model.joints.layout import Connection, Connections, LinkPlacement, Pose, Poses
 from blockmech.model.joints.varied import phase, settled

@@ -11,7 +11,8 @@ from blockmech.blocks.contract import Block
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import GraphError, Problem, as_names, listed, path_text, unknown_name
-from blockmech.ground.values import Marker, Vector, is_name
+from blockmech.ground.names import is_name
+from blockmech.ground.values import Marker, Vector
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import Wire
 from blockmech.model.document import Document

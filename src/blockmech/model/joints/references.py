@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.ground.errors import Problem, listed, path_text, unknown_name
-from blockmech.ground.values import is_name
+from blockmech.ground.names import is_name
 from blockmech.model.diagram import Wire
 from blockmech.model.form import bad_name
 from blockmech.model.joints.contents import FRAME
