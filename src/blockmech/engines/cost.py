@@ -45,7 +45,7 @@ CALL, ARRAY = (1.5e-6, 50e-6), (1.3e-9, 0.7e-6)
 CODE_CALL, CODE = (5e-9, 2e-6), (0.2e-9, 27e-9)
 BEGIN, ALONE = 25e-6, 5e-6  # of a call of machine code: with several samples, with one
 LINES = 1.75, 60  # of assembly
-COMPILER, COMPILING, LOADING = 0.025, (20e-3, 0.12e-3), (1.7e-3, 0.2e-6)  # all, and with each line
+COMPILER, COMPILING, LOADING = 0.025, (10e-3, 0.055e-3), (1.7e-3, 0.2e-6)  # all, and with each line
 STATE = 60e-6  # of a solver in Python beside each state that it asks for
 # Of a sample along a path by arrays; of a state in steps of machine code, and lanes left idle.
 PANEL, STEP, IDLE = 20e-6, 0.3e-6, 4

@@ -41,7 +41,7 @@ from blockmech.plan.plan import Program
 from blockmech.typing import Record
 
 Array = NDArray[np.float64]
-LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run longer programs
+LONGEST = 50_000  # lines of assembly, two seconds of compiling: others run longer programs
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
 FILL = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
 STRUCTURES = 128  # whose machine code is kept in memory
@@ -411,9 +411,9 @@ def _compiled(text: str) -> bytes:
         raise Untraceable(f"it has more than {LONGEST} operations")
     llvm, target, _ = processor()
     module = llvm.parse_assembly(text)
-    options = llvm.create_pipeline_tuning_options(speed_level=2)
-    passes = llvm.create_pass_builder(target(), options)
-    passes.getModulePassManager().run(module, passes)
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_sroa_pass()  # into registers: the rest of -O2 takes longer than it saves
+    passes.run(module, llvm.create_pass_builder(target(), llvm.create_pipeline_tuning_options()))
     code: bytes = target().emit_object(module)
     return code
 
