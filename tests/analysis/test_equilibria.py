@@ -306,6 +306,49 @@ def test_three_drivers_one_of_them_free_are_as_the_two_others_alone():
         assert abs(about_o) < 1e-9
 
 
+def lamp(head):
+    """A lamp whose arms two springs carry; its head is balanced on its pin, by itself or fixed."""
+    m = bm.Linkage("lamp", gravity=(0, -9.81))
+    m.add_link("lower", mass=0.5, inertia=0.01, cm=(0, 0.2))
+    m.add_link("upper", mass=0.4, inertia=0.01, cm=(0.2, 0.4))
+    m.add_joint("O", "R", ["frame", "lower"], point=(0, 0))
+    m.add_joint("E", "R", ["lower", "upper"], point=(0, 0.4))
+    m.add_driver("d1", "O")
+    m.add_driver("d2", "E")
+    if head:
+        m.add_link("head", mass=0.6, inertia=0.002, cm=(0.4, 0.4))
+        m.add_joint("H", "R", ["upper", "head"], point=(0.4, 0.4))
+        m.add_driver("d3", "H")
+    spring = bm.Spring(stiffness=150, free_length=0.05)
+    m.add_load("s1", spring, links=["frame", "lower"], at=[(-0.08, 0.05), (0, 0.12)])
+    m.add_load("s2", spring, links=["lower", "upper"], at=[(-0.02, 0.2), (-0.06, 0.4)])
+    return m.compile()
+
+
+def lamp_potential(q, head):
+    """Potential [J] of the lamp's weights and springs at turns of its arms."""
+    lower, upper = np.exp(1j * q[0]), np.exp(1j * (q[0] + q[1]))
+    elbow = 0.4j * lower
+    weights = 0.5 * 0.2j * lower + 0.4 * (elbow + 0.2 * upper) + head * 0.6 * (elbow + 0.4 * upper)
+    lengths = abs(0.12j * lower + 0.08 - 0.05j), abs(elbow - 0.06 * upper - (-0.02 + 0.2j) * lower)
+    return 9.81 * weights.imag + sum(75.0 * (x - 0.05) ** 2 for x in lengths)
+
+
+@pytest.mark.parametrize("head", [False, True])
+def test_a_head_that_is_balanced_on_its_pin_makes_families_and_no_continuum(head):
+    equilibria = lamp(head).equilibria()
+    assert len(equilibria) == 4
+    for one in equilibria:
+        assert one.free == (("driver.d3.q",) if head else ())
+        q, h = np.array([one.at["driver.d1.q"], one.at["driver.d2.q"]]), 1e-5
+        slopes = [
+            lamp_potential(q + h * e, head) - lamp_potential(q - h * e, head) for e in np.eye(2)
+        ]
+        assert np.abs(slopes).max() / (2 * h) < 1e-8
+    kinds = sorted(one.kind for one in equilibria)
+    assert kinds == ["indifferent" if head else "stable", *["unstable"] * 3]
+
+
 def test_without_loads_every_coordinate_is_free():
     m = bm.Linkage("floating")
     for name, at in (("a", 0.0), ("b", 0.3)):

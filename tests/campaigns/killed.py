@@ -1,16 +1,19 @@
-"""Sweeps that are stopped by signals at random, gone on with, and compared: a script, not a test.
+"""Studies that are stopped by signals at random, continued, and compared: a script, not a test.
 
     python -m tests.campaigns.killed [--runs 200] [--seed 1]
 
-`blockmech sweep --workers 2` into a folder is sent SIGINT, SIGTERM or SIGKILL after a random time.
-Afterwards no process of it may be left, nothing may lie in the folder but whole parts and drafts,
-and going on with it must give the bytes of a sweep that nobody stopped.
+A study into a folder is sent SIGINT, SIGTERM or SIGKILL after a random time, or its folder is
+removed; one in `BY_COMMAND` is `blockmech sweep --workers 2`, the others are forks of this process.
+Afterwards no process of it may remain, nothing may lie in the folder but complete parts and drafts,
+and the study that continues must give the bytes and rows of a study that nobody stopped.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,19 +22,38 @@ import time
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
+
+import blockmech as bm
 from tests.gallery import GRAPHS
 
-COUNT = 1_200_000  # designs: several parts, a second or two of two workers
+COUNT, SAMPLES = 60_000, 72  # five parts
+FILE, NUMBER, WANT = GRAPHS / "ruiz_fourbar.json", "dyad.l_i", "max_abs(crank.drive)"
+BY_COMMAND = 5
 PATIENCE = 10.0  # [s] after which workers of an ended command count as left behind
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 
 
+def study(folder: Path) -> bm.Study:
+    """The study, by this process."""
+    vary, sampling = {NUMBER: bm.dist.Normal(6.0, 1e-3)}, bm.dist.Sample(COUNT, "random")
+    mechanism = bm.Graph.load(FILE).compile()
+    return mechanism.study(vary, want=WANT, samples=SAMPLES, sampling=sampling, out=folder)
+
+
 def command(folder: Path) -> list[str]:
-    """The sweep, with a mark in its arguments by which its processes are found."""
+    """The same study as a command of two workers."""
     return [
-        *(sys.executable, "-m", "blockmech", "sweep", str(GRAPHS / "ruiz_fourbar.json")),
-        *("--vary", "dyad.l_i=normal(6,1e-3)", "--want", "max_abs(crank.drive)"),
-        *("--samples", "12", "--sampling", "random", "--count", str(COUNT)),
+        *(
+            sys.executable,
+            "-m",
+            "blockmech",
+            "sweep",
+            str(FILE),
+            "--vary",
+            f"{NUMBER}=normal(6,1e-3)",
+        ),
+        *("--want", WANT, "--samples", str(SAMPLES), "--sampling", "random", "--count", str(COUNT)),
         *("--workers", "2", "--out", str(folder)),
     ]
 
@@ -41,62 +63,87 @@ def parts(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.glob("*.parquet"))}
 
 
-def left_of(started: int) -> list[int]:
-    """Processes of the group of a command that is over."""
-    found = []
+def processes_of(group: int) -> list[int]:
+    """Processes of the group of a study that has ended."""
+    numbers = []
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = status.read_text("utf-8").rpartition(")")[2].split()
         except OSError:
             continue
-        if int(fields[2]) == started and fields[0] != "Z":
-            found.append(int(status.parent.name))
-    return found
+        if int(fields[2]) == group and fields[0] != "Z":
+            numbers.append(int(status.parent.name))
+    return numbers
 
 
-def stopped(folder: Path, chance: random.Random, longest: float) -> tuple[str, list[int]]:
-    """Start a sweep and stop it: the signal that was sent, and the processes that it left."""
-    run = subprocess.Popen(
-        command(folder), stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
-    )
-    kind = chance.choice(SIGNALS)
-    time.sleep(chance.uniform(0.2, longest))
-    early = run.poll() is None
-    run.send_signal(kind)
-    run.communicate(timeout=120)  # whoever reads its output sees the end
+def forked(folder: Path) -> int:
+    """A process of a group of its own that does the study."""
+    process = os.fork()
+    if not process:
+        os.setsid()
+        try:
+            study(folder)
+        except (KeyboardInterrupt, bm.BlockmechError):  # what a removed folder ends in
+            os._exit(1)
+        except BaseException:
+            os._exit(70)
+        os._exit(0)
+    return process
+
+
+def stopped(folder: Path, chance: random.Random, longest: float) -> str:
+    """Start a study and stop it: what was done to it, then what may not be."""
+    if by_command := chance.randrange(BY_COMMAND) == 0:
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        process = subprocess.Popen(command(folder), start_new_session=True, **silent).pid
+    else:
+        process = forked(folder)
+    time.sleep(chance.uniform(0.0, longest * (4.0 if by_command else 1.0)))
+    event = chance.choice((*SIGNALS, None))
+    finished, _ = os.waitpid(process, os.WNOHANG)
+    if event is None:
+        shutil.rmtree(folder, ignore_errors=True)
+    elif not finished:
+        os.kill(process, event)
+    status = 0 if finished else os.waitpid(process, 0)[1]
     until = time.monotonic() + PATIENCE
-    while (left := left_of(run.pid)) and time.monotonic() < until:
+    while (remaining := processes_of(process)) and time.monotonic() < until:
         time.sleep(0.05)
-    return kind.name if early else "done before", left
+    name = ("command " if by_command else "") + (event.name if event else "folder removed")
+    name = f"{name}, after its end" if finished else name
+    wrong = f": processes {remaining} remain" if remaining else ""
+    return name + wrong + (": a fault" if os.waitstatus_to_exitcode(status) == 70 else "")
 
 
 def main() -> int:
-    """Stop sweeps, go on, compare; 1 if anything was lost or left."""
+    """Stop studies, continue, compare; 1 if anything was lost or left."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
-    chance, kinds, wrong = random.Random(asked.seed), Counter[str](), list[str]()
+    options = parser.parse_args()
+    chance, events, wrong = random.Random(options.seed), Counter[str](), list[str]()
     with tempfile.TemporaryDirectory() as place:
-        whole = Path(place) / "whole"
-        begun = time.monotonic()
-        subprocess.run(command(whole), check=True, capture_output=True)
-        longest, expected = time.monotonic() - begun, parts(whole)
-        folder = Path(place) / "stopped"
-        for number in range(asked.runs):
-            kind, left = stopped(folder, chance, longest)
-            kinds[kind] += 1
-            if left:
-                wrong.append(f"run {number}, {kind}: processes {left} are left")
+        undisturbed = Path(place) / "undisturbed"
+        study(undisturbed)
+        start = time.monotonic()
+        shutil.rmtree(undisturbed)
+        values = np.asarray(study(undisturbed)[WANT])
+        longest, expected = time.monotonic() - start, parts(undisturbed)
+        folder, continued = Path(place) / "stopped", 0
+        for number in range(options.runs):
+            event, _, fault = stopped(folder, chance, longest).partition(": ")
+            events[event] += 1
+            if fault:
+                wrong.append(f"run {number}, {event}: {fault}")
             if not parts(folder).items() <= expected.items():
-                wrong.append(f"run {number}, {kind}: parts differ")
-            if kind == "done before" or chance.random() < 0.2:
-                subprocess.run(command(folder), check=True, capture_output=True)
-                if parts(folder) != expected:
-                    wrong.append(f"run {number}: what was gone on with differs")
-                for path in folder.iterdir():
-                    path.unlink()
-    print(dict(kinds), *(wrong or ["nothing lost, nothing left"]), sep="\n")
+                wrong.append(f"run {number}, {event}: parts differ")
+            if chance.random() < 0.5:
+                continued += 1
+                if not np.array_equal(study(folder)[WANT], values) or parts(folder) != expected:
+                    wrong.append(f"run {number}, {event}: rows differ from an undisturbed study's")
+                shutil.rmtree(folder)
+            print(number, event, fault, flush=True)
+    print(dict(events), f"{continued} continued and compared", *wrong, sep="\n")
     return bool(wrong)
 
 

@@ -543,3 +543,59 @@ def test_what_no_reader_expects_is_one_message(monkeypatch):
     monkeypatch.setattr(reading, "READERS", {key: broken})
     with pytest.raises(FormatError, match="not written as its tool writes files"):
         bm.read(text)
+
+
+# -- slots on moving links and welded slides, by closed forms ---------------------------------
+
+SLOT_ON_A_LINK = (  # PMKS+ names the slot by two joints of its link; the angle's field is 0 there
+    "https://app.pmksplus.com/?2P.Fe.K,0.1012.6A,A,0,0,0.0B,B,Ce,Fw,0.4C,C,d4,6G,0.0D,D,2N,Jh,0."
+    "1P,P,Ce,Fw,0,CD,C,D..YRAB,AB,Fe,Fe,0,0,c5cae9,A,B,,.YRCD,CD,Fe,Fe,0,0,c5cae9,C,D,,.YPBP,BP,"
+    "Fe,0,0,0,c5cae9,B,P,,...N_w"
+)
+WELDED_SLIDE = (  # a rod welded to the block that slides in a swinging cylinder
+    "https://app.pmksplus.com/?2P.Fe.K,0.1012.4O,O,0,0,0.0C,C,0,r8,0.4G,G,ee,38,0.0N,N,Ot,MY,0."
+    "8P,P,Lw,QB,0.3S,S,Lw,QB,0,GN,G,N..YROC,OC,Fe,Fe,0,0,c5cae9,O,C,,.YRGN,GN,Fe,Fe,0,0,c5cae9,G,"
+    "N,,.YRPC,PC,Fe,Fe,0,0,c5cae9,P,C,,.YPPS,PS,Fe,0,0,0,c5cae9,P,S,,...N_d"
+)
+
+
+def rate_about(b, pivot, offset=0.0):
+    """Rate of a rod whose slot passes a pivot, at the unit rate of the crank to its pin b."""
+    along = b - pivot  # at the angle phi; the slot lies at phi - asin(offset / |along|)
+    r2 = abs(along) ** 2
+    phi, r = ((np.conj(along) * 1j * b).imag / r2), ((np.conj(along) * 1j * b).real / r2)
+    return phi + offset * r / math.sqrt(r2 - offset**2)
+
+
+def test_a_slot_on_a_moving_link_lies_along_it():
+    linkage = bm.read(SLOT_ON_A_LINK)
+    rate = linkage.run(at=[0.5], rates=1.0, want="link.CD.omega")["link.CD.omega"][0]
+    turn = np.exp(0.5j)
+    assert rate == pytest.approx(rate_about((0.808 + 1.018j) * turn, 2.5 + 0.4j), rel=1e-12)
+    exact = rate_about(1.3 * np.exp(0.9j) * turn, 2.5 + 0.4j)  # before the address rounded
+    assert exact == pytest.approx(0.1047130168807448, rel=1e-14)
+    assert rate == pytest.approx(exact, rel=2e-3)  # 0.5e-3 of 0.8
+
+
+def test_a_rod_welded_to_its_slide_is_one_link_with_it():
+    linkage = bm.read(WELDED_SLIDE)
+    assert str(linkage.decompose()).endswith("II cylinder(GN, PC, OC)>")
+    assert linkage.check() == []
+    extensions = np.array([-0.4, -0.05, 0.1, 0.7])  # cm
+    pins = linkage.run(at=0.01 * extensions, want="joint.C.p")["joint.C.p"] * 100
+    length, frame, rocker = abs(2.6 - 3.2j), abs(2.6 + 0.2j), 3.4
+    cosine = (frame**2 + rocker**2 - (length + extensions) ** 2) / (2 * frame * rocker)
+    angle = np.angle(2.6 + 0.2j) + np.arccos(cosine)  # law of cosines
+    # the address gives the slot to 1e-3 cm, so it may miss C by as much: by its square in a length
+    assert np.abs(pins - rocker * np.exp(1j * angle)).max() < 1e-7
+
+
+@pytest.mark.parametrize("at", [0.0, 0.3, -0.8])
+def test_a_pin_of_the_frame_in_a_slot_of_a_moving_link_guides_it(at):
+    text = "M[J[R, P[0, 0], L[ground, L1]], J[R, P[3, 4], L[L1, L2]], "
+    linkage = bm.read(text + "J[RP, A[-33.69], P[12, -2], L[L2, ground]]]", unit="mm")
+    assert linkage.check() == []
+    assert "I(L1) -> II RPR(L2, slider_C)" in repr(linkage)
+    rate = linkage.run(at=[at], rates=1.0, want="link.L2.omega")["link.L2.omega"][0]
+    offset = ((3 + 4j - (12 - 2j)) * np.exp(1j * math.radians(33.69))).imag
+    assert rate == pytest.approx(rate_about((3 + 4j) * np.exp(1j * at), 12 - 2j, offset), rel=1e-12)
