@@ -597,5 +597,5 @@ def test_a_pin_of_the_frame_in_a_slot_of_a_moving_link_guides_it(at):
     assert linkage.check() == []
     assert "I(L1) -> II RPR(L2, slider_C)" in repr(linkage)
     rate = linkage.run(at=[at], rates=1.0, want="link.L2.omega")["link.L2.omega"][0]
-    offset = ((3 + 4j - (12 - 2j)) * np.exp(1j * math.radians(33.69))).imag
+    offset = ((3 + 4j - (12 - 2j)) * np.exp(1j * math.radians(33.69 - 180))).imag
     assert rate == pytest.approx(rate_about((3 + 4j) * np.exp(1j * at), 12 - 2j, offset), rel=1e-12)
