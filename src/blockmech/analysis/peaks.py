@@ -36,7 +36,6 @@ AROUND = np.arange(-3, 4)  # the same, by which the place of a top is predicted
 WINDOW = 0.0625  # of the spacing of samples: half the panel about a predicted place
 STEPS = 2  # of Newton's method from a node, or from a prediction
 TOPS = 4  # smooth ones of a function that are told from another
-ROWS = 512  # functions that are looked through at a time: they stay in the processor's cache
 MOST = 400  # panels of one function
 NOISY = 0.3  # turns a sample, above which a function is rounding only
 NARROW = 16 * EPS  # of a place: panels are not halved further
@@ -117,53 +116,43 @@ class Search:
 
     def _smooth(self) -> tuple[Indices, Indices]:
         """Find the tops of smooth functions; functions, and cells of them, that are left."""
-        m, n = self.y.shape
-        at, bounds = np.empty(m, np.intp), np.empty(m)
-        value = np.empty(m)
-        for first in range(0, m, ROWS):
-            some = slice(first, first + ROWS)
-            size = self._size(self.y[some])
-            row, at[some] = np.arange(len(size)), size.argmax(axis=1)
-            bound = self._bound(self.y[some], size)
-            self._leave_out(bound, row, at[some])
-            value[some], bounds[some] = size[row, at[some]], bound[row, bound.argmax(axis=1)]
-        self.peaks = Peaks(value, self.s[at], np.zeros(m))
-        sure = self._put_tops(np.arange(m), at)
-        unresolved = ~sure | (bounds > self.peaks.limit)
-        rows = np.flatnonzero(
-            unresolved if self.suspects is None else unresolved | self.suspects.any(axis=1)
-        )
-        if not len(rows):
-            return rows, rows
-        high = self._put_others(rows, at[rows], sure[rows])
-        high = high if self.suspects is None else high | self.suspects[rows]
-        row, cell = np.divmod(np.flatnonzero(high[:, 1:] | high[:, :-1]), n - 1)
-        return rows[row], cell
-
-    def _put_others(self, rows: Indices, k: Indices, sure: Truths) -> Truths:
-        """Find other tops of some functions; samples (k, n) beside which there may be more."""
-        bound, row = self._bound(self.y[rows], self._size(self.y[rows])), np.arange(len(rows))
+        y, size = self.y, self._size(self.y)
+        bound, row, k = self._bound(y, size), np.arange(len(y)), size.argmax(axis=1)
+        self.peaks = Peaks(size[row, k], self.s[k], np.zeros(len(y)))
+        tops, limit = [(row, k)], self.peaks.limit
         for _ in range(TOPS):
-            bound[row[~sure], k[~sure]] = np.inf
-            row, k = row[sure], k[sure]
             self._leave_out(bound, row, k)
-            k = bound[row].argmax(axis=1)
-            higher = bound[row, k] > self.peaks.limit[rows[row]]
+            k = bound.argmax(axis=1)[row]
+            higher = bound[row, k] > limit[row]
             row, k = row[higher], k[higher]
             if not len(row):
                 break
-            sure = self._put_tops(rows[row], k)
+            tops.append((row, k))
+        row, k = map(np.concatenate, zip(*tops, strict=True))
+        sure = self._put_tops(row, k)
+        open_ = np.bincount(row, ~sure, len(y)) > 0.0
+        open_[row[len(y) :]] = True
+        open_ |= False if self.suspects is None else self.suspects.any(axis=1)
+        rows = np.flatnonzero(open_)
+        if not len(rows):
+            return rows, rows
+        bound[rows] = self._bound(y[rows], size[rows])
+        self._leave_out(bound, row[sure], k[sure])
+        bound[row[~sure], k[~sure]] = np.inf
+        high = bound[rows] > self.peaks.limit[rows][:, None]
+        high |= False if self.suspects is None else self.suspects[rows]
         if self.turn:
-            bound[:, -1] = bound[:, 0]
-        return np.asarray(bound > self.peaks.limit[rows][:, None])
+            high[:, -1] = high[:, 0]
+        row, cell = np.divmod(np.flatnonzero(high[:, 1:] | high[:, :-1]), len(self.s) - 1)
+        return rows[row], cell
 
     def _bound(self, y: Floats, size: Floats) -> Floats:
         """What functions are at most beside samples (m, n), judged by their neighbours."""
-        last, bound = y.shape[1] - 1, np.correlate(y.ravel(), RISE, "same").reshape(y.shape)
+        bound = np.correlate(y.ravel(), RISE, "same").reshape(y.shape)
         if self.turn:
-            for k in (-3, -2, 0, 1, 2):
-                bound[:, k] = sum(w * y[:, (k - 2 + i) % last - last] for i, w in enumerate(RISE))
-            bound[:, -1] = bound[:, 0]
+            seam = np.concatenate([y[:, -5:-1], y[:, :5]], axis=1)
+            seam = np.correlate(seam.ravel(), RISE, "same").reshape(seam.shape)
+            bound[:, -3:], bound[:, :2] = seam[:, 2:5], seam[:, 4:6]
         else:
             bound[:, :2], bound[:, -2:] = bound[:, [2]], bound[:, [-3]]
         np.abs(bound, out=bound)
@@ -203,7 +192,7 @@ class Search:
         index = middle[:, None] + AROUND
         y = self.y[row[:, None], index % (n - 1) if self.turn else index] * sign[:, None]
         off = (k - middle).astype(float)
-        top = turning(y @ polynomial(tuple(AROUND.tolist())), off)
+        top = turning(polynomial(tuple(AROUND.tolist())) @ y.T, off)
         return np.asarray(np.clip(top - off, -1.0, 1.0))
 
     # -- wherever there may be more ------------------------------------------------------
@@ -243,7 +232,7 @@ class Search:
 @cache
 def polynomial(nodes: tuple[float, ...]) -> Floats:
     """Values (k,) at places -> coefficients (k,) of the polynomial through them, rising."""
-    return np.ascontiguousarray(np.linalg.inv(np.vander(nodes, increasing=True)).T)
+    return np.asarray(np.linalg.inv(np.vander(nodes, increasing=True)))
 
 
 @cache
@@ -254,8 +243,8 @@ def series_end() -> Floats:
 
 
 def turning(c: Floats, x: Floats) -> Floats:
-    """Where polynomials (k, n) have their tops near x (k,), by Newton's method."""
-    slopes = np.ascontiguousarray(c[:, 1:].T * np.arange(1.0, c.shape[1])[:, None])
+    """Where polynomials (n, k) have their tops near x (k,), by Newton's method."""
+    slopes = c[1:] * np.arange(1.0, len(c))[:, None]
     bends = slopes[1:] * np.arange(1.0, len(slopes))[:, None]
     for _ in range(STEPS):
         slope, bend = valued(slopes, x), valued(bends, x)
@@ -278,6 +267,6 @@ def summits(values: Floats, start: Floats) -> tuple[Floats, Floats, Floats]:
 
     Places (k,) are -1 to 1 inside a panel; what its polynomial leaves out is in the values' unit.
     """
-    c = values @ polynomial(tuple(NODES.tolist()))
+    c = polynomial(tuple(NODES.tolist())) @ values.T
     z = turning(c, start)
-    return z, valued(c.T, z.clip(-1.0, 1.0)), np.abs(values @ series_end()).max(axis=1)
+    return z, valued(c, z.clip(-1.0, 1.0)), np.abs(values @ series_end()).max(axis=1)

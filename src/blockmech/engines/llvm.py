@@ -249,7 +249,7 @@ class LlvmEngine:
         for k, column in enumerate(flat):
             columns[:, k, :n] = column.reshape(shape)
             columns[:, k, n:] = columns[:, k, n - 1 : n]
-        out = np.empty((max(1, self.code.traced.rows), LANES * (m * width // LANES | 1)))
+        out = np.empty((m, max(1, self.code.traced.rows), width))
         room = np.empty(columns.shape[1:])
         first = room.ctypes.data
         addresses = self._addresses(*range(first, first + room.nbytes, 8 * width))
@@ -258,9 +258,8 @@ class LlvmEngine:
             slots.ctypes.data, slots.shape[1], columns.ctypes.data, room.ctypes.data, room.size,
             width, out.ctypes.data, out.shape[1], m,
         )  # fmt: skip
-        lanes = out[:, : m * width].reshape(-1, m, width)
         flat = [column.reshape(shape) for column in flat]
-        return self._batch(flat, lanes[..., :n], total, shape)
+        return self._batch(flat, out.transpose(1, 0, 2)[..., :n], total, shape)
 
     def _together(
         self, inputs: Record, n: int, slots: Array, shape: tuple[int, ...]
@@ -312,8 +311,7 @@ class LlvmEngine:
 
 def each_design(
     fill: Callable[[Reals, Reals, Reals, int, int, int, int], float], x: Reals, numbers: Reals,
-    slots: int, columns: Reals, room: Reals, size: int, n: int, out: Reals, stride: int,
-    designs: int,
+    slots: int, columns: Reals, room: Reals, size: int, n: int, out: Reals, rows: int, designs: int,
 ) -> float:  # fmt: skip
     """A program for each design at n samples of its own.
 
@@ -323,7 +321,7 @@ def each_design(
     for d in range(designs):
         for k in range(size):
             room[k] = columns[d * size + k]
-        total += fill(x, numbers[d * slots :], out[d * n :], stride, n, slots, 1)
+        total += fill(x, numbers[d * slots :], out[d * rows * n :], n, n, slots, 1)
     return total
 
 
