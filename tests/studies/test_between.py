@@ -147,7 +147,7 @@ def test_a_gap_between_the_poses_leaves_no_number():
 
 def search(function, s, m, **how):
     y = function(np.arange(m), np.tile(s, (m, 1)))
-    return Search(function, s, y, **how).found()
+    return Search(function, s, y, **how).largest()
 
 
 def test_jumps_are_found_to_rounding():

@@ -27,7 +27,7 @@ Truths: TypeAlias = NDArray[np.bool_]
 Function: TypeAlias = Callable[[Indices, Floats], Floats]
 """Numbers (k,) of functions, places (k, 8) -> their values (k, 8); NaN where there is none."""
 
-ENDED = 1e-11  # of the largest value: what the polynomial of a panel usually may leave
+REMAINDER = 1e-11  # of the largest value: what the polynomial of a panel usually may leave
 # Weights of five samples: how much a function may rise beside the middle one. A parabola rises by
 # an eighth of its second difference, what no cubic joins by three times its fourth.
 RISE = 3.0 * np.array([1.0, -4.0, 6.0, -4.0, 1.0]) - np.array([0.0, 1.0, -2.0, 1.0, 0.0]) / 8.0
@@ -57,7 +57,7 @@ class Peaks(NamedTuple):
     @property
     def limit(self) -> Floats:
         """Above which (m,) there is more."""
-        return self.value + ENDED * np.abs(self.value)
+        return self.value + REMAINDER * np.abs(self.value)
 
     def rise(self, row: Indices, value: Floats, position: Floats) -> None:
         """Put in values of functions, of some several, where they are larger."""
@@ -79,7 +79,7 @@ class Search:
     absolute : whether the size of values counts
     turn : whether the range is a whole turn, behind which functions repeat if their ends agree
     suspects : (m, n) samples beside which anything may be
-    ended : what the polynomial of a panel may leave, of the largest value
+    remainder : what the polynomial of a panel may leave, of the largest value
     """
 
     function: Function
@@ -88,13 +88,13 @@ class Search:
     absolute: bool = False
     turn: bool = False
     suspects: Truths | None = None
-    ended: float = ENDED
+    remainder: float = REMAINDER
     peaks: Peaks = field(init=False)
 
     def __post_init__(self) -> None:
         self.y = np.ascontiguousarray(self.y, dtype=float)
 
-    def found(self) -> Peaks:
+    def largest(self) -> Peaks:
         """The largest values."""
         (m, n), steps = self.y.shape, np.diff(self.s)
         if n < len(AROUND) or np.ptp(steps) > EVEN * steps[0]:
@@ -178,7 +178,7 @@ class Search:
         z, top, tail = summits(values, start)
         inside = np.abs(z) < 1.0
         at_end = ~inside & ((k == 0) | (k == n - 1)) & (not self.turn)
-        sure: Truths = (tail <= self.ended * np.abs(top)) & (
+        sure: Truths = (tail <= self.remainder * np.abs(top)) & (
             inside & (np.abs(z - start) < 0.5) | at_end
         )
         risen = sure & inside
@@ -207,7 +207,7 @@ class Search:
             k = np.where(np.isnan(values), -np.inf, values).argmax(axis=1)
             top = values[np.arange(len(row)), k]
             z, summit, tail = summits(values, NODES[k])
-            smooth, inside = tail <= self.ended * scale[row], (np.abs(z) < 1.0) & (summit > top)
+            smooth, inside = tail <= self.remainder * scale[row], (np.abs(z) < 1.0) & (summit > top)
             bound = np.maximum(top, summit) + len(NODES) * tail
             risen = smooth & inside
             z, top = np.where(risen, z, NODES[k]), np.where(risen, summit, top)

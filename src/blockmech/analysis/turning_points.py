@@ -163,7 +163,7 @@ def _cornered(signal: Signal, s: float, room: float, sign: int) -> float:
         return sign * signal.value(coordinates.ravel()).reshape(coordinates.shape)
 
     values = sign * signal.value(samples)[None]
-    return float(Search(value, samples, values, ended=EPS).found().place[0])
+    return float(Search(value, samples, values, remainder=EPS).largest().place[0])
 
 
 def _at(signal: Signal, s: float) -> float:

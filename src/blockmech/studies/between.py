@@ -113,7 +113,7 @@ def extremes_of(w: Wanted, output: Function, s: Array, y: Array, **search_settin
         else Search(turned, s, -y, **search_settings)
         for sign in signs
     )
-    first, *second = (search.found() for search in searches)
+    first, *second = (search.largest() for search in searches)
     value, error = signs[0] * first.value, first.error
     for opposite in second:
         value, error = value + opposite.value, np.maximum(error, opposite.error)
