@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
@@ -14,6 +15,7 @@ from tests import machines
 from tests.dynamics.motions import PIN_START, pin_swings
 from tests.dynamics.one_chart import in_one_chart
 from tests.gallery import changed, document
+from tests.independent import released
 
 G = 9.81  # [m/s2]
 LOWEST = -math.pi / 2  # [rad] the pendulum hanging
@@ -49,6 +51,36 @@ def test_a_pendulum_on_a_pin_stands_still_where_the_closed_form_says(method, acc
     assert motion.facts["friction_work"] == pytest.approx(lost, rel=10 * accuracy)
     low, high = motion.facts["holding_low"], motion.facts["holding_high"]
     assert low < 0 < high
+
+
+def turned_together(*rubbing):
+    """Three links in a triangle that hangs on two pins of one axis: B and C never move."""
+    B, C = cmath.rect(0.4, 0.3), cmath.rect(0.5, 1.1)
+    rng = np.random.default_rng(5)
+    ends = {"l": (0j, B), "m": (B, C), "r": (0j, C)}
+    links = {name: released.link(rng, *x) for name, x in ends.items()}
+    lengths = {"A": ("frame", "l", 0.0, 0.0), "B": ("l", "m", 0.4, 0.0)}
+    lengths |= {"C": ("m", "r", abs(C - B), 0.5), "D": ("frame", "r", 0.0, 0.0)}
+    joints = {
+        name: released.pin(a, b, [x, 0.0], [y, 0.0]) for name, (a, b, x, y) in lengths.items()
+    }
+    for name in rubbing:
+        joints[name]["friction"] = {"law": "coulomb", "coefficient": 0.3, "radius": 0.02}
+    start = {"motor": (0.3, 0.0)}
+    case = released.document(links, joints, {"motor": "A"}, start, "triangle")
+    return bm.Linkage.from_data(case).compile()
+
+
+@pytest.mark.parametrize("q", [-1.5, 0.5, 2.5])
+def test_pairs_of_links_that_turn_together_slip_in_no_sense(q):
+    """Rounding has no sense: what B and C would rub is nothing, and they never reverse."""
+    request = {"until": "time=0.5", "start": {"motor": (q, 1.0)}, "accuracy": 1e-9}
+    every, alone = (turned_together(*names).simulate(**request).motion for names in ("BCD", "D"))
+    assert all(slips.sides[:2] == (0, 0) for slips in every.slips)
+    assert {event.kind for event in every.events} <= {"standstill"}
+    assert abs(every.q_end - alone.q_end) <= every.error + alone.error
+    work = alone.facts["friction_work"]
+    assert every.facts["friction_work"] == pytest.approx(work, rel=1e-8)
 
 
 @pytest.mark.parametrize(("mass", "length"), [(3.0, 1.0), (1e-6, 1e-4), (1e5, 100.0)])

@@ -202,6 +202,15 @@ class Response(NamedTuple):
         return not self.solved and self.at.margin > 0
 
 
+def without_rounding(x: Floats, size: Floats | float = 0.0) -> Floats:
+    """What pairs have (..., m) of rates or accelerations, 0 where that is rounding.
+
+    A pair that never moves, as of links that turn together, has no sense, whatever rounding says.
+    """
+    largest = np.maximum(size, np.abs(x).max(axis=-1, keepdims=True, initial=0.0))
+    return np.where(np.abs(x) <= STILL * largest, 0.0, x)
+
+
 def smallest(margins: Iterable[Any]) -> float:
     """The smallest of 1 and some margins; NaN if one is."""
     smallest = 1.0
@@ -340,16 +349,18 @@ class PairFriction:
         values = self.values(q, self._states(qd, t, x, k, constraint))
         drives, loads = values[..., :k].real, values[..., k : k + m]
         slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
-        w, law = slips[..., 0, :], self.law(slips[..., 0, :], x)
+        w = without_rounding(slips[..., 0, :])
         margin = smallest(values[0, k + 3 * m :].real) if q.ndim == 1 else 1.0  # of one state
 
         def of(x: Any, first: int, count: int) -> Any:
             return np.swapaxes(x[..., first : first + count, :], -1, -2)
 
         M, S, G, R = of(drives, 1, k), of(rise, 1, k), of(loads, 1, k), of(loads, 1 + k, m)
-        S = np.where(np.abs(S) <= STILL * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
-        push, b, f = -drives[..., 0, :], rise[..., 0, :], loads[..., 0, :]
-        at = Instant(q, qd, M, push, S, b, w, f, G, R, law, margin)
+        largest = np.abs(S).max(axis=(-1, -2), initial=0.0)
+        S = without_rounding(S, largest[..., None, None])
+        push, f = -drives[..., 0, :], loads[..., 0, :]
+        b = without_rounding(rise[..., 0, :], (largest * np.abs(qd).max(axis=-1) ** 2)[..., None])
+        at = Instant(q, qd, M, push, S, b, w, f, G, R, self.law(w, x), margin)
         if constraint is None:
             return at
         return at.against(constraint, _pressed(constraint, of(loads, 1 + k + m, values.shape[-2])))
@@ -364,7 +375,8 @@ class PairFriction:
     def rates(self, q: Floats, qd: Floats) -> Floats:
         """Relative rates (..., m) of the pairs."""
         k, m = q.shape[-1], len(self.names)
-        return self.values(q, [State(qd, 0.0 * qd)])[..., 0, k + m : k + 2 * m].real
+        slips = self.values(q, [State(qd, 0.0 * qd)])[..., 0, k + m : k + 2 * m].real
+        return without_rounding(slips)
 
     def slipping(self, q: Floats, qd: Floats) -> Sides:
         """Senses in which pairs slip at a state."""

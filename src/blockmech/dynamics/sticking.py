@@ -458,10 +458,8 @@ class JointFriction(PairFriction):
             return settled.sides
         h = BEYOND / max(fast, math.sqrt(push * BEYOND / 2))  # [s] for so far
         w = self.rates(at.q + h * rate + h * h / 2 * qdd, rate + h * qdd)
-        some = np.abs(w) > EPS * np.abs(w).max()
         return tuple(
-            int(np.sign(w[j])) if j in nowhere and some[j] else side
-            for j, side in enumerate(settled.sides)
+            int(np.sign(w[j])) if j in nowhere else side for j, side in enumerate(settled.sides)
         )
 
     def _missed(
