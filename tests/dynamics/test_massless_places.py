@@ -71,6 +71,17 @@ def test_runs_that_end_at_a_place_without_inertia_tell_their_errors(yoke, q, rat
         assert np.abs(motion.at(t).q - exact(q, rate, t)).max() <= motion.error < 1e-3
 
 
+@pytest.mark.parametrize("q", [0.3, 4.3184])
+def test_outputs_up_to_the_place_are_verified(yoke, q):
+    """Accelerations grow without bound there, and so does what rounding leaves the idle drive."""
+    start = {"crank": (q, 0.0)}
+    motion = yoke.simulate("time=0.4", start=start, want=()).motion
+    assert motion.end == "no inertia"
+    ends = yoke.simulate("time=0.4", start=start, times=[0.0, motion.t_end], want="*")
+    report = yoke.verify(ends)
+    assert report.ok, report
+
+
 @pytest.mark.parametrize("share", [0.1, 0.999, 1 - 1e-9])
 @pytest.mark.parametrize("method", ["energy", "dop853", "radau"])
 def test_runs_that_stop_before_it_are_honest_too(yoke, method, share):

@@ -34,18 +34,25 @@ LEAST, MOST = 129, 2048  # stretches; of a longer motion as many, evenly spread
 
 
 def idle(e: Evidence) -> Iterator[Residual]:
-    """The drives of free drivers give nothing; against its own stop, what that pushes with."""
+    """The drives of free drivers give nothing; against its own stop, what that pushes with.
+
+    Accelerations solve M q'' = Q - c, so their rounding is a share of |M| |q''|: at a place without
+    inertia that is far more than all forces, as what moves on is large there and cancels.
+    """
     motion, t, drivers = e.run.motion, e.run.time, e.structure.drivers
     assert motion is not None
     assert t is not None
     lies = motion.held(t, (*drivers, *(x.stop for x in motion.lying)))
     free = motion.role_at(t) == FREE if motion.roles else np.ones_like(lies)
+    M = e.run["mechanism.M" if len(drivers) > 1 else f"{drivers[0]}.J_red"]
+    qdd = np.array([e.run[f"{driver}.acceleration"] for driver in drivers])
+    inertial = np.einsum("nij,jn->in", np.abs(M).reshape(-1, *2 * qdd.shape[:1]), np.abs(qdd))
     for i, driver in enumerate(drivers):
         effort, q = e.run[f"{driver}.drive"], e.run[f"{driver}.q"]
         low, high = e.run.mechanism.scene.stops[driver].bounds if lies[:, i].any() else (0.0, 0.0)
         pulls = effort * np.where(q - low < high - q, 1, -1) < 0
         left = np.where(free[:, i] & (pulls | ~lies[:, i]), effort, 0.0)
-        yield Residual("idle drive of", driver, left, e.efforts[driver])
+        yield Residual("idle drive of", driver, left, e.efforts[driver] + inertial[i])
 
 
 def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, float]]:
