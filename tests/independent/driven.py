@@ -174,7 +174,9 @@ def struck(machine: Machine, y: Any, driver: int, restitution: float) -> Any:
     return np.concatenate([q.ravel(), state.q_dot + jump])
 
 
-def moved(machine: Machine, poses: Any, rates: Any, t_end: float) -> tuple[Any, Any, list[str]]:
+def moved(
+    machine: Machine, poses: Any, rates: Any, t_end: float, tolerance: float = TOLERANCE
+) -> tuple[Any, Any, list[str]]:
     """Coordinates and rates (d,) of the drivers after a time [s], and what happened until then."""
     t, y = 0.0, np.concatenate([poses.ravel(), rates.ravel()]).astype(float)
     y, events = projected(machine, t, y), list[str]()
@@ -208,7 +210,7 @@ def moved(machine: Machine, poses: Any, rates: Any, t_end: float) -> tuple[Any, 
         for rule in rules:
             rule.terminal, rule.direction = True, -1.0  # type: ignore[attr-defined]
         leg = solve_ivp(
-            slope, (t, t_end), y, "DOP853", events=rules, rtol=TOLERANCE, atol=TOLERANCE / 10
+            slope, (t, t_end), y, "DOP853", events=rules, rtol=tolerance, atol=tolerance / 10
         )
         t, y = float(leg.t[-1]), projected(machine, float(leg.t[-1]), leg.y[:, -1])
         q, _ = coordinates(machine, y)
