@@ -22,7 +22,6 @@ from blockmech.dynamics.batch_motions import GOAL, REST, TIME, Bools, Motions, T
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.equation import cached_rates
 from blockmech.dynamics.estimate import (
-    CORNERED,
     FINER,
     FLOOR,
     ROUNDING,
@@ -113,7 +112,7 @@ def _judged(
 
     spent : (m,) states that the finer ones asked for
     """
-    remainder = SMOOTH if system.smooth else CORNERED
+    remainder = SMOOTH if system.smooth else 1.0
     same = (
         (coarse.end == fine.end)
         & (coarse.standstills == fine.standstills)

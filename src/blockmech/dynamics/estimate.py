@@ -1,10 +1,10 @@
 """Estimates of errors, one rule for all methods (numerics 14).
 
-A run and one by half its steps, so that their errors are not alike: the finer is returned. Of
-their difference halves leave a share at most (`SMOOTH`, `CORNERED`), which with rounding is its
-stated error. It is refined until that meets the target or nothing finer is left. Two runs that end
-differently, or differ as two motions do, did not reach what was asked: the motion is given as far
-as both agree, and says so.
+A run and one by half its steps, so that their errors are not alike: the finer is returned. Its
+stated error is their difference with rounding, and a share of it (`SMOOTH`) where the equation has
+no corners: within a step with one, by chance, the coarser run may err less. It is refined until
+that meets the target or nothing finer is left. Two runs that end differently, or differ as two
+motions do, did not reach what was asked: the motion is given as far as both agree, and says so.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 FINER = 20.0  # tolerance of a second run, besides half the steps (numerics 14)
-# What half the steps leave of an error at most: 1/256 of order 8, of order 2, at a kink, a quarter.
-SMOOTH, CORNERED = 1 / 16, 1 / 4
+SMOOTH = 1 / 16  # of an error of order 8, of which half the steps leave 1/256
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy's integrators take
 TARGET = 1e-9  # [rad or m] of the error if none is given
 LEAST = 1e-12  # of a target from which on pairs of runs go down one ladder

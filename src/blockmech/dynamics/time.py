@@ -17,7 +17,6 @@ import numpy as np
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.equation import scales
 from blockmech.dynamics.estimate import (
-    CORNERED,
     FINER,
     FLOOR,
     SMOOTH,
@@ -421,8 +420,7 @@ def integrate(
         return last.motion()
 
     # What the iterations of Radau's method leave does not fall with its steps.
-    remainder = 1.0 if method == "radau" else SMOOTH if smooth else CORNERED
-    return refined(run, system, target, request.times, remainder)
+    return refined(run, system, target, request.times, SMOOTH if smooth else 1.0)
 
 
 def repeats(system: System, request: SimulationRequest) -> bool:
