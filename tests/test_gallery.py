@@ -134,7 +134,7 @@ def pairs_of(name, form, graph, size):
                 yield kind, f"{joint}.{part}", ours * scale, sign * other * scale
     for coupling in data_of(name, JOINTS).get("couplings", ()):
         for part in ("force", "effort"):
-            ours, other = form[f"coupling.{coupling}.{part}"], graph[f"{coupling}.{part}"]
+            ours, other = form[f"{coupling}.{part}"], graph[f"{coupling}.{part}"]
             yield part, f"{coupling}.{part}", ours, other
     for driver, theirs in free_drivers(name).items():
         for part in ("q", "drive", "J_red", "tau_red", "drive_by_reduction"):

@@ -40,7 +40,7 @@ def motion(result, driver="crank"):
 WANT = ["*.q", "*.rate", "*.acceleration"]
 STEADY = bm.motion.ConstantRate(rate=10.0, start=1.0, end=3.0)
 SPEEDING = bm.motion.RateAcceleration(rate=2.0, acceleration=3.0, start=1.0, end=3.0)
-TABLE = bm.motion.Table(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 5.0], interpolation="linear")
+TABLE = bm.motion.Trajectory(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 5.0], interpolation="linear")
 
 
 # ---- by coordinate -----------------------------------------------------------------------

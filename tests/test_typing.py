@@ -31,7 +31,7 @@ g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": pivot, "E": 1 + 2j, "F": 
 g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, branch=-1, links=links))
 g.add("weight", bm.Force(force=(0.0, -1000.0)))
 place: complex = pivot.at.z
-times = bm.motion.Table(times=np.linspace(0.0, 1.0, 5), values=[0.0, 1.0, 2.0, 3.0, 4.0])
+times = bm.motion.Trajectory(times=np.linspace(0.0, 1.0, 5), values=[0.0, 1.0, 2.0, 3.0, 4.0])
 """
 RIGHT = (
     'g.run(at=range(3), want="crank.drive", friction="single")',

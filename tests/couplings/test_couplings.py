@@ -721,5 +721,5 @@ def test_a_document_names_the_followers_tip_in_its_own_frame_of_the_link():
         bm.Linkage.from_json(json.dumps(d)).compile().run(at=[0.5, 1.3], rates=120.0)
         for d in (data, moved)
     ]
-    for name in ("driver.shaft.drive", "coupling.cam.contact", "coupling.cam.curvature_radius"):
+    for name in ("driver.shaft.drive", "cam.contact", "cam.curvature_radius"):
         np.testing.assert_allclose(runs[0][name], runs[1][name], rtol=1e-11)

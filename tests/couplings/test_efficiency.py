@@ -404,7 +404,7 @@ def test_a_document_of_links_and_joints_has_it():
     (lead,) = mech.drivers
     asked = {"at": [0.001], "rates": 0.1, "static": True}
     run, without = mech.run(**asked), ideal.run(**asked)
-    losses = sum(run[f"coupling.{name}.loss"][0] for name in data["couplings"])
+    losses = sum(run[f"{name}.loss"][0] for name in data["couplings"])
     power = without[f"driver.{lead}.power"][0]
     assert losses == pytest.approx(power * (1 / ETA - 1) if power > 0 else power * (ETA - 1))
     assert run[f"driver.{lead}.power"][0] - power == pytest.approx(losses, rel=1e-9)

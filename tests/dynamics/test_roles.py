@@ -126,7 +126,7 @@ def test_the_drive_that_follows_a_free_motion_vanishes_with_the_steps_of_its_tab
     off = []
     for n in (31, 61):
         t = np.linspace(0.0, 0.6, n)
-        law = bm.motion.Table(
+        law = bm.motion.Trajectory(
             times=t, values=free.simulate(times=t, want=["a.q"], accuracy=1e-11)["a.q"]
         )
         r = arm(law).compile().simulate(times=[0.3, 0.6], roles={"a": "prescribed"}, want=WANT)
@@ -320,7 +320,7 @@ def test_a_prescribed_driver_ends_at_its_own_stop():
 
 
 def test_a_motion_ends_where_a_law_does():
-    g = arm(bm.motion.Table(**TABLE))
+    g = arm(bm.motion.Trajectory(**TABLE))
     never = bm.Watch("never", lambda t, q, rate: 1.0)
     motion = g.compile().simulate("event", watch=[never], roles={"a": "prescribed"}).motion
     assert (motion.end, motion.status) == ("law of motion ends", "ended")
@@ -406,12 +406,12 @@ MISTAKES = {
     ),
     "corner": (
         {"roles": {"a": "prescribed"}},
-        bm.motion.Table(**TABLE, interpolation="linear"),
+        bm.motion.Trajectory(**TABLE, interpolation="linear"),
         "the rate of the law of a jumps at 1 s",
     ),
     "short law": (
         {"roles": {"a": "prescribed"}, "until": "time=5"},
-        bm.motion.Table(**TABLE),
+        bm.motion.Trajectory(**TABLE),
         "says nothing at 5",
     ),
     "role": (

@@ -214,7 +214,7 @@ def test_what_is_no_formula_is_refused(text):
         ("1 + 70*sin(6*time - 2)", "harmonic"),
         ("cos(-3*time)*2", "harmonic"),
         ("time*time - 2*time", "rate_acceleration"),
-        ("sin(time) + sin(2*time)", "table"),
+        ("sin(time) + sin(2*time)", "trajectory"),
     ],
 )
 def test_laws_of_formulas_are_the_formulas(text, law):
@@ -228,7 +228,7 @@ def test_laws_of_formulas_are_the_formulas(text, law):
     times = np.linspace(0.0, 1.9, 7)
     q = bm.Linkage.from_data(data).run(times=times, want="driver.d.q")["driver.d.q"]
     right = [formula(time=t) for t in times]
-    assert q == pytest.approx(right, abs=1e-6 if law == "table" else 1e-12)
+    assert q == pytest.approx(right, abs=1e-6 if law == "trajectory" else 1e-12)
 
 
 # -- assemblies -----------------------------------------------------------------------------------

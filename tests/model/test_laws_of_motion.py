@@ -21,8 +21,8 @@ LAWS = {
     ),
     "harmonic": bm.motion.Harmonic(mean=0.3, amplitude=1.2, frequency=0.8, phase=0.4),
     "cycloidal": bm.motion.Cycloidal(start=0.2, end=-1.4, time=2.0),
-    "cubic table": bm.motion.Table(times=[0.0, 0.5, 1.1, 2.0], values=[0.0, 1.0, 0.4, 2.0]),
-    "linear table": bm.motion.Table(
+    "cubic table": bm.motion.Trajectory(times=[0.0, 0.5, 1.1, 2.0], values=[0.0, 1.0, 0.4, 2.0]),
+    "linear table": bm.motion.Trajectory(
         times=[0.0, 0.5, 1.1, 2.0], values=[0.0, 1.0, 0.4, 2.0], interpolation="linear"
     ),
 }
@@ -91,7 +91,7 @@ def test_durations():
     assert bm.motion.ConstantRate(rate=0.0).duration() == math.inf
     assert bm.motion.Harmonic(amplitude=1.0, frequency=4.0).duration() == 0.25
     assert bm.motion.Cycloidal(start=0.0, end=1.0, time=3.0).duration() == 3.0
-    table = bm.motion.Table(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 0.0])
+    table = bm.motion.Trajectory(times=[1.0, 2.0, 4.0], values=[0.0, 1.0, 0.0])
     assert (table.begin(), table.duration()) == (1.0, 3.0)
 
 
@@ -123,7 +123,7 @@ def test_cycloid_rises_without_jerk_at_its_ends_and_dwells_outside():
 def test_cubic_table_reproduces_a_cubic():
     # the not-a-knot spline through a cubic is that cubic
     times = [0.0, 0.4, 1.0, 1.7, 2.0]
-    law = bm.motion.Table(times=times, values=[t**3 - t for t in times])
+    law = bm.motion.Trajectory(times=times, values=[t**3 - t for t in times])
     t = np.linspace(0.0, 2.0, 9)
     q, qd, qdd = law.at_times(t)
     assert q == pytest.approx(t**3 - t, abs=1e-14)
@@ -133,7 +133,7 @@ def test_cubic_table_reproduces_a_cubic():
 
 @pytest.mark.parametrize("interpolation", ["cubic", "linear"])
 def test_table_says_nothing_outside_itself(interpolation):
-    law = bm.motion.Table(
+    law = bm.motion.Trajectory(
         times=[1.0, 2.0, 3.0], values=[0.0, 1.0, 0.5], interpolation=interpolation
     )
     for part in law.at_times(np.array([0.99, 1.0, 3.0, 3.01])):
@@ -141,10 +141,14 @@ def test_table_says_nothing_outside_itself(interpolation):
 
 
 WRONG = {
-    "times and values of different length": lambda: bm.motion.Table(times=[0.0, 1.0], values=[0.0]),
-    "times that do not increase": lambda: bm.motion.Table(times=[0.0, 0.0], values=[0.0, 1.0]),
-    "times that go back": lambda: bm.motion.Table(times=[0.0, 2.0, 1.0], values=[0.0, 1.0, 2.0]),
-    "one row": lambda: bm.motion.Table(times=[0.0], values=[0.0]),
+    "times and values of different length": lambda: bm.motion.Trajectory(
+        times=[0.0, 1.0], values=[0.0]
+    ),
+    "times that do not increase": lambda: bm.motion.Trajectory(times=[0.0, 0.0], values=[0.0, 1.0]),
+    "times that go back": lambda: bm.motion.Trajectory(
+        times=[0.0, 2.0, 1.0], values=[0.0, 1.0, 2.0]
+    ),
+    "one row": lambda: bm.motion.Trajectory(times=[0.0], values=[0.0]),
     "not a number": lambda: bm.motion.ConstantRate(rate=math.nan),
     "endless": lambda: bm.motion.ConstantRate(rate=1.0, end=math.inf),
     "no frequency": lambda: bm.motion.Harmonic(amplitude=1.0, frequency=0.0),

@@ -46,8 +46,8 @@ def test_numbers_and_arrays_of_numpy_are_numbers():
     assert dyad == bm.RRR(l_i=6.0, l_j=3.0, branch=-1)
     frame = bm.Frame(markers={"A": np.zeros(2), "D": (lengths[0], 0)})
     assert frame == bm.Frame(markers={"A": (0, 0), "D": (6, 0)})
-    table = bm.motion.Table(times=np.arange(3), values=np.arange(3) / 2)
-    assert table == bm.motion.Table(times=[0, 1, 2], values=[0, 0.5, 1])
+    table = bm.motion.Trajectory(times=np.arange(3), values=np.arange(3) / 2)
+    assert table == bm.motion.Trajectory(times=[0, 1, 2], values=[0, 0.5, 1])
 
 
 def test_a_marker_is_a_place_in_either_bracket():

@@ -13,7 +13,7 @@ from blockmech.loads import Element, Terminal
 from blockmech.model.schema import graph_schema
 from tests.gallery import GRAPHS
 
-GOOD = [*sorted(GRAPHS.glob("*.json")), *sorted((GRAPHS / "legacy").glob("*.json"))]
+GOOD = sorted(GRAPHS.glob("*.json"))
 
 NOT_JSON = {"comment", "empty_file", "missing_comma", "single_quotes", "trailing_comma"} | {
     "truncated",

@@ -218,7 +218,7 @@ class _Reading:
         except FormatError as error:
             drawing.note(f"{name}: {error.problems[0].found}: it is driven without a law")
             return {}
-        if law.get("law") == "table":
+        if law.get("law") == "trajectory":
             drawing.note(f"{name}: {text[:60]} is a table of {self.end:g} s here")
         return law
 

@@ -38,6 +38,7 @@ from blockmech.exchange.drawing import (
 )
 from blockmech.ground.errors import FormatError, Problem, listed
 from blockmech.ground.names import free_name, numbered_name
+from blockmech.model.form import VERSION
 from blockmech.typing import Data
 
 MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move
@@ -107,7 +108,7 @@ class _Making:
         stops = self._stops()
         document: Data = {
             "format": "blockmech/joints",
-            "version": 1,
+            "version": VERSION,
             "name": _clean(drawing.name) or "mechanism",
             "gravity": [drawing.gravity.real, drawing.gravity.imag],
             "links": self.links,

@@ -108,7 +108,7 @@ def law_of(formula: Formula, end: float, turns: bool) -> Data:
         law = {"law": "rate_acceleration", "rate": first, "acceleration": curve}
         return {**law, "from": q[0], "to": to}
     rows = [end * k / 240 for k in range(241)]
-    return {"law": "table", "times": rows, "values": [formula(time=t) for t in rows]}
+    return {"law": "trajectory", "times": rows, "values": [formula(time=t) for t in rows]}
 
 
 def _harmonic(formula: Formula) -> Data | None:

@@ -336,7 +336,7 @@ def _counted(law: Data, zero: float, sense: float) -> Data:
     """
     if not law:
         return {}
-    starts = {"harmonic": "mean", "table": "values"}
+    starts = {"harmonic": "mean", "trajectory": "values"}
     key = starts.get(law["law"], "from")
     start = law[key][0] if key == "values" else law[key]
     zero += math.tau * round((start - zero) / math.tau)

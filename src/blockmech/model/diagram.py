@@ -91,7 +91,7 @@ class GraphDocument(StrictModel):
     """A mechanism as a block diagram, in SI units and radians."""
 
     format: Literal["blockmech/graph"]
-    version: Annotated[int, Field(strict=True, ge=1, le=VERSION)]
+    version: Annotated[int, Field(strict=True, ge=VERSION, le=VERSION)]
     name: str = "mechanism"
     title: str = ""
     blocks: Data

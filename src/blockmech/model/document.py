@@ -18,6 +18,7 @@ from blockmech.model.form import EXTRAS, Draft, Form
 from blockmech.model.parameters import Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.scene import Initial, Locked, Stops
+from blockmech.model.versions import current
 from blockmech.model.writing import canonical_text
 from blockmech.typing import Data, Record
 
@@ -69,7 +70,7 @@ class Document:
     @declared
     def from_data(cls, data: Data, odd: Iterable[Problem] = (), file: str = "") -> Self:
         """Read what a file holds, with the problems that its text has. Raises like `load`."""
-        draft = Draft(cls.form, data, list(odd))
+        draft = Draft(cls.form, current(data), list(odd))
         content: Any = draft.said
         made, given = cls(content.name, title=content.title), content.model_fields_set
         made.extras.update({key: getattr(content, key) for key in EXTRAS if key in given})

@@ -36,8 +36,8 @@ from blockmech.typing import Data, Record
 HEAD = ("format", "version", "name", "title")
 EXTRAS = ("view", "expect", "source", "notes")
 """Sections that travel with a document and are not computed with."""
-VERSION = 1
-"""The version of files that this blockmech reads and writes."""
+VERSION = 2
+"""The version of files that this blockmech writes; it reads all up to this one."""
 
 FORMATS = {
     "blockmech/graph": ("the file holds blocks, not links and joints", "open it as a Graph"),
@@ -154,7 +154,7 @@ def _identified(form: Form, raw: Record) -> Iterator[Problem]:
         other = f"the format is {shown(declared)}", ""
         found, remedy = FORMATS.get(declared, other) if isinstance(declared, str) else other
         raise FormatError(Problem("wrong-format", "format", found, valid, remedy))
-    version, valid = raw.get("version"), f"this blockmech reads version {VERSION}"
+    version, valid = raw.get("version"), f"this blockmech reads versions 1 to {VERSION}"
     if "version" not in raw:
         found, remedy = "the file does not say its version", f'add "version": {VERSION}'
         yield Problem("missing-version", "version", found, valid, remedy)

@@ -32,7 +32,7 @@ __all__ = [
     "Harmonic",
     "LawOfMotion",
     "RateAcceleration",
-    "Table",
+    "Trajectory",
 ]
 
 Array = NDArray[np.float64]
@@ -218,21 +218,21 @@ class Cycloidal(LawOfMotion):
         return (0.0, self.time)
 
 
-class Table(LawOfMotion):
+class Trajectory(LawOfMotion):
     """Values [rad or m] at times [s], joined by a cubic spline (not-a-knot) or straight lines."""
 
-    law: Literal["table"] = "table"
+    law: Literal["trajectory"] = "trajectory"
     times: Annotated[NumbersGiven, Field(min_length=2)]
     values: Annotated[NumbersGiven, Field(min_length=2)]
     interpolation: Literal["cubic", "linear"] = "cubic"
 
     @model_validator(mode="after")
-    def _ordered(self) -> Table:
+    def _ordered(self) -> Trajectory:
         check_table("times", self.times, self.values)
         return self
 
     def at_times(self, t: Array) -> Motion:
-        """The interpolant and its derivatives; NaN outside the table."""
+        """The interpolant and its derivatives; NaN outside its times."""
         return self._curve(t), self._curve(t, 1), self._curve(t, 2)
 
     @cached_property
@@ -245,16 +245,16 @@ class Table(LawOfMotion):
         return PPoly(np.array([np.diff(y) / np.diff(x), y[:-1]]), x, extrapolate=False)
 
     def duration(self) -> float:
-        """Time [s] that the table covers."""
+        """Time [s] from its first to its last value."""
         return self.times[-1] - self.times[0]
 
     def begin(self) -> float:
-        """The first time [s] of the table."""
+        """Its first time [s]."""
         return self.times[0]
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """The times of the table: its spline has a third derivative that jumps there."""
+        """Its times: the spline has a third derivative that jumps there."""
         return tuple(self.times)
 
     @property
@@ -268,5 +268,5 @@ class Table(LawOfMotion):
 
 
 AnyLaw = Annotated[
-    ConstantRate | RateAcceleration | Harmonic | Cycloidal | Table, Field(discriminator="law")
+    ConstantRate | RateAcceleration | Harmonic | Cycloidal | Trajectory, Field(discriminator="law")
 ]

@@ -24,6 +24,7 @@ from pydantic import Field, PrivateAttr, WithJsonSchema, field_validator, model_
 from blockmech.blocks.block import Block
 from blockmech.ground.errors import BlockmechError, FormatError, GraphError, Problem
 from blockmech.ground.values import Number, mistake
+from blockmech.model.versions import current
 from blockmech.typing import Data
 
 Content: TypeAlias = Any
@@ -77,7 +78,7 @@ class Subgraph(Block, type="graph"):
     def _as_data(cls, raw: Any) -> Any:
         data = raw.to_data() if hasattr(raw, "to_data") else raw
         own = isinstance(data, dict) and str(data.get("format", "")).startswith("blockmech/")
-        return {k: x for k, x in data.items() if k not in HEAD} if own else data
+        return {k: x for k, x in current(data).items() if k not in HEAD} if own else data
 
     @model_validator(mode="after")
     def _one_source(self) -> Subgraph:

@@ -105,8 +105,7 @@ def readings(
         yield of(f"link.{link}", _of_link, link, at, at.link == structure.frame_link)
     for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
         yield of(f"joint.{pin}", _of_pin, pin, dict(entries), structure, names, outputs, driven)
-    of_blocks = {f"coupling.{name}": block for name, block in names.couplings.items()}
-    for name, block in {**of_blocks, **names.signals}.items():
+    for name, block in {**names.couplings, **names.signals}.items():
         yield of(name, _of_blocks, name, (block,), outputs)
     for load, elements in names.loads.items():
         yield of(load, _of_blocks, load, elements, outputs, (load, ""))

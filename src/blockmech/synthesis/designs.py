@@ -13,6 +13,7 @@ import numpy as np
 from blockmech.builders import Graph
 from blockmech.functions.series import Floats
 from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.model.form import VERSION
 from blockmech.result.exported import aligned
 from blockmech.synthesis.fourbar import SHAPE, coupler_point
 from blockmech.synthesis.search import Task, search
@@ -126,7 +127,7 @@ def fourbar(shape: Any, A: complex, B: complex, branch: int, name: str = "fourba
     return Graph.from_data(
         {
             "format": "blockmech/graph",
-            "version": 1,
+            "version": VERSION,
             "name": name,
             "blocks": {
                 "frame": {

@@ -17,6 +17,7 @@ from blockmech.assur.chains import Chain, chains, mechanisms
 from blockmech.assur.formation import formation
 from blockmech.assur.pairs import Pair
 from blockmech.builders import Graph, Linkage
+from blockmech.model.form import VERSION
 from blockmech.typing import Data
 
 
@@ -109,7 +110,7 @@ def blank(structure: Structure, seed: int = 0) -> Graph:
     motor = "J{}_{}".format(*sorted((s.frame, s.crank)))
     drivers = {"crank": {"joint": motor, "law": "constant_rate", "rate": 1.0}}
     data = Linkage.from_data(
-        {"format": "blockmech/joints", "version": 1, "name": s.name, "links": links,
+        {"format": "blockmech/joints", "version": VERSION, "name": s.name, "links": links,
          "joints": joints, "drivers": drivers}
     ).decompose().data  # fmt: skip
     for block in data["blocks"].values():

@@ -70,7 +70,7 @@ def document(seed, options=WHOLE, slack=1e-3):
     drivers = [named[driver.joint] for driver in system.drivers.values()]
     return {
         "format": "blockmech/joints",
-        "version": 1,
+        "version": 2,
         "name": f"random_{seed}",
         "gravity": list(system.gravity),
         "links": links,

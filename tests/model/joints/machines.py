@@ -21,7 +21,7 @@ def joints_file(links, joints, drivers, **options):
     """A document of named poses, joints and drivers."""
     return {
         "format": "blockmech/joints",
-        "version": 1,
+        "version": 2,
         "name": "machine",
         "links": {name: {"pose": [*pose]} for name, pose in links.items()},
         "joints": joints,
@@ -48,7 +48,7 @@ ROUGH = {"law": "coulomb", "coefficient": 0.1}
 TURN = {"law": "constant_rate", "rate": 100.0, "from": 0.0, "to": 6.283185307179586}
 SLIDER_CRANK = {
     "format": "blockmech/joints",
-    "version": 1,
+    "version": 2,
     "name": "slider_crank",
     "gravity": [0.0, -9.81],
     "links": {

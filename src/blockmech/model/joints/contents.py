@@ -292,7 +292,7 @@ class JointsDocument(StrictModel):
     """A mechanism as links and joints, in SI units and radians."""
 
     format: Literal["blockmech/joints"]
-    version: Annotated[int, Field(strict=True, ge=1, le=VERSION)]
+    version: Annotated[int, Field(strict=True, ge=VERSION, le=VERSION)]
     name: str = "mechanism"
     title: str = ""
     gravity: Vector = Vector(0j)

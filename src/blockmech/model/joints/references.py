@@ -19,8 +19,8 @@ Known: TypeAlias = Mapping[str, Collection[str]]
 """Section -> names in it, those of parts that are wrong by themselves included."""
 
 
-SENSED = ("driver", "link", "joint", "coupling", "mechanism")
-"""What names of outputs begin with, beside names of loads and signals."""
+OWNERS = ("driver", "link", "joint", "mechanism")
+"""What names of outputs begin with, beside names of couplings, loads and signals."""
 
 
 class Reference(NamedTuple):
@@ -118,14 +118,16 @@ def _wheels(linkage: Any) -> Iterator[Problem]:
 
 
 def _signals(linkage: Any, known: Known) -> Iterator[Problem]:
-    """Signal blocks whose names are those of other outputs, and wires that do not fit."""
-    for name in linkage.signals:
-        if name in linkage.loads or name in SENSED:
+    """Couplings and signal blocks named like the owners of other outputs; wires that do not fit."""
+    names = {*OWNERS, *linkage.loads}
+    for section in ("couplings", "signals"):
+        for name in names.intersection(getattr(linkage, section)):
             found = f"{name} is what other outputs are named after"
-            valid = f"taken: {listed([*SENSED, *linkage.loads])}"
-            where, remedy = path_text(("signals", name)), "choose another name"
-            yield Problem("taken-name", where, found, valid, remedy)
-    wrong = {*known["signals"], *known["loads"]} - {*linkage.signals, *linkage.loads}
+            where, remedy = path_text((section, name)), "choose another name"
+            yield Problem("taken-name", where, found, f"taken: {listed(sorted(names))}", remedy)
+        names |= {*getattr(linkage, section)}
+    sections = ("signals", "loads", "couplings")
+    wrong = {name for x in sections for name in {*known[x]} - {*getattr(linkage, x)}}
     for k, wire in enumerate(linkage.wires):
         if not wrong & {str(end).partition(".")[0] for end in wire.ends}:
             yield from wire_problems(linkage, wire, linkage.wires[:k])
@@ -134,8 +136,8 @@ def _signals(linkage: Any, known: Known) -> Iterator[Problem]:
 def wire_problems(linkage: Any, wire: Wire, others: Sequence[Wire]) -> Iterator[Problem]:
     """What is wrong with a wire of signals beside others that are there."""
     fed = next((w for w in others if w.target == wire.target), None)
-    blocks = {**linkage.signals, **linkage.loads}
-    yield from motion_or_signal(blocks, wire, wire.apart(blocks), fed, SENSED)
+    blocks, owners = {**linkage.signals, **linkage.loads}, (*OWNERS, *linkage.couplings)
+    yield from motion_or_signal(blocks, wire, wire.apart(blocks), fed, owners)
 
 
 def _links(linkage: Any) -> Iterator[Problem]:
