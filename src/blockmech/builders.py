@@ -24,23 +24,23 @@ from blockmech.model.reading import decoded, text_of
 from blockmech.typing import Data
 
 if TYPE_CHECKING:
+    import blockmech.compiled
     import blockmech.draw
     from blockmech.assur.formation import Formation
-    from blockmech.compiled import Compiled
     from blockmech.mechanism import Mechanism
     from blockmech.model.joints.decompose import General
     from blockmech.model.joints.dimensioned import Dimensions
+else:
+    blockmech = LazyMethod("blockmech")
 
 
 class Uncompiled(Runnable["Mechanism"]):
     """What a user builds; it says where to find what only a mechanism can do."""
 
-    if TYPE_CHECKING:
-        draw = blockmech.draw.draw
-        run = Compiled.run
-    else:
-        draw = LazyMethod("blockmech.draw")
-        run = LazyMethod("blockmech.compiled")
+    draw = blockmech.draw.draw
+    run = blockmech.compiled.Compiled.run
+
+    if not TYPE_CHECKING:  # which tells of names that are not there by itself
 
         def __getattr__(self, name: str) -> Any:
             from blockmech.mechanism import Mechanism

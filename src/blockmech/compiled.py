@@ -58,8 +58,8 @@ PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 class Compiled(Runnable[M]):
     """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
 
-    _run_to = LazyMethod("blockmech.analysis.accuracy", "run_to")
-    _with_deflections = LazyMethod("blockmech.analysis.deflections")
+    _run_to = LazyMethod("blockmech.analysis.accuracy.run_to")
+    _with_deflections = LazyMethod("blockmech.analysis.deflections._with_deflections")
 
     structure: Structure
     scene: Scene
@@ -476,6 +476,3 @@ def _followed(structure: Structure, scene: Scene) -> Structure:
     from blockmech.passes.change_points import with_followed  # few mechanisms need it
 
     return with_followed(structure, scene)
-
-
-run = Compiled.run  # for graphs and linkages, which load this file when they are first run

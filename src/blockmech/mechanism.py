@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     import blockmech.studies.study
     import blockmech.studies.tolerance
     import blockmech.studies.verify
+else:
+    blockmech = LazyMethod("blockmech")
 
 
 class Mechanism(Compiled["Mechanism"]):
@@ -48,62 +50,33 @@ class Mechanism(Compiled["Mechanism"]):
     >>> mech.run(at=[0.0, 1.0], want=["crank.drive"])  # doctest: +SKIP
     """
 
-    if TYPE_CHECKING:
-        draw = blockmech.draw.draw
-        enclose = blockmech.studies.enclose.enclose
-        equilibria = blockmech.analysis.equilibria.equilibria
-        explain = blockmech.analysis.explain.explain
-        extremes = blockmech.analysis.extremes.extremes
-        friction_solutions = blockmech.analysis.friction_solutions.friction_solutions
-        function = blockmech.studies.function.function
-        impulses = blockmech.dynamics.impact.impulses
-        instant_centre = blockmech.analysis.instant_centres.instant_centre
-        limits = blockmech.analysis.limits.limits
-        linearize = blockmech.design.linearize.linearize
-        mechanical_advantage = blockmech.analysis.instant_centres.mechanical_advantage
-        modes = blockmech.modes.listing.modes
-        objective = blockmech.studies.objective.objective
-        parameters = blockmech.studies.family.parameters
-        path_radius = blockmech.analysis.instant_centres.path_radius
-        rates = blockmech.studies.function.rates
-        sensitivity = blockmech.studies.differentiate.sensitivity
-        simulate = blockmech.dynamics.simulation.simulate
-        solve = blockmech.design.solve.solve
-        stepper = blockmech.dynamics.stepper.stepper
-        stroke = blockmech.analysis.stroke.stroke
-        study = blockmech.studies.study.study
-        tolerance = blockmech.studies.tolerance.tolerance
-        trade = blockmech.analysis.trade.trade
-        velocity_ratio = blockmech.analysis.instant_centres.velocity_ratio
-        verify = blockmech.studies.verify.verify
-    else:
-        draw = LazyMethod("blockmech.draw")
-        enclose = LazyMethod("blockmech.studies.enclose")
-        equilibria = LazyMethod("blockmech.analysis.equilibria")
-        explain = LazyMethod("blockmech.analysis.explain")
-        extremes = LazyMethod("blockmech.analysis.extremes")
-        friction_solutions = LazyMethod("blockmech.analysis.friction_solutions")
-        function = LazyMethod("blockmech.studies.function")
-        impulses = LazyMethod("blockmech.dynamics.impact")
-        instant_centre = LazyMethod("blockmech.analysis.instant_centres")
-        limits = LazyMethod("blockmech.analysis.limits")
-        linearize = LazyMethod("blockmech.design.linearize")
-        mechanical_advantage = LazyMethod("blockmech.analysis.instant_centres")
-        modes = LazyMethod("blockmech.modes.listing")
-        objective = LazyMethod("blockmech.studies.objective")
-        parameters = LazyMethod("blockmech.studies.family")
-        path_radius = LazyMethod("blockmech.analysis.instant_centres")
-        rates = LazyMethod("blockmech.studies.function")
-        sensitivity = LazyMethod("blockmech.studies.differentiate")
-        simulate = LazyMethod("blockmech.dynamics.simulation")
-        solve = LazyMethod("blockmech.design.solve")
-        stepper = LazyMethod("blockmech.dynamics.stepper")
-        stroke = LazyMethod("blockmech.analysis.stroke")
-        study = LazyMethod("blockmech.studies.study")
-        tolerance = LazyMethod("blockmech.studies.tolerance")
-        trade = LazyMethod("blockmech.analysis.trade")
-        velocity_ratio = LazyMethod("blockmech.analysis.instant_centres")
-        verify = LazyMethod("blockmech.studies.verify")
+    draw = blockmech.draw.draw
+    enclose = blockmech.studies.enclose.enclose
+    equilibria = blockmech.analysis.equilibria.equilibria
+    explain = blockmech.analysis.explain.explain
+    extremes = blockmech.analysis.extremes.extremes
+    friction_solutions = blockmech.analysis.friction_solutions.friction_solutions
+    function = blockmech.studies.function.function
+    impulses = blockmech.dynamics.impact.impulses
+    instant_centre = blockmech.analysis.instant_centres.instant_centre
+    limits = blockmech.analysis.limits.limits
+    linearize = blockmech.design.linearize.linearize
+    mechanical_advantage = blockmech.analysis.instant_centres.mechanical_advantage
+    modes = blockmech.modes.listing.modes
+    objective = blockmech.studies.objective.objective
+    parameters = blockmech.studies.family.parameters
+    path_radius = blockmech.analysis.instant_centres.path_radius
+    rates = blockmech.studies.function.rates
+    sensitivity = blockmech.studies.differentiate.sensitivity
+    simulate = blockmech.dynamics.simulation.simulate
+    solve = blockmech.design.solve.solve
+    stepper = blockmech.dynamics.stepper.stepper
+    stroke = blockmech.analysis.stroke.stroke
+    study = blockmech.studies.study.study
+    tolerance = blockmech.studies.tolerance.tolerance
+    trade = blockmech.analysis.trade.trade
+    velocity_ratio = blockmech.analysis.instant_centres.velocity_ratio
+    verify = blockmech.studies.verify.verify
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, with its drivers at zero."""

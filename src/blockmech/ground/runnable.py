@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, ABCMeta, abstractmethod
-from importlib import import_module
+from pkgutil import resolve_name
 from types import MethodType
 from typing import Any, Generic
 
@@ -13,24 +13,29 @@ EVERYTHING = ("*",)
 
 
 class LazyMethod:
-    """A method that is a function of a lower file, loaded when it is first asked for.
+    """A method that is a function of a lower file, by its path, loaded when first asked for.
 
-    So the function is declared once: `help`, type checkers and calls read the same. It has the
-    method's name unless another ``function`` is named.
+    So the function is declared once: `help`, type checkers and calls read the same. What type
+    checkers read as ``blockmech.draw.draw`` is so written when ``blockmech`` is the first of them.
     """
 
-    def __init__(self, module: str, function: str = "") -> None:
-        self.module, self.function = module, function
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def __getattr__(self, name: str) -> LazyMethod:
+        if name.startswith("__"):
+            raise AttributeError(name)  # Python asks whether it is abstract, wrapped ...
+        return LazyMethod(f"{self._path}.{name}")
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self.owner, self.name = owner, name
+        self._owner, self._name = owner, name
 
     def __get__(self, instance: Any, owner: type) -> Any:
-        if isinstance(self.owner, ABCMeta) and "__abstractmethods__" not in vars(self.owner):
+        if isinstance(self._owner, ABCMeta) and "__abstractmethods__" not in vars(self._owner):
             return self  # the class is being made, and asks each name whether it is abstract
-        function = getattr(import_module(self.module), self.function or self.name)
-        setattr(self.owner, self.name, function)
-        return function if instance is None else MethodType(function, instance)
+        method = resolve_name(self._path)
+        setattr(self._owner, self._name, method)
+        return method if instance is None else MethodType(method, instance)
 
 
 class Runnable(ABC, Generic[M]):
