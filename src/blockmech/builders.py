@@ -134,23 +134,23 @@ class Linkage(linkage.Linkage, Uncompiled):
 
         Raises `GraphError` with all problems.
         """
-        made = self._as_blocks(general)
-        return replace(made, data=deepcopy(made.data))
+        blocks = self._as_blocks(general)
+        return replace(blocks, data=deepcopy(blocks.data))
 
     def _as_blocks(self, general: General = "") -> Decomposition:
         """The same, made once as long as nothing of the document changes."""
         now = {**vars(self.snapshot()), "general": general}
-        then, made = _AS_BLOCKS.get(self, (None, None))
-        if made is None or then != now:
+        then, blocks = _AS_BLOCKS.get(self, (None, None))
+        if blocks is None or then != now:
             from blockmech.model.joints.decompose import decompose  # brings networkx
 
-            made = Decomposition(*decompose(self, general))
+            blocks = Decomposition(*decompose(self, general))
             if self.wires:
                 from blockmech.outputs.sensors_by_link import with_sensors_of_blocks
 
-                made = replace(made, data=with_sensors_of_blocks(made.data, made.names))
-            _AS_BLOCKS[self] = now, made
-        return made
+                blocks = replace(blocks, data=with_sensors_of_blocks(blocks.data, blocks.names))
+            _AS_BLOCKS[self] = now, blocks
+        return blocks
 
     def fit_dimensions(self) -> Dimensions:
         """What the dimensions determine: the drawing that fulfils them, and what remains free.
@@ -252,14 +252,14 @@ def read(source: Any, *, unit: str | None = None, format: str | None = None) -> 
     from blockmech.exchange.dead_centres import beyond
     from blockmech.exchange.reading import imported
 
-    own = isinstance(source, str | os.PathLike) and os.path.isfile(source)
-    if own and format is None and b'"blockmech/' in _head(source):
+    is_file = isinstance(source, str | os.PathLike) and os.path.isfile(source)
+    if is_file and format is None and b'"blockmech/' in _head(source):
         return opened(source)
 
-    def drawn(rounded: bool = False) -> Linkage:
+    def imported_linkage(rounded: bool = False) -> Linkage:
         return Linkage.from_data(imported(source, unit, format, rounded))
 
-    linkage: Linkage = beyond(drawn(), lambda: drawn(True))
+    linkage: Linkage = beyond(imported_linkage(), lambda: imported_linkage(True))
     return linkage
 
 
@@ -290,10 +290,10 @@ def compiled(path: str | os.PathLike[str]) -> Mechanism:
     return compiled_of(opened(path), path)
 
 
-def compiled_of(found: Opened, path: str | os.PathLike[str]) -> Mechanism:
-    """The mechanism of what was opened from a file. Raises `GraphError` that names the file."""
+def compiled_of(document: Opened, path: str | os.PathLike[str]) -> Mechanism:
+    """The mechanism of an opened file. Raises `GraphError` that names the file."""
     try:
-        return found.compile()
+        return document.compile()
     except GraphError as error:
         raise GraphError(in_file(error.problems, os.fspath(path))) from error.__cause__
 

@@ -67,7 +67,7 @@ class Compiled(Runnable[M]):
     names: Names | None
     document: Document | None
     _plans: Callable[..., Plan]
-    _kept: dict[Any, Any]
+    _cache: dict[Any, Any]
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class Compiled(Runnable[M]):
             document=document,
             # by a proxy: a mechanism whose plans hold it would be a cycle
             _plans=lru_cache(PLANS)(partial(_plan, weakref.proxy(self))),
-            _kept={},
+            _cache={},
         )
 
     @classmethod
@@ -117,9 +117,9 @@ class Compiled(Runnable[M]):
         return cls(structure, scene, graph.name, names, source)
 
     def __setattr__(self, name: str, value: object) -> None:
-        where, found = f"Mechanism.{name}", "a compiled mechanism does not change"
+        where, message = f"Mechanism.{name}", "a compiled mechanism does not change"
         remedy = "set it on the graph or linkage, and compile that again"
-        raise GraphError(Problem("frozen", where, found, "", remedy))
+        raise GraphError(Problem("frozen", where, message, "", remedy))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as what it was compiled of; plans and programs are made again when asked for."""
@@ -146,9 +146,9 @@ class Compiled(Runnable[M]):
         """Unit of the coordinate of each driver, "rad" or "m"."""
         return {d: self.structure.driver_joint(d).coordinate_unit for d in self.drivers}
 
-    def _of_driver(self, driver: str, what: str) -> str:
+    def _of_driver(self, driver: str, quantity: str) -> str:
         """Name of an output of a driver: ``"crank.q"``, or ``"driver.motor.q"`` of a document."""
-        return f"{self._driver_prefix}{driver}.{what}"
+        return f"{self._driver_prefix}{driver}.{quantity}"
 
     @property
     def _driver_prefix(self) -> str:
@@ -186,25 +186,27 @@ class Compiled(Runnable[M]):
         check_switch("static", static)
         return self._plan_for(want, friction_asked(friction), static)
 
-    def _plan_for(self, want: Iterable[str] | str, how: Friction, static: bool = False) -> Plan:
+    def _plan_for(
+        self, want: Iterable[str] | str, friction: Friction, static: bool = False
+    ) -> Plan:
         """The same, by friction settings that are checked."""
-        return self._plans(as_names("want", want), how, static)
+        return self._plans(as_names("want", want), friction, static)
 
     def _plan_at(
-        self, taken: Samples, want: Iterable[str] | str, *, static: bool, **how: Any
+        self, samples: Samples, want: Iterable[str] | str, *, static: bool, **settings: Any
     ) -> Plan:
         """The plan for some outputs at samples: where no driver moves, that without inertia."""
         check_switch("static", static)
-        return self.plan(want, static=static or taken.at_rest, **how)
+        return self.plan(want, static=static or samples.at_rest, **settings)
 
     def compile(self) -> M:
         """The mechanism itself."""
         return self  # type: ignore[return-value]
 
-    def samples(self, *asked: Any) -> Samples:
+    def samples(self, *request: Any) -> Samples:
         """Samples that a request names: at, samples, times, rates, accelerations."""
-        taken = make_samples(self._coordinate_units, self.scene, *asked)
-        return self._with_deflections(taken) if self.structure.remembering else taken
+        samples = make_samples(self._coordinate_units, self.scene, *request)
+        return self._with_deflections(samples) if self.structure.remembering else samples
 
     def run(
         self: Runnable[M],
@@ -260,66 +262,64 @@ class Compiled(Runnable[M]):
         AssemblyError, SingularError, FrictionError at gaps, unless marked
         """
         mechanism = cast(Compiled, self.compile())
-        taken = mechanism.samples(at, samples, times, rates, accelerations)
-        how: Arguments = {"friction": friction}
+        points = mechanism.samples(at, samples, times, rates, accelerations)
+        settings: Arguments = {"friction": friction}
         if accuracy is None:
-            how["static"] = static
-            result = mechanism._answer(taken, want, how, engine, precision, chunk)
+            settings["static"] = static
+            result = mechanism._answer(points, want, settings, engine, precision, chunk)
         else:
-            how["precision"] = precision
-            result = mechanism._run_to(accuracy, how, taken, want, static, engine, chunk)
+            settings["precision"] = precision
+            result = mechanism._run_to(accuracy, settings, points, want, static, engine, chunk)
         return without_gaps(result, on_gap)
 
     def _answer(
         self,
-        taken: Samples,
+        samples: Samples,
         want: Iterable[str] | str,
-        given: Arguments,
+        settings: Arguments,
         engine: EngineName = "auto",
         precision: Precision | None = None,
         chunk: int | None = None,
     ) -> Result:
-        """The wanted outputs at samples; ``given`` are the settings of `plan`; gaps are marked."""
-        settings = dict(given)
-        if settings["friction"] is None:
-            settings["friction"] = "newton"
-        plan = self._plan_at(taken, want, **settings)
+        """The wanted outputs at samples; ``settings`` are those of `plan`; gaps are marked."""
+        settings = {**settings, "friction": settings["friction"] or "newton"}
+        plan = self._plan_at(samples, want, **settings)
         if self.structure.states:
-            self._refuse_states(plan, taken.inputs)
-        values, name = self._evaluate(plan, taken, engine, precision or "complex128", chunk)
-        return Result(self, plan, taken, values, name, settings)
+            self._refuse_states(plan, samples.inputs)
+        values, name = self._evaluate(plan, samples, engine, precision or "complex128", chunk)
+        return Result(self, plan, samples, values, name, settings)
 
     @abstractmethod
-    def _feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
+    def _feasible(self, groups: frozenset[str], fixed: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message."""
 
     def _evaluate(
         self,
         plan: Plan,
-        taken: Samples,
+        samples: Samples,
         engine: str = "auto",
         precision: str = "complex128",
         chunk: int | None = None,
     ) -> tuple[tuple[Any, ...], str]:
-        """Values of a plan's program at samples, and the engine that was taken."""
+        """Values of a plan's program at samples, and the name of the engine."""
         check_chunk(chunk)
         if engine == "auto":
-            engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
+            engine = self._chosen(plan, samples.n) if precision == "complex128" else "numpy"
         if self.structure.states:
-            inputs = self._with_states(plan, taken)
+            inputs = self._with_states(plan, samples)
         else:
-            inputs = taken.given(plan.program.inputs)
+            inputs = samples.given(plan.program.inputs)
         if engine in ("scalar", "llvm") and precision == "complex128":
-            return self._engine(plan, engine, "").run(inputs, taken.n), engine
+            return self._engine(plan, engine, "").run(inputs, samples.n), engine
         if engine != "numpy" or precision not in PRECISIONS:
-            found = f'no engine "{engine}" with precision "{precision}"'
+            message = f'no engine "{engine}" with precision "{precision}"'
             valid = f"engines: auto, scalar, numpy, llvm; precisions of numpy: {listed(PRECISIONS)}"
-            raise refused("engine", found, valid=valid, code="unknown-engine")
+            raise refused("engine", message, valid=valid, code="unknown-engine")
         batch = self._engine(plan, "numpy", precision)
-        more = {} if chunk is None else {"chunk": int(chunk)}
-        values = batch.run(inputs, taken.n, **more)
+        options = {} if chunk is None else {"chunk": int(chunk)}
+        values = batch.run(inputs, samples.n, **options)
         if precision == "complex64":
-            values = self._doubts_in_double(plan, values, inputs, taken.n)
+            values = self._doubts_in_double(plan, values, inputs, samples.n)
         return values, "numpy"
 
     def _doubts_in_double(
@@ -338,8 +338,8 @@ class Compiled(Runnable[M]):
         i = np.flatnonzero(doubtful)
         if not i.size:
             return values
-        given = {name: np.broadcast_to(inputs[name], n)[i] for name in plan.program.inputs}
-        better = self._engine(plan, "numpy", "complex128").run(given, i.size)
+        doubted = {name: np.broadcast_to(inputs[name], n)[i] for name in plan.program.inputs}
+        better = self._engine(plan, "numpy", "complex128").run(doubted, i.size)
 
         def mended(x: Any, y: Any) -> Any:
             merged = np.array(x)
@@ -348,14 +348,14 @@ class Compiled(Runnable[M]):
 
         return tuple(each_part(mended, values, better))
 
-    def _with_states(self, plan: Plan, taken: Samples) -> Record:
-        """Inputs (n,) of a program that reads states; those not given are the initial ones."""
+    def _with_states(self, plan: Plan, samples: Samples) -> Record:
+        """Inputs (n,) of a program that reads states; those not among them are the initial ones."""
         bent = {f"{STATE}{self.structure.states[x]}" for x in self.structure.remembering}
-        if any(name not in taken.inputs for name in bent.intersection(plan.program.inputs)):
-            taken = self._with_deflections(taken)
-        inputs, initial = taken.given(plan.program.inputs), self.structure.initial_states
+        if any(name not in samples.inputs for name in bent.intersection(plan.program.inputs)):
+            samples = self._with_deflections(samples)
+        inputs, initial = samples.given(plan.program.inputs), self.structure.initial_states
         needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in inputs}
-        return {**inputs, **{f"{STATE}{i}": np.full(taken.n, initial[i]) for i in needed}}
+        return {**inputs, **{f"{STATE}{i}": np.full(samples.n, initial[i]) for i in needed}}
 
     def _states_needed(self, plan: Plan) -> Iterator[int]:
         """Places of the states of signal blocks that a plan's program reads."""
@@ -363,26 +363,27 @@ class Compiled(Runnable[M]):
             if name.startswith(STATE):
                 yield int(name[len(STATE) :])
 
-    def _refuse_states(self, plan: Plan, known: Collection[str]) -> None:
+    def _refuse_states(self, plan: Plan, inputs: Collection[str]) -> None:
         """Refuse a run of given motions that needs states of signal blocks."""
-        needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in known}
+        needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in inputs}
         needed -= {self.structure.states[ref] for ref in self.structure.remembering}
         refs = [str(ref) for ref, i in self.structure.states.items() if i in needed]
         if refs:
-            found = f"the outputs depend on states of signal blocks: {listed(refs, 4)}"
+            message = f"the outputs depend on states of signal blocks: {listed(refs, 4)}"
+            valid = "states are known along a motion"
             remedy = "ask simulate for them, or name others with want=[...]"
-            raise refused("want", found, remedy, "states are known along a motion", "signal-states")
+            raise refused("want", message, remedy, valid, "signal-states")
 
     def _chosen(self, plan: Plan, n: int) -> str:
         """The engine that takes the least time for n samples, and for those to be expected."""
-        costs, made = account(plan.program), ("llvm", "") in plan.engines
-        engine = costs.choice(plan.program, n, made)
-        if engine == "llvm" and not made:
+        costs, compiled = account(plan.program), ("llvm", "") in plan.engines
+        engine = costs.choice(plan.program, n, compiled)
+        if engine == "llvm" and not compiled:
             try:
                 self._engine(plan, "llvm", "")
             except BlockmechError:
                 costs.declined = True
-                engine = costs.choice(plan.program, n, made)
+                engine = costs.choice(plan.program, n, compiled)
         if engine != "llvm":
             costs.count(plan.program, n)
         return engine
@@ -400,21 +401,21 @@ class Compiled(Runnable[M]):
 
     def _once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
-        if make not in self._kept:
-            self._kept.setdefault(make, make(self))  # of two threads the first one's
-        made: T = self._kept[make]
-        return made
+        if make not in self._cache:
+            self._cache.setdefault(make, make(self))  # of two threads the first one's
+        value: T = self._cache[make]
+        return value
 
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
         key = name, precision
         if key not in plan.engines:
             if name == "llvm":
-                made: Any = compiled_program(plan.program)
+                engine: Any = compiled_program(plan.program)
             elif name == "scalar":
-                made = ScalarEngine(plan.program)
+                engine = ScalarEngine(plan.program)
             else:
-                made = NumpyEngine(plan.program, precision)
-            plan.engines.setdefault(key, made)  # of two threads the first one's
+                engine = NumpyEngine(plan.program, precision)
+            plan.engines.setdefault(key, engine)  # of two threads the first one's
         return plan.engines[key]
 
     @cached_property
@@ -426,8 +427,8 @@ class Compiled(Runnable[M]):
             for joint, law in block.friction.items()
             if law.acts
         )
-        own = self.structure
-        meshes = (own.pair_name(mesh) for mesh in own.meshes if not own.separates(mesh))
+        s = self.structure
+        meshes = (s.pair_name(mesh) for mesh in s.meshes if not s.separates(mesh))
         return (*(self._joint_names.get(joint, joint) for joint in joints), *meshes)
 
     def __repr__(self) -> str:
@@ -450,12 +451,12 @@ def compiled_program(program: Program) -> LlvmEngine:
     try:
         return LlvmEngine(program)
     except Untraceable as why:
-        found, remedy = f"the program cannot be compiled: {why}", 'use engine="numpy", or "auto"'
-        raise refused("engine", found, remedy, code="not-compiled") from None
+        message, remedy = f"the program cannot be compiled: {why}", 'use engine="numpy", or "auto"'
+        raise refused("engine", message, remedy, code="not-compiled") from None
 
 
-def _plan(mechanism: Compiled, want: tuple[str, ...], how: Friction, static: bool) -> Plan:
-    return mechanism.outputs.plan(mechanism.scene, want, how, static)
+def _plan(mechanism: Compiled, want: tuple[str, ...], friction: Friction, static: bool) -> Plan:
+    return mechanism.outputs.plan(mechanism.scene, want, friction, static)
 
 
 def _with_sensors(structure: Structure, scene: Scene) -> Structure:

@@ -87,16 +87,16 @@ class Mechanism(Compiled["Mechanism"]):
                 return mechanism_svg(self, at)
         return None
 
-    def _feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
+    def _feasible(self, groups: frozenset[str], fixed: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message.
 
-        ``held`` is driver -> coordinate [rad or m] where there are several drivers. Without
-        it the answer is kept, so asking again is free.
+        ``fixed`` is driver -> coordinate [rad or m] of the other drivers, where there are any.
+        Without it the answer is kept, so asking again is free.
         """
         from blockmech.analysis.limits import arcs_sentence
 
-        if held is not None:
-            return f"{arcs_sentence(self, held, groups)}, each with the others held"
-        if groups not in self._kept:
-            self._kept[groups] = arcs_sentence(self, {}, groups)
-        return str(self._kept[groups])
+        if fixed is not None:
+            return f"{arcs_sentence(self, fixed, groups)}, each with the others held"
+        if groups not in self._cache:
+            self._cache[groups] = arcs_sentence(self, {}, groups)
+        return str(self._cache[groups])
