@@ -38,7 +38,7 @@ from blockmech.exchange.drawing import (
 )
 from blockmech.ground.errors import FormatError, Problem, listed
 from blockmech.ground.names import free_name, numbered_name
-from blockmech.model.form import VERSION
+from blockmech.model.versions import VERSION
 from blockmech.typing import Data
 
 MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move

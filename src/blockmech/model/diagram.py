@@ -15,8 +15,9 @@ from blockmech.ground.names import split_address
 from blockmech.ground.validation_errors import field_order
 from blockmech.ground.values import StrictModel
 from blockmech.model.expect import Expectation
-from blockmech.model.form import VERSION, Form, Section
+from blockmech.model.form import Form, Section
 from blockmech.model.scene import Scene
+from blockmech.model.versions import VERSION
 from blockmech.typing import Data, Record
 
 

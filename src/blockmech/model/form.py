@@ -30,14 +30,13 @@ from blockmech.ground.errors import (
 from blockmech.ground.names import NAME_RULE, is_name
 from blockmech.ground.validation_errors import validated
 from blockmech.ground.values import StrictModel
+from blockmech.model.versions import VERSION
 from blockmech.model.writing import plain
 from blockmech.typing import Data, Record
 
 HEAD = ("format", "version", "name", "title")
 EXTRAS = ("view", "expect", "source", "notes")
 """Sections that travel with a document and are not computed with."""
-VERSION = 2
-"""The version of files that this blockmech writes; it reads all up to this one."""
 
 FORMATS = {
     "blockmech/graph": ("the file holds blocks, not links and joints", "open it as a Graph"),

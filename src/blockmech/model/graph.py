@@ -26,12 +26,13 @@ from blockmech.model import checks
 from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, python_keys
 from blockmech.model.document import Document
 from blockmech.model.flat import Flat, flattened
-from blockmech.model.form import VERSION, Draft
+from blockmech.model.form import Draft
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.parameters import interface, named
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.model.subgraph import Subgraph, resolving
+from blockmech.model.versions import VERSION
 from blockmech.model.wires import checked_wires, wire_problems
 
 if TYPE_CHECKING:

@@ -11,10 +11,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from blockmech.ground.names import free_name
-from blockmech.model.form import VERSION
-from blockmech.model.joints.references import OWNERS
 from blockmech.typing import Data
 
+VERSION = 2
+"""The version of files that this blockmech writes; it reads all up to this one."""
+OWNERS = ("driver", "link", "joint", "mechanism")
+"""What outputs of links and joints begin with, beside names of couplings, loads and signals."""
 COUPLING = "coupling."
 """What the names of couplings' outputs began with among links and joints in version 1."""
 

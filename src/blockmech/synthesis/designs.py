@@ -13,7 +13,7 @@ import numpy as np
 from blockmech.builders import Graph
 from blockmech.functions.series import Floats
 from blockmech.ground.report import DEGREES, Facts, Report
-from blockmech.model.form import VERSION
+from blockmech.model.versions import VERSION
 from blockmech.result.exported import aligned
 from blockmech.synthesis.fourbar import SHAPE, coupler_point
 from blockmech.synthesis.search import Task, search

@@ -17,7 +17,7 @@ from blockmech.assur.chains import Chain, chains, mechanisms
 from blockmech.assur.formation import formation
 from blockmech.assur.pairs import Pair
 from blockmech.builders import Graph, Linkage
-from blockmech.model.form import VERSION
+from blockmech.model.versions import VERSION
 from blockmech.typing import Data
 
 

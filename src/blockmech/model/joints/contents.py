@@ -36,10 +36,11 @@ from blockmech.ground.values import (
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import WireEnds
 from blockmech.model.expect import Expectation
-from blockmech.model.form import VERSION, Form, Section
+from blockmech.model.form import Form, Section
 from blockmech.model.joints.dimensions import KINDS as DIMENSIONS
 from blockmech.model.laws_of_motion import AnyLaw
 from blockmech.model.scene import Initial, Role, Stops
+from blockmech.model.versions import VERSION
 from blockmech.signals.contract import Signal
 from blockmech.typing import Data
 

@@ -13,14 +13,11 @@ from blockmech.model.form import bad_name
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.scene import PER_DRIVER
 from blockmech.model.structure import COORDINATE
+from blockmech.model.versions import OWNERS
 from blockmech.model.wires import wire_problems as motion_or_signal
 
 Known: TypeAlias = Mapping[str, Collection[str]]
 """Section -> names in it, those of parts that are wrong by themselves included."""
-
-
-OWNERS = ("driver", "link", "joint", "mechanism")
-"""What names of outputs begin with, beside names of couplings, loads and signals."""
 
 
 class Reference(NamedTuple):
