@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
+from tests.doctests import texts_with_examples
 
 ROOT = Path(__file__).parents[1]
 SCREEN = 40  # names that an editor's list shows at once
@@ -55,18 +56,27 @@ def test_a_call_has_at_most_twelve_keyword_arguments(name):
     assert len([p for p in parameters if p.kind is p.KEYWORD_ONLY]) <= 12
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_a_public_name_is_described(name):
-    text = inspect.getdoc(PUBLIC[name])
+def described():
+    """What has a docstring to be read: public names, and what the classes of users define."""
+    yield from PUBLIC.items()
+    for cls in (bm.Mechanism, bm.Result, bm.SimulationResult, bm.Graph, bm.Linkage):
+        for name in shown(cls):
+            subject = getattr(cls, name)
+            definition = getattr(subject, "fget", None) or getattr(subject, "func", subject)
+            if callable(definition) and definition.__module__.startswith("blockmech."):
+                yield f"{cls.__name__}.{name}", definition
+
+
+DESCRIBED = dict(described())
+
+
+@pytest.mark.parametrize("name", DESCRIBED)
+def test_a_public_name_is_described_and_has_an_example(name):
+    text = inspect.getdoc(DESCRIBED[name])
     assert text
     assert not text.startswith("!!! abstract"), "pydantic's own text shows through"
-
-
-@pytest.mark.parametrize("name", shown(bm.Mechanism))
-def test_what_a_mechanism_does_is_described(name):
-    assert inspect.getdoc(inspect.getattr_static(bm.Mechanism, name)) or inspect.getdoc(
-        getattr(bm.Mechanism, name)
-    )
+    assert ">>> " in text
+    assert text in texts_with_examples(sys.modules[DESCRIBED[name].__module__])
 
 
 def resolved(path):

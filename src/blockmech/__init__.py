@@ -1,4 +1,13 @@
-"""Planar mechanisms as block diagrams, solved module by module through Assur groups."""
+"""Planar mechanisms as block diagrams, solved module by module through Assur groups.
+
+Examples in docstrings begin with `numpy` as ``np`` and these:
+
+>>> import blockmech as bm
+>>> g = bm.read("graphs/ruiz_fourbar.json")  # a `Graph`
+>>> m = bm.read("graphs/joints/slider_crank.json")  # a `Linkage`
+>>> mech = g.compile()
+>>> result = mech.run(at=[0.5, 1.0])
+"""
 
 from __future__ import annotations
 

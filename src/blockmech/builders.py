@@ -60,7 +60,14 @@ class Graph(graph.Graph, Uncompiled):
     """
 
     def check(self) -> list[Problem]:
-        """All problems, as data; an empty list is a mechanism that compiles."""
+        """All problems, as data; an empty list is a mechanism that compiles.
+
+        >>> g.check()
+        []
+        >>> g.add("weight", bm.Force(force=(0.0, -9.81)))
+        >>> print(g.check()[0])
+        [unwired-joint] weight.at: nothing is wired to it. every joint needs one wire. ...
+        """
         return _problems_of(self)
 
     def compile(self) -> Mechanism:
@@ -68,6 +75,9 @@ class Graph(graph.Graph, Uncompiled):
 
         The mechanism is a snapshot: the graph may be edited and compiled again.
         Raises `GraphError` with all problems.
+
+        >>> g.compile()
+        <Mechanism ruiz_fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II ...
         """
         from blockmech.mechanism import Mechanism
 
@@ -120,7 +130,14 @@ class Linkage(linkage.Linkage, Uncompiled):
     """
 
     def check(self) -> list[Problem]:
-        """All problems, as data; an empty list is a mechanism that compiles."""
+        """All problems, as data; an empty list is a mechanism that compiles.
+
+        >>> m.check()
+        []
+        >>> m.add_link("arm")
+        >>> print(m.check()[0])
+        [missing-key] ...links.arm.pose: arm needs "pose": [x, y, angle]. ...
+        """
         return _problems_of(self)
 
     @uncollected()
@@ -133,6 +150,9 @@ class Linkage(linkage.Linkage, Uncompiled):
             driver in one general group; for comparison
 
         Raises `GraphError` with all problems.
+
+        >>> m.decompose().graph
+        <Graph slider_crank: 3 moving links, 4 pairs, mobility 1; I(motor: 0,1) -> II ...
         """
         blocks = self._as_blocks(general)
         return replace(blocks, data=deepcopy(blocks.data))
@@ -157,7 +177,10 @@ class Linkage(linkage.Linkage, Uncompiled):
 
         Raises `GraphError` for dimensions that contradict each other, and for unknown names.
 
-        Example: ``print(m.fit_dimensions())``.
+        >>> m.add_dimension("rod", "length", ["A", "B"], "250mm")
+        >>> print(m.fit_dimensions())
+        1 dimensions hold; B moved most, by 0.025 m
+        A, B, cylinder can move in 4 ways
         """
         from blockmech.model.joints.dimensioned import fit_dimensions
 
@@ -168,6 +191,9 @@ class Linkage(linkage.Linkage, Uncompiled):
         """Decompose the linkage and freeze it into a mechanism that computes.
 
         Its outputs have the names of the document. Raises `GraphError` with all problems.
+
+        >>> m.compile()
+        <Mechanism slider_crank: 3 moving links, 4 pairs, mobility 1; I(motor: 0,1) -> II ...
         """
         return self._as_blocks().compile()
 

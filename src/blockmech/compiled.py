@@ -128,7 +128,11 @@ class Compiled(Runnable[M]):
 
     @cached_property
     def outputs(self) -> Catalogue:
-        """All available outputs, by name."""
+        """All available outputs, by name.
+
+        >>> mech.outputs["crank.drive"].unit
+        'N m'
+        """
         return Catalogue(self.structure, self.names)
 
     @cached_property
@@ -138,7 +142,11 @@ class Compiled(Runnable[M]):
 
     @property
     def drivers(self) -> tuple[str, ...]:
-        """Drivers in formation order."""
+        """Drivers in formation order.
+
+        >>> mech.drivers
+        ('crank',)
+        """
         return self.structure.drivers
 
     @cached_property
@@ -182,6 +190,9 @@ class Compiled(Runnable[M]):
         static : without inertia; so runs what neither moves nor accelerates, whatever is asked
 
         Raises `RequestError` for unknown names or settings that do not fit.
+
+        >>> print(mech.plan("dyad.C.p").calls)
+        2
         """
         check_switch("static", static)
         return self._plan_for(want, friction_asked(friction), static)
@@ -200,11 +211,19 @@ class Compiled(Runnable[M]):
         return self.plan(want, static=static or samples.at_rest, **settings)
 
     def compile(self) -> M:
-        """The mechanism itself."""
+        """The mechanism itself.
+
+        >>> mech.compile() is mech
+        True
+        """
         return self  # type: ignore[return-value]
 
     def samples(self, *request: Any) -> Samples:
-        """Samples that a request names: at, samples, times, rates, accelerations."""
+        """Samples that a request names: at, samples, times, rates, accelerations.
+
+        >>> mech.samples(None, 5).n
+        5
+        """
         samples = make_samples(self._coordinate_units, self.scene, *request)
         return self._with_deflections(samples) if self.structure.remembering else samples
 
@@ -260,6 +279,9 @@ class Compiled(Runnable[M]):
         GraphError with all problems of a graph or linkage that is no mechanism
         RequestError for unknown names or settings that do not fit
         AssemblyError, SingularError, FrictionError at gaps, unless marked
+
+        >>> mech.run(at="30deg", want="crank.drive")["crank.drive"].round(3)
+        array([8744.465])
         """
         mechanism = cast(Compiled, self.compile())
         points = mechanism.samples(at, samples, times, rates, accelerations)
@@ -420,7 +442,11 @@ class Compiled(Runnable[M]):
 
     @cached_property
     def frictional_joints(self) -> tuple[str, ...]:
-        """Names of the joints that have friction."""
+        """Names of the joints that have friction.
+
+        >>> mech.frictional_joints
+        ('crank.A', 'dyad.B', 'dyad.C', 'dyad.D')
+        """
         joints = (
             f"{name}.{joint}"
             for name, block in self.structure.blocks.items()

@@ -71,10 +71,9 @@ class Successive:
     tolerance : largest change of a reaction [N] at which it stops; by default 1e-7 of the largest
     iterations : a fixed number of iterations, in its place
 
-    >>> import blockmech as bm
-    >>> mech = bm.read("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
     >>> method = bm.friction.Successive(iterations=3)
-    >>> mech.run(friction=method, want="crank.drive")  # doctest: +SKIP
+    >>> mech.run(at=0.5, friction=method, want="crank.drive")["crank.drive"].round(3)
+    array([8940.66])
     """
 
     tolerance: float | None = None

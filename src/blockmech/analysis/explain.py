@@ -55,6 +55,13 @@ def explain(
 
     ``want``, ``friction``, ``static`` are those of a run.
     Raises `RequestError` for unknown names or settings that do not fit.
+
+    >>> print(mech.explain("dyad.C.p"))
+    2 kernel calls for 1 output
+      position             2  crank, dyad
+    <BLANKLINE>
+    output    calls alone  saved without it  drags in
+    dyad.C.p            2                 2  position of crank, dyad
     """
     settings: Arguments = {"friction": friction, "static": static}
     patterns = as_names("want", want)

@@ -150,6 +150,10 @@ def extremes(
     ------
     RequestError for an unknown output, one that is not real, or no range to follow
     SampleError where the output exists at no sample
+
+    >>> print(mech.extremes("crank.drive", friction="none"))
+    crank.drive  minimum -18759.7405 N m at crank.q = 6.10152741 rad
+    crank.drive  maximum 9177.42813 N m at crank.q = 0.420867501 rad
     """
     settings = {"friction": friction}
     cycle = cycle_of(source, **settings, static=static)

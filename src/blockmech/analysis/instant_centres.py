@@ -50,6 +50,9 @@ def instant_centre(
     Raises
     ------
     RequestError for a link that there is not, or a mechanism of several drivers
+
+    >>> mech.instant_centre("dyad.i", at=0.5).round(6)
+    array([12.485132+6.820659j])
     """
     one, two = (_link(mechanism, name, at) for name in (other, link))
     turning = two[2] - one[2]
@@ -71,6 +74,9 @@ def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) ->
     Returns
     -------
     (n,) ratios in SI units; infinite where ``by`` stands still
+
+    >>> mech.velocity_ratio("dyad.j", "crank", at=0.5).round(6)
+    array([0.368747])
     """
     one, two = (_rate(mechanism, name, at) for name in (of, by))
     with np.errstate(all="ignore"):
@@ -82,6 +88,9 @@ def mechanical_advantage(mechanism: Compiled, of: str, by: str, *, at: Coordinat
     """Force or moment at one place over that at another which balances it, without losses.
 
     The inverse of `velocity_ratio`, with its arguments.
+
+    >>> mech.mechanical_advantage("dyad.j", "crank", at=0.5).round(6)
+    array([2.711884])
     """
     return velocity_ratio(mechanism, by, of, at=at)
 
@@ -91,6 +100,9 @@ def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> NDArray[
     """Radii of curvature (n,) [m] of a point's path, positive where it turns left.
 
     Infinite where the path is straight, 0 in a cusp.
+
+    >>> mech.path_radius("dyad.S", at=0.5).round(6)
+    array([1.073348])
     """
     name = point if mechanism.names is None else f"link.{point}"
     names = _known(mechanism, [f"{name}.v", f"{name}.a"], point)

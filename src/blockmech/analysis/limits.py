@@ -218,6 +218,11 @@ def limits(
     Raises
     ------
     RequestError for an unknown driver, others without a place, or too few samples
+
+    >>> print(mech.limits())
+    crank.q: turns fully
+    >>> print(m.compile().limits())
+    driver.motor.q: turns fully
     """
     if samples < FEWEST:
         raise refused("samples", f"got {samples}", f"give at least {FEWEST}")

@@ -114,6 +114,9 @@ def stroke(
     RequestError for an output that is neither, a marker that never reverses, a path that
         is not run to and fro, or no range to follow
     SampleError where the output exists at no sample
+
+    >>> print(m.compile().stroke("link.piston.p"))
+    link.piston.p  stroke 0.1 m, from driver.motor.q = 3.14159265 rad to driver.motor.q = 0 ...
     """
     settings = {"friction": friction}
     cycle = cycle_of(source, **settings, static=static)

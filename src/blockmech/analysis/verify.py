@@ -180,6 +180,9 @@ def verify(
     Raises
     ------
     RequestError for a result of another mechanism, or with settings beside it
+
+    >>> mech.verify(at=0.5)
+    <Verification: check                          error [-]  allowed [-] ...>
     """
     if isinstance(at, Result):
         settings_given = (samples, times, rates, accelerations, friction, precision)

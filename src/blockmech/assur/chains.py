@@ -61,6 +61,10 @@ def mechanisms(chain: Chain) -> tuple[tuple[int, int], ...]:
     """The different ways to fix one link of a chain and drive one that is joined to it.
 
     Pairs (frame, driver), one of each class that the chain's symmetries leave.
+
+    >>> chain = next(iter(bm.synthesis.chains(4)))
+    >>> bm.synthesis.mechanisms(chain)
+    ((0, 1),)
     """
     matcher = nx.isomorphism.GraphMatcher(chain, chain)
     symmetries = [*matcher.isomorphisms_iter()]

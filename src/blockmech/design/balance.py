@@ -148,6 +148,10 @@ def balance(
     ------
     RequestError for unknown names, or numbers that no output follows
     AssemblyError at poses that cannot be
+
+    >>> balanced = bm.design.balance(mech, "couple.moment", want="crank.drive", samples=13)
+    >>> {number: round(value) for number, value in balanced.numbers.items()}
+    {'couple.moment': 1236}
     """
     from scipy.optimize import least_squares
 

@@ -140,6 +140,9 @@ def motor(
     limits : what the motor can: "rms", "peak" [N m or N], "speed" [rad/s or m/s]
 
     Raises `RequestError` for unknown names or values that do not fit.
+
+    >>> print(bm.design.motor(mech))
+    ratio 1: rms 6231.52 N m, peak 18552.9 N m, 10 rad/s, 185529 W
     """
     actuated = _driver(mechanism, driver)
     bounds = dict(limits or {})
@@ -202,6 +205,10 @@ def available(
     (n,) in the unit of the number; NaN where no load makes the drive that, e.g. at a dead centre
 
     Raises `RequestError` for unknown names, or a number that the drive does not follow.
+
+    >>> moments = bm.design.available(mech, "couple.moment", -500.0, at=[0.5, 1.0], friction="none")
+    >>> moments.round(1)
+    array([5277.8, 2402.6])
     """
     actuated = _driver(mechanism, driver)
     mechanism, paths = with_efforts(mechanism, (number,), parameters(mechanism))

@@ -78,6 +78,11 @@ def floquet(mechanism: Compiled, motion: Result, *, steps: int = STEPS) -> Floqu
 
     Raises `RequestError` for a motion without a period, and where joints have friction: their
     effort jumps where a slip reverses.
+
+    >>> pump = bm.read("graphs/pump.json").compile()
+    >>> floquet = bm.design.floquet(pump, pump.simulate("steady"))
+    >>> print(abs(floquet.multipliers).max().round(6))
+    1.0
     """
     steady = motion.motion
     if steady is None or "period" not in steady.facts:

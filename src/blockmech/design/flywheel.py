@@ -128,6 +128,9 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
     fluctuation : (w_max - w_min) / w_mean [-] that is allowed, e.g. 0.02
 
     Raises `RequestError` unless there is one crank that turns fully, and for loads of the time.
+
+    >>> round(bm.design.flywheel(mech, speed=10.0, fluctuation=0.02).inertia)
+    4184
     """
     from scipy.optimize import brentq
 

@@ -349,11 +349,10 @@ def identify(
     ------
     RequestError for unknown numbers or columns, data that are none, or fewer rows than numbers
 
-    >>> import numpy as np
-    >>> import blockmech as bm
-    >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
-    >>> run = mech.run(at=np.linspace(0, 6, 50), want="crank.drive")  # doctest: +SKIP
-    >>> mech.identify("dyad.links.j.mass", run.to_dataframe())  # doctest: +SKIP
+    >>> run = mech.run(at=np.linspace(0.0, 6.0, 50), want="crank.drive")
+    >>> fit = bm.design.identify(mech, "dyad.links.j.mass", run.to_dataframe())
+    >>> {number: round(value, 6) for number, value in fit.values.items()}
+    {'dyad.links.j.mass': 7.2}
     """
     chosen = chosen_numbers(mechanism, (numbers,) if isinstance(numbers, str) else tuple(numbers))
     record = record_of(mechanism, data)

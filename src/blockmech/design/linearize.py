@@ -297,6 +297,9 @@ def linearize(
     RequestError for unknown names, a pose that is not given, drivers that move no mass, or
     signal blocks that are sampled
     AssemblyError where the pose cannot be
+
+    >>> mech.linearize(at=0.5, friction="none")
+    <Linearization: about crank.q = 0.5 rad ...>
     """
     refuse_sampled(mechanism)
     if not mechanism.drivers:

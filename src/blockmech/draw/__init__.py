@@ -104,6 +104,8 @@ def draw(
     GraphError where a mechanism is wanted and the graph is not complete
     AssemblyError, SingularError where the first pose does not exist
     MissingEngineError for an .mp4 where there is no ffmpeg
+
+    >>> figure = bm.draw.draw(mech, "pose.svg", at="30deg")
     """
     kind = kind or default_kind(path, at is not None or trace is not None)
     if kind not in KINDS:
@@ -129,13 +131,21 @@ def draw(
 
 @declared
 def diagram_svg(subject: Subject) -> str:
-    """The block diagram as SVG text; the same graph gives the same text."""
+    """The block diagram as SVG text; the same graph gives the same text.
+
+    >>> bm.draw.diagram_svg(g)[:4]
+    '<?xm'
+    """
     return rendered(_diagram(subject), ".svg").decode()
 
 
 @declared
 def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None = None) -> str:
-    """The mechanism at poses as SVG text; see `draw` for the arguments and errors."""
+    """The mechanism at poses as SVG text; see `draw` for the arguments and errors.
+
+    >>> bm.draw.mechanism_svg(mech, at=0.5)[:4]
+    '<?xm'
+    """
     return rendered(_mechanism(subject, at=at, trace=trace), ".svg").decode()
 
 
@@ -164,6 +174,9 @@ def animate(
 
     Poses that do not close are left out; a motion that does not return to its start is
     played to and fro. Raises the errors of `draw`.
+
+    >>> bm.draw.animate(mech, "turn.html", frames=4)
+    <Animation of ruiz_fourbar: 4 frames>
     """
     if path is not None:
         suffix_of(path, "an animation", MOVING)  # before anything is computed
@@ -203,6 +216,9 @@ def run_pictures(
     degrees : driver angles in degrees
 
     Raises `RequestError` where the folder cannot be written, or times are not known.
+
+    >>> [path.name for path in bm.draw.run_pictures(result, "pictures")]
+    ['drive.png', 'friction_power.png', 'reactions.png', 'mechanism.png']
     """
     axis = abscissa(result, over, degrees)
     panels = pictures_of(result, degrees)

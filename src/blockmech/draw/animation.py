@@ -50,6 +50,10 @@ class Animation:
     ----------
     motion : the poses that are frames
     order : the frames in the order in which they are shown
+
+    >>> film = bm.draw.animate(mech, frames=4)
+    >>> film
+    <Animation of ruiz_fourbar: 4 frames>
     """
 
     def __init__(

@@ -425,6 +425,13 @@ def impulses(mechanism: Compiled, impact: Impact) -> Data:
     reactions, guide couples and driving impulses under the names of the outputs, joint friction
     included as the motion has it; that of a driver whose stop was struck is the stop's, the others
     are nothing. The stop of another pair strikes both of its links
+
+    >>> g.start("crank", q=0.0, rate=5.0)
+    >>> g.add_stop("crank", high=0.3, restitution=0.5)
+    >>> mech = g.compile()
+    >>> impact = mech.simulate("time=0.2").motion.impacts[0]
+    >>> print(mech.impulses(impact)["crank.drive"].round(2))
+    -297.21
     """
     if not isinstance(impact, Impact):
         raise refused("impact", f"got {impact!r:.60}", "give one of the impacts of a motion")

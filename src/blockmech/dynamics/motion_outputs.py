@@ -162,7 +162,14 @@ def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:
 
 
 class SimulationResult(Result[M]):
-    """The result of a simulation: outputs at times, and the ``motion`` that they are read from."""
+    """The result of a simulation: outputs at times, and the ``motion`` that they are read from.
+
+    >>> swing = mech.simulate("time=0.2", start={"crank": (0.0, 5.0)}, times=[0.1, 0.2])
+    >>> swing["crank.rate"].round(4)
+    array([2.3996, 0.328 ])
+    >>> swing.motion.end
+    'time'
+    """
 
     motion: Motion
 

@@ -77,6 +77,10 @@ class Watch:
     ``terminal`` says whether the run ends there. ``then`` is driver -> the role that it has from
     there on, "free", "prescribed" (by its law of motion, which must be where the driver is) or
     "locked" (where it is): with it the run goes on.
+
+    >>> half = bm.Watch("half", lambda t, q, rate: q - 0.5)
+    >>> mech.simulate("time=1", start={"crank": (0.0, 5.0)}, watch=[half]).motion.end
+    'half'
     """
 
     name: str

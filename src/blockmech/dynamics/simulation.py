@@ -116,6 +116,10 @@ def simulate(
     ------
     RequestError where the scene has no start or one beyond an end stop, no inertia, the
     method does not apply, a number or engine cannot be; MissingEngineError without llvmlite
+
+    >>> swing = mech.simulate("time=0.2", start={"crank": (0.0, "5 rad/s")}, times=[0.1, 0.2])
+    >>> swing["crank.q"].round(4)
+    array([0.4155, 0.5439])
     """
     friction_method, settings = friction_asked(friction), {"friction": friction or "newton"}
     about = until, method, accuracy, times, start, stops, watch, roles, engine

@@ -25,6 +25,8 @@ def studio(document: Graph | Linkage | None = None, height: int = 800) -> Framed
     Its page stands in a frame of ``height`` pixels, from a server of its own that ends with the
     program. Without ``document`` the sheet is empty. Raises `MissingEngineError` where the extra
     ``studio`` is not installed.
+
+    >>> frame = bm.studio(g, height=600)
     """
     frame: Framed = service().in_notebook(document, height)
     return frame

@@ -43,9 +43,8 @@ def write(
     RequestError for a format that nobody writes, options that it does not have, and for what
     it cannot say of this mechanism
 
-    >>> import blockmech as bm
-    >>> fourbar = bm.Graph.load("graphs/ruiz_fourbar.json")  # doctest: +SKIP
-    >>> bm.write(fourbar, "fourbar.c", want="crank.drive")  # doctest: +SKIP
+    >>> bm.write(g, "fourbar.c", want="crank.drive")
+    [PosixPath('fourbar.h'), PosixPath('fourbar.c'), PosixPath('fourbar_test.c')]
     """
     path = Path(path)
     writer = writer_for(path, to)

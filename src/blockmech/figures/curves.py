@@ -145,6 +145,8 @@ def plot(
 
     Returns matplotlib's figure. Raises `RequestError` for an unknown suffix or name, or too many
     curves.
+
+    >>> figure = bm.draw.plot(result, names=["crank.drive"])
     """
     suffix = "" if path is None else suffix_of(path, "a plot", STILL)
     x_axis = abscissa(result, over, degrees)

@@ -33,6 +33,9 @@ class Problem:
     valid : what is valid there (may be empty)
     remedy : one thing to do (may be empty)
     file : the file it came from, if any
+
+    >>> print(bm.Problem("taken-name", "crank", "there is one", remedy="choose another name"))
+    [taken-name] crank: there is one. choose another name.
     """
 
     code: str
@@ -59,7 +62,14 @@ class Problem:
 
 
 class BlockmechError(Exception):
-    """Base class of all errors of blockmech."""
+    """Base class of all errors of blockmech.
+
+    >>> try:
+    ...     g.connect("crank.B", "dyad.X")
+    ... except bm.BlockmechError as error:
+    ...     print(error.problems[0].valid)
+    joints that take a wire: B, D
+    """
 
     def __init__(self, problems: Problem | Iterable[Problem]) -> None:
         if isinstance(problems, Problem):
@@ -75,15 +85,33 @@ class BlockmechError(Exception):
 
 
 class GraphError(BlockmechError):
-    """The wiring is wrong: all problems found, as data."""
+    """The wiring is wrong: all problems found, as data.
+
+    >>> g.connect("crank.B", "dyad.X")
+    Traceback (most recent call last):
+        ...
+    blockmech.ground.errors.GraphError: [unknown-joint] dyad.X: no joint "X". joints that ...
+    """
 
 
 class FormatError(BlockmechError):
-    """A file is not what it should be: line and column, or the JSON path."""
+    """A file is not what it should be: line and column, or the JSON path.
+
+    >>> bm.Graph.from_json("{}")
+    Traceback (most recent call last):
+        ...
+    blockmech.ground.errors.FormatError: [wrong-format] format: the file names no format. a ...
+    """
 
 
 class RequestError(BlockmechError):
-    """A call asks for something that does not exist or does not fit together."""
+    """A call asks for something that does not exist or does not fit together.
+
+    >>> mech.run(at=0.5, want="crank.driv")
+    Traceback (most recent call last):
+        ...
+    blockmech.ground.errors.RequestError: [unknown-output] crank.driv: no output has that ...
+    """
 
 
 def refused(
@@ -130,7 +158,11 @@ def held(table: Mapping[str, T], name: Any, found: str, label: str, remedy: str 
 
 
 class MissingEngineError(BlockmechError):
-    """An optional package is needed; the remedy names the extra to install."""
+    """An optional package is needed; the remedy names the extra to install.
+
+    >>> issubclass(bm.MissingEngineError, bm.BlockmechError)
+    True
+    """
 
 
 def needed(module: str, where: str, extra: str, instead: str = "") -> Any:
@@ -177,15 +209,29 @@ class SampleError(BlockmechError):
 
 
 class AssemblyError(SampleError):
-    """A group cannot close at some samples."""
+    """A group cannot close at some samples.
+
+    >>> g.replace({"dyad.l_i": 20.0}).run(at=0.5)
+    Traceback (most recent call last):
+        ...
+    blockmech.ground.errors.AssemblyError: [no-assembly] dyad at crank.q = 0.5 rad (sample ...
+    """
 
 
 class SingularError(SampleError):
-    """A group is at a dead centre: it can be assembled, but rates and reactions do not exist."""
+    """A group is at a dead centre: it can be assembled, but rates and reactions do not exist.
+
+    >>> issubclass(bm.SingularError, bm.BlockmechError)
+    True
+    """
 
 
 class FrictionError(SampleError):
-    """The friction equations have no solution at a sample, or the iteration did not converge."""
+    """The friction equations have no solution at a sample, or the iteration did not converge.
+
+    >>> issubclass(bm.FrictionError, bm.BlockmechError)
+    True
+    """
 
 
 LONGEST_NAME, MOST_NAMES = 64, 300  # what is compared, so that any file is answered soon

@@ -427,6 +427,9 @@ class Marker(StrictModel):
 
     ``at`` is in the link's frame; a guide adds ``angle`` [rad] or, exact for
     vertical guides, ``dir`` [dx, dy]. The default direction is the link's x axis.
+
+    >>> complex(bm.Marker(at=(0.4, 0.0), angle="90deg").direction).imag
+    1.0
     """
 
     at: PlaceGiven
@@ -469,6 +472,9 @@ class Link(StrictModel):
     """Mass properties of a link, and its markers.
 
     mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame.
+
+    >>> bm.Link(mass=2.0, inertia="0.1 kg m2", cm=(0.5, 0.0)).mass
+    2.0
     """
 
     mass: Mass = 0.0

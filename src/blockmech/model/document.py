@@ -56,20 +56,31 @@ class Document:
         ------
         FormatError with all problems of the file
         GraphError if only the wiring of a graph is wrong
+
+        >>> bm.Graph.load("graphs/ruiz_fourbar.json")
+        <Graph ruiz_fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II ...
         """
         return cls.from_json(text_of(path), os.fspath(path))
 
     @classmethod
     @declared
     def from_json(cls, text: str, file: str = "") -> Self:
-        """Read the text of a file; ``file`` is its name in messages. Raises like `load`."""
+        """Read the text of a file; ``file`` is its name in messages. Raises like `load`.
+
+        >>> bm.Graph.from_json(g.to_json())
+        <Graph ruiz_fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II ...
+        """
         return read(text, file, lambda raw: cls)
 
     @classmethod
     @uncollected()
     @declared
     def from_data(cls, data: Data, odd: Iterable[Problem] = (), file: str = "") -> Self:
-        """Read what a file holds, with the problems that its text has. Raises like `load`."""
+        """Read what a file holds, with the problems that its text has. Raises like `load`.
+
+        >>> bm.Graph.from_data(g.to_data())
+        <Graph ruiz_fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II ...
+        """
         draft = Draft(cls.form, current(data), list(odd))
         content: Any = draft.said
         made, given = cls(content.name, title=content.title), content.model_fields_set
@@ -91,6 +102,10 @@ class Document:
         ------
         FormatError, GraphError for what could not be read again; nothing is written
         RequestError where the place cannot be written
+
+        >>> g.save("fourbar.json")
+        >>> bm.read("fourbar.json").name
+        'ruiz_fourbar'
         """
         from blockmech.ground.files import writing
 
@@ -101,15 +116,27 @@ class Document:
             stream.write(text.encode())
 
     def in_folder(self, folder: str) -> Self:
-        """The document for another folder, with rewritten paths to other files."""
+        """The document for another folder, with rewritten paths to other files.
+
+        >>> g.in_folder("elsewhere")
+        <Graph ruiz_fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II ...
+        """
         return self
 
     def to_json(self) -> str:
-        """The canonical text of the file. Raises `FormatError` for what JSON does not know."""
+        """The canonical text of the file. Raises `FormatError` for what JSON does not know.
+
+        >>> g.to_json().splitlines()[1].strip()
+        '"format": "blockmech/graph",'
+        """
         return canonical_text(self.to_data())
 
     def to_data(self) -> Data:
-        """The content of the file."""
+        """The content of the file.
+
+        >>> list(g.to_data())[:3]
+        ['format', 'version', 'name']
+        """
         return self._written(self.sections())
 
     def _written(self, sections: Record) -> Data:
@@ -119,7 +146,12 @@ class Document:
     # -- free motions -----------------------------------------------------
 
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
-        """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
+        """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s].
+
+        >>> g.start("crank", q="30deg", rate=5.0)
+        >>> round(g.scene.initial["crank"].q, 6)
+        0.523599
+        """
         self._give("initial", driver, Initial(q=q, rate=rate))
 
     def add_stop(
@@ -137,15 +169,29 @@ class Document:
         With a restitution, from 0 to 1, it bounces back; without the motion ends there.
 
         Raises `GraphError` where neither is given or they are in the wrong order.
+
+        >>> g.add_stop("crank", "-30deg", "80deg", restitution=0.5)
+        >>> round(g.scene.stops["crank"].low, 6)
+        -0.523599
         """
         self._give("stops", driver, Stops(**{"from": low, "to": high, "restitution": restitution}))
 
     def prescribe(self, driver: str) -> None:
-        """Let a driver follow its law of motion in motions of the others."""
+        """Let a driver follow its law of motion in motions of the others.
+
+        >>> g.prescribe("crank")
+        >>> g.scene.motion
+        {'crank': 'prescribed'}
+        """
         self._give("motion", driver, "prescribed")
 
     def lock(self, driver: str, q: float | None = None) -> None:
-        """Lock a driver in motions of the others: at q [rad or m], or where it starts."""
+        """Lock a driver in motions of the others: at q [rad or m], or where it starts.
+
+        >>> g.lock("crank", "30deg")
+        >>> g.scene.motion
+        {'crank': Locked(locked=0.5235987755982988)}
+        """
         self._give("motion", driver, "locked" if q is None else Locked(locked=q))
 
     @abstractmethod
@@ -164,12 +210,19 @@ class Document:
         ------
         RequestError for addresses of nothing
         FormatError, GraphError for numbers that do not fit
+
+        >>> g.replace({"dyad.l_i": 6.1}).blocks["dyad"].l_i
+        6.1
         """
         given = named(parameters_of(self.sections()), values)
         return self.with_checked({p.path: x for p, x in given.items()})
 
     def with_checked(self, numbers: Mapping[Path, float]) -> Self:
-        """A copy with other numbers at some paths, checked like a file; see `replace`."""
+        """A copy with other numbers at some paths, checked like a file; see `replace`.
+
+        >>> g.with_checked({("blocks", "dyad", "l_i"): 6.1}).blocks["dyad"].l_i
+        6.1
+        """
         plain = {
             path: x.item() if getattr(x, "ndim", 1) == 0 and hasattr(x, "item") else x
             for path, x in numbers.items()
@@ -179,7 +232,11 @@ class Document:
         return self.from_data(data, (), self.file)
 
     def with_numbers(self, numbers: Mapping[Path, Any]) -> Self:
-        """A copy with other numbers at some paths, unchecked: of any type with arithmetic."""
+        """A copy with other numbers at some paths, unchecked: of any type with arithmetic.
+
+        >>> g.with_numbers({("blocks", "dyad", "l_i"): 6.1}).blocks["dyad"].l_i
+        6.1
+        """
         other = copy.copy(self)
         sections = replaced(self.sections(), numbers)
         for section in {str(path[0]) for path in numbers}:
@@ -187,14 +244,24 @@ class Document:
         return other
 
     def snapshot(self) -> Self:
-        """A copy that does not change with this document."""
+        """A copy that does not change with this document.
+
+        >>> copy = g.snapshot()
+        >>> g.gravity = (0.0, -9.81)
+        >>> copy.gravity
+        0+0j
+        """
         other = copy.copy(self)
         for name, x in vars(self).items():
             vars(other)[name] = copy.copy(x) if isinstance(x, dict | list) else x
         return other
 
     def sections(self) -> Data:
-        """The sections of the file between head and extras, as models."""
+        """The sections of the file between head and extras, as models.
+
+        >>> list(g.sections())
+        ['blocks', 'wires', 'scene', 'parameters']
+        """
         return {section: getattr(self, section) for section in self.form.sections}
 
     @abstractmethod

@@ -120,6 +120,9 @@ class Graph(Document):
         """The same mechanism with the blocks of subgraphs written out, as ``knee.dyad``.
 
         A graph without others inside is itself.
+
+        >>> g.flat() is g
+        True
         """
         if not any(isinstance(block, Subgraph) for block in self.blocks.values()):
             return self
@@ -129,7 +132,11 @@ class Graph(Document):
 
     @property
     def size(self) -> int:
-        """Number of blocks, those of subgraphs included."""
+        """Number of blocks, those of subgraphs included.
+
+        >>> g.size
+        5
+        """
         return sum(b.size if isinstance(b, Subgraph) else 1 for b in self.blocks.values())
 
     def _flattened(self) -> Flat:
@@ -160,7 +167,12 @@ class Graph(Document):
         return block
 
     def in_folder(self, folder: str) -> Self:
-        """The document for another folder, with rewritten paths to other files."""
+        """The document for another folder, with rewritten paths to other files.
+
+        >>> leg = bm.Graph("leg")
+        >>> leg.in_folder("library").name
+        'leg'
+        """
         old = os.path.dirname(self.file)
         other = self.snapshot()
         for name, block in self.blocks.items():
@@ -172,7 +184,11 @@ class Graph(Document):
 
     @property
     def scene(self) -> Scene:
-        """Gravity, drives, start and end stops. Set as a whole; the parts have their methods."""
+        """Gravity, drives, start and end stops. Set as a whole; the parts have their methods.
+
+        >>> g.scene.drive["crank"].rate
+        10.0
+        """
         return self._scene
 
     @scene.setter
@@ -185,7 +201,12 @@ class Graph(Document):
 
     @property
     def gravity(self) -> Vector:
-        """Gravity [m/s2] of the scene."""
+        """Gravity [m/s2] of the scene.
+
+        >>> g.gravity = (0.0, -9.81)
+        >>> g.gravity
+        0-9.81j
+        """
         return self.scene.gravity
 
     @gravity.setter
@@ -205,6 +226,9 @@ class Graph(Document):
 
         Raises `GraphError` for a taken or reserved name, or for what is not a block, and
         `FormatError` for the file of a graph that cannot be read.
+
+        >>> g.add("brake", "load.couple", moment=-3.0)
+        >>> g.add("weight", bm.Force(force=(0.0, -9.81)))
         """
         if isinstance(block, str):
             if block not in REGISTRY:
@@ -229,6 +253,9 @@ class Graph(Document):
 
         Raises `GraphError` at once for what is locally wrong: unknown names, a
         joint that is fed already, an inner joint, a guide needed where there is none.
+
+        >>> g.add("weight", bm.Force(force=(0.0, -9.81)))
+        >>> g.connect("dyad.C", "weight.at")
         """
         wire = Wire(source, target)
         problems = self.problems_of(wire)
@@ -237,7 +264,12 @@ class Graph(Document):
         self.wires.append(wire)
 
     def problems_of(self, wire: Wire) -> list[Problem]:
-        """Local mistakes of a new wire; see `connect`."""
+        """Local mistakes of a new wire; see `connect`.
+
+        >>> from blockmech.model.diagram import Wire
+        >>> [problem.code for problem in g.problems_of(Wire("crank.B", "dyad.B"))]
+        ['double-wire']
+        """
         fed = next((w for w in self.wires if w.target == wire.target), None)
         near = self._near({str(end).partition(".")[0] for end in wire.ends})
         problems: list[Problem] = []
@@ -265,6 +297,10 @@ class Graph(Document):
         """Give a driver its law of motion; replaces an earlier one.
 
         Raises `GraphError` for what is not a law.
+
+        >>> g.drive("crank", bm.motion.ConstantRate(rate="300rpm"))
+        >>> g.run(at=0.5)["crank.rate"]
+        array([31.41592654])
         """
         if not isinstance(law, LawOfMotion):
             where, message = f"scene.drive.{driver}", f"{type(law).__name__} is not a law of motion"
@@ -288,16 +324,28 @@ class Graph(Document):
         return []
 
     def remarks(self) -> list[Problem]:
-        """Unused and unreachable parts: not wrong, but perhaps forgotten."""
+        """Unused and unreachable parts: not wrong, but perhaps forgotten.
+
+        >>> g.remarks()
+        []
+        """
         flat = self.flat()
         return checks.remarks(flat.blocks, flat.wires)
 
     def structure(self) -> Structure:
-        """The checked formation sequence. Raises `GraphError` with all problems."""
+        """The checked formation sequence. Raises `GraphError` with all problems.
+
+        >>> print(g.structure().formula)
+        I(crank: 0,1) -> II RRR(dyad: 2,3)
+        """
         return checks.checked_structure(self._flattened())
 
     def to_networkx(self) -> nx.DiGraph:
-        """A copy of the block diagram: nodes are blocks, edges carry their ``wires``."""
+        """A copy of the block diagram: nodes are blocks, edges carry their ``wires``.
+
+        >>> sorted(g.to_networkx().edges)
+        [('crank', 'dyad'), ('dyad', 'couple'), ('dyad', 'weightlike'), ('frame', 'crank'), ...
+        """
         import networkx as nx
 
         graph = nx.DiGraph(name=self.name)

@@ -41,7 +41,11 @@ SAME = 1e-12  # [-] by which slopes of lines differ that rounding alone bends
 
 
 class LawOfMotion(StrictModel):
-    """Coordinate of a driver as a given function; [rad] for a crank, [m] for a slide."""
+    """Coordinate of a driver as a given function; [rad] for a crank, [m] for a slide.
+
+    >>> isinstance(bm.motion.ConstantRate(rate=1.0), bm.motion.LawOfMotion)
+    True
+    """
 
     model_config = ConfigDict(populate_by_name=True)
     kind_key: ClassVar[str] = "law"
@@ -142,6 +146,9 @@ class ConstantRate(OverRange):
     """Constant rate [rad/s or m/s] over a range of the coordinate.
 
     A negative rate travels a rising range from its upper end.
+
+    >>> bm.motion.ConstantRate(rate="300rpm").duration()
+    0.2
     """
 
     law: Literal["constant_rate"] = "constant_rate"
@@ -153,7 +160,11 @@ class ConstantRate(OverRange):
 
 
 class RateAcceleration(OverRange):
-    """Constant acceleration [rad/s2 or m/s2]; ``rate`` [rad/s or m/s] is the one at ``from``."""
+    """Constant acceleration [rad/s2 or m/s2]; ``rate`` [rad/s or m/s] is the one at ``from``.
+
+    >>> bm.motion.RateAcceleration(acceleration=2.0, end=4.0).duration()
+    2.0
+    """
 
     law: Literal["rate_acceleration"] = "rate_acceleration"
     rate: Number = 0.0
@@ -165,7 +176,11 @@ class RateAcceleration(OverRange):
 
 
 class Harmonic(LawOfMotion):
-    """q = mean + amplitude sin(2 pi frequency t + phase); frequency [Hz], phase [rad]."""
+    """q = mean + amplitude sin(2 pi frequency t + phase); frequency [Hz], phase [rad].
+
+    >>> bm.motion.Harmonic(amplitude=0.1, frequency=2.0).duration()
+    0.5
+    """
 
     law: Literal["harmonic"] = "harmonic"
     mean: Number = 0.0
@@ -192,6 +207,9 @@ class Cycloidal(LawOfMotion):
     """A rise from ``from`` to ``to`` [rad or m] without jerk at its ends, then a dwell.
 
     ``duration`` [s] is that of the rise.
+
+    >>> bm.motion.Cycloidal(start=0.0, end=1.0, time=2.0).at_times(np.array([1.0]))[0]
+    array([0.5])
     """
 
     law: Literal["cycloidal"] = "cycloidal"
@@ -219,7 +237,12 @@ class Cycloidal(LawOfMotion):
 
 
 class Trajectory(LawOfMotion):
-    """Values [rad or m] at times [s], joined by a cubic spline (not-a-knot) or straight lines."""
+    """Values [rad or m] at times [s], joined by a cubic spline (not-a-knot) or straight lines.
+
+    >>> motion = bm.motion.Trajectory(times=[0.0, 1.0, 3.0], values=[0.0, 0.5, 0.0])
+    >>> motion.duration()
+    3.0
+    """
 
     law: Literal["trajectory"] = "trajectory"
     times: Annotated[NumbersGiven, Field(min_length=2)]

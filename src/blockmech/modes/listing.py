@@ -80,6 +80,9 @@ def modes(
     Raises
     ------
     RequestError for unknown names, and where nothing says where the drivers stand
+
+    >>> [mode.sign for mode in mech.modes(at=0.5, arcs=False)["dyad"].samples[0]]
+    [1, -1]
     """
     drivers, still = mechanism.drivers, dict.fromkeys(mechanism.drivers, 0.0)
     if at is None:

@@ -28,6 +28,9 @@ def to_dict(result: Labelled) -> Data:
     SI units. Vectors are [x, y] pairs, matrices nested lists, a number of the whole
     run a list of one; a sample without an answer is None, with its reason in
     ``quality``. ``time`` [s] stands beside ``drivers`` where the request says it.
+
+    >>> result.to_dict()["format"]
+    'blockmech/result'
     """
     return {
         **_head(result),
@@ -56,6 +59,10 @@ def to_npz(result: Labelled, path: AnyPath) -> None:
     them, ``units`` (k, 2) lists names and units. Nothing needs pickle.
 
     Raises `RequestError` where the place cannot be written.
+
+    >>> result.to_npz("run.npz")
+    >>> np.load("run.npz")["crank.q"]
+    array([0.5, 1. ])
     """
     arrays: Data = dict(result.drivers)
     units = {name: result._unit_of_driver(name) for name in arrays}
@@ -77,6 +84,9 @@ def to_dataframe(result: Labelled) -> Any:
     """The columns of the CSV as a pandas DataFrame; units are in ``attrs["units"]``.
 
     Raises `MissingEngineError` without pandas.
+
+    >>> result.to_dataframe().shape[0]
+    2
     """
     return dataframe(columns(result), result.quality.status)
 
@@ -88,6 +98,9 @@ def to_xarray(result: Labelled) -> Any:
     the time are coordinates of the set. Vectors are complex, x + iy, with real ``.x`` and ``.y``
     beside them; ``attrs["units"]`` is spelled as pint reads it, "kg m**2". Raises
     `MissingEngineError` without xarray (extra ``study``).
+
+    >>> result.to_xarray()["crank.drive"].attrs["units"]
+    'N m'
     """
     xarray = needed("xarray", "to_xarray", "study", "to_npz needs nothing")
     drivers, time = dict(result.drivers), result._known_time()

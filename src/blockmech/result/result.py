@@ -45,6 +45,14 @@ class Result(Exported, Generic[M]):
 
     It can be pickled, for other processes or a cache of the same version of blockmech; to
     keep numbers for long, export them.
+
+    >>> result = mech.run(at=["10deg", "20deg"], want=["crank.drive", "dyad.C.p"])
+    >>> result["dyad.C.p"].shape
+    (2,)
+    >>> result.unit("crank.drive")
+    'N m'
+    >>> result.quality.status
+    ('ok', 'ok')
     """
 
     _called = "a result"
@@ -96,6 +104,9 @@ class Result(Exported, Generic[M]):
         """What was computed; of an unpickled result planned again when it is first asked for.
 
         Raises `RequestError` where another version of blockmech plans otherwise.
+
+        >>> result.plan.calls
+        12
         """
         want, layout = self._planned
         again: Plan = self._compiled.plan(want, **self.settings)
@@ -112,6 +123,9 @@ class Result(Exported, Generic[M]):
 
         Tables, CSV, data frames and pictures follow; arrays by name, JSON and npz stay in SI.
         ``result.to("deg", "mm").to_csv("turn.csv")``. Raises `RequestError` for what is no unit.
+
+        >>> print(result.to("deg", "kN").to_csv()[:40])
+        crank.q [deg],time [s],crank.rate [rad/s
         """
         for unit in units:
             try:
@@ -144,17 +158,29 @@ class Result(Exported, Generic[M]):
 
     @property
     def n(self) -> int:
-        """Number of samples."""
+        """Number of samples.
+
+        >>> result.n
+        2
+        """
         return self.samples.n
 
     @property
     def time(self) -> NDArray[np.float64] | None:
-        """Times (n,) [s] of the samples, if the request defines them."""
+        """Times (n,) [s] of the samples, if the request defines them.
+
+        >>> result.time
+        array([0.05, 0.1 ])
+        """
         return self.samples.time
 
     @property
     def drivers(self) -> dict[str, NDArray[np.float64]]:
-        """Driver coordinates: ``"crank.q"`` -> (n,) [rad or m]."""
+        """Driver coordinates: ``"crank.q"`` -> (n,) [rad or m].
+
+        >>> result.drivers["crank.q"]
+        array([0.5, 1. ])
+        """
         names = self.mechanism.drivers
         name = self._compiled._of_driver
         return {name(d, "q"): self.samples.coordinate(i) for i, d in enumerate(names)}
@@ -165,14 +191,23 @@ class Result(Exported, Generic[M]):
         return places(at, {name: self._unit_of_driver(name) for name in at}, degrees)
 
     def output(self, name: str) -> Output:
-        """Declaration of an output: unit, kind, and who acts on whom."""
+        """Declaration of an output: unit, kind, and who acts on whom.
+
+        >>> reaction = result.output("dyad.B.reaction")
+        >>> reaction.unit, reaction.by, reaction.on
+        ('N', 'crank.crank', 'dyad.i')
+        """
         declared_output: Output = held(
             self._compiled.outputs, name, "no output has that name", "outputs"
         )
         return declared_output
 
     def unit(self, name: str) -> str:
-        """Unit of an output; empty where dimensionless."""
+        """Unit of an output; empty where dimensionless.
+
+        >>> result.unit("dyad.C.v")
+        'm/s'
+        """
         return self.output(name).unit
 
     @np.errstate(all="ignore")  # what is not finite is reported by the quality
@@ -205,6 +240,9 @@ class Result(Exported, Generic[M]):
         Samples without an answer stay NaN, and count no turn.
 
         Raises `RequestError` for an output that was not computed.
+
+        >>> mech.run(samples=5).unwrapped("crank.crank.angle").round(3)
+        array([0.   , 1.571, 3.142, 4.712, 6.283])
         """
         angle = np.array(self[name], dtype=np.float64)
         finite = np.isfinite(angle)
@@ -226,7 +264,11 @@ class Result(Exported, Generic[M]):
 
     @cached_property
     def quality(self) -> Quality:
-        """Status of each sample, margins, friction reports and flags."""
+        """Status of each sample, margins, friction reports and flags.
+
+        >>> result.quality.status
+        ('ok', 'ok')
+        """
         reports = {
             kind: {
                 where: tuple(np.atleast_1d(_real(self._column(i))) for i in indices)
@@ -292,7 +334,11 @@ class Result(Exported, Generic[M]):
         return self.output(name).unit
 
     def isel(self, index: int | slice | NDArray[np.intp]) -> Self:
-        """The samples of these indices, as xarray has it: ``isel(slice(0, 10))`` the first ten."""
+        """The samples of these indices, as xarray has it: ``isel(slice(0, 10))`` the first ten.
+
+        >>> result.isel(-1)["crank.q"]
+        array([1.])
+        """
         index = np.atleast_1d(np.arange(self.n)[index])
         values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
         samples = self.samples.at(index)
@@ -306,6 +352,9 @@ class Result(Exported, Generic[M]):
         """Remarks on the result: lost digits, links that turn without inertia.
 
         Of a motion its own notes, too, and where it failed.
+
+        >>> result.notes()
+        []
         """
         motion = [] if self.motion is None else [*self.motion.notes]
         if self.motion is not None and self.motion.status == "failed":
@@ -323,6 +372,10 @@ class Result(Exported, Generic[M]):
 
         Of iterations that are cut short, ``single`` and ``successive``; None of others. Infinite
         where the certificate of a group is 1 or more.
+
+        >>> run = mech.run(at=0.5, want="crank.drive", friction="successive")
+        >>> bool(run.friction_error.max() < 1e-6)
+        True
         """
         if self.motion is not None and "friction_misfit" in self.motion.facts:
             return np.full(self.n, self.motion.facts["friction_misfit"])
@@ -368,6 +421,9 @@ class Result(Exported, Generic[M]):
         """A flag for each output that is rounding for more than half of its digits.
 
         Found by computing a few samples once more with longer numbers, when first asked for.
+
+        >>> result.digits_lost
+        ()
         """
         return tuple(self._digits_lost())
 
@@ -383,6 +439,9 @@ class Result(Exported, Generic[M]):
         """Other outputs at the same samples with the same settings; gaps are marked.
 
         ``friction`` is another method of friction than that of the run.
+
+        >>> result.rerun("crank.drive", friction="none")["crank.drive"].round(3)
+        array([8851.139, 3745.809])
         """
         settings = self.settings if friction is None else self.settings | {"friction": friction}
         return self._again(self.mechanism, want, settings)
@@ -407,6 +466,9 @@ class Result(Exported, Generic[M]):
         """What travels along a wire: motion forward, force and reduced inertia back.
 
         ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `result.wires`.
+
+        >>> sorted(result.wire("crank.B", "dyad.B"))
+        ['F', 'J_red', 'M', 'a', 'al', 'om', 'p', 'power', 'tau_red', 'v']
         """
         name = source if target is None else f"{source} -> {target}"
         return on_wires(self._compiled.structure, self._inside, self.n, name)[name]
@@ -417,6 +479,10 @@ class Result(Exported, Generic[M]):
 
         Infinite where only one of the two has an answer. Raises `RequestError` where the
         runs have different numbers of samples.
+
+        >>> other = mech.run(at=[0.5, 1.0], want="crank.drive", friction="none")
+        >>> round(other.compare(result)["crank.drive"], 5)
+        0.01011
         """
         differences = {}
         for name in self:

@@ -36,6 +36,10 @@ def to_csv(
 
     Raises `RequestError` for a separator that would tear numbers, or where the
     place cannot be written.
+
+    >>> text = result.to_csv("run.csv")
+    >>> text[:20]
+    'crank.q [rad],time ['
     """
     text = "".join(csv_chunks(result, separator, decimal))
     if path is not None:

@@ -39,7 +39,11 @@ def at_once(instant: float, t: float) -> bool:
 
 
 class State(NamedTuple):
-    """A state of a block: where it begins, and its unit (of signals ``""``)."""
+    """A state of a block: where it begins, and its unit (of signals ``""``).
+
+    >>> bm.signals.State(initial=1.0, unit="rad")
+    State(initial=1.0, unit='rad')
+    """
 
     initial: float = 0.0
     unit: str = ""
@@ -55,6 +59,9 @@ class Signal(Block):
     """A block of the signal path. Concrete classes register under ``signal.<kind>``.
 
     ``outputs`` are names of the output ports with their units.
+
+    >>> bm.signals.Gain(k=2.0).ports
+    ('y',)
     """
 
     _called: ClassVar[str] = "a signal block such as Gain(k=2.0)"

@@ -47,7 +47,11 @@ class Parameters(dict[str, Parameter]):
 
 
 def parameters(mechanism: Compiled) -> Parameters:
-    """Every number of the mechanism's graph or linkage, as its file calls it."""
+    """Every number of the mechanism's graph or linkage, as its file calls it.
+
+    >>> mech.parameters()["dyad.l_i"]
+    Parameter(address='dyad.l_i', value=6.0, unit='m', path=('blocks', 'dyad', 'l_i'))
+    """
     document = mechanism.document
     return Parameters(
         parameters_of(graph_sections(mechanism) if document is None else document.sections())

@@ -214,6 +214,10 @@ def function(
     RequestError for unknown names, for inputs that are missing, for numbers that structure,
     drivers or the geometry of a document hang on, and for outputs that depend on states
     MissingEngineError without JAX
+
+    >>> place = mech.function("crank.q", "dyad.C.p", library="numpy", friction="none")
+    >>> place
+    <Function crank.q -> dyad.C.p; 0 parameters>
     """
     catalogue = mechanism.outputs
     patterns = as_sequence("outputs", outputs)
@@ -272,6 +276,11 @@ def rates(
     Raises
     ------
     RequestError for joint friction, for states, and where nothing that moves has mass
+
+    >>> rates = mech.rates(library="numpy", friction="none")
+    >>> q_rate, acceleration = rates(0.0, (0.5, 10.0))
+    >>> float(acceleration.round(3))
+    -106.94
     """
     if friction != "none" and mechanism.frictional_joints:
         message = f"friction in {listed(mechanism.frictional_joints, 4)} is not smooth"

@@ -144,6 +144,10 @@ def objective(
         Derivatives of motions are differences of fourth order, see `MotionObjective`.
 
     Raises `RequestError` for unknown names, or settings that do not fit.
+
+    >>> largest = mech.objective(["dyad.l_i"], want={"crank.drive": "max"}, samples=13)
+    >>> round(largest([6.0]), 3)
+    9288.306
     """
     settings = {"friction": friction, "static": static}
     family = Family(mechanism, as_sequence("to", to), friction)

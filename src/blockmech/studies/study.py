@@ -100,6 +100,15 @@ def study(
     FormatError for values that the file would refuse
     MissingEngineError without pyarrow (extra ``study``), distributed (``cluster``) or llvmlite
         (``fast``)
+
+    >>> study = mech.study({"dyad.l_i": [5.9, 6.0, 6.1]}, want={"crank.drive": "max"}, samples=13)
+    >>> print(study)
+    ruiz_fourbar: 3 designs at 13 poses, 1 number varied
+    <BLANKLINE>
+    dyad.l_i [m]  max(crank.drive) [N m]  status
+    5.9           8941.81                 ok
+    6             9288.31                 ok
+    6.1           10150.1                 ok
     """
     how = {"friction": friction, "static": static}
     vary = _in_si(mechanism, vary) if isinstance(vary, Mapping) else vary

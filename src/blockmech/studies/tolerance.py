@@ -216,6 +216,12 @@ def tolerance(
     ------
     RequestError for unknown names, and where an output or a number has no derivative
     AssemblyError, SingularError, FrictionError at gaps of the mean design
+
+    >>> length = bm.dist.Uniform(5.99, 6.01)
+    >>> print(mech.tolerance({"dyad.l_i": length}, "crank.drive", at=0.5))
+    crank.drive: deviation up to 16.56 N m, at crank.q = 0.5 rad
+    number    deviation   share
+    dyad.l_i  0.005774 m  100.0%
     """
     distributions = numbers if isinstance(numbers, Mapping) else {}
     wrong = [a for a, law in distributions.items() if not isinstance(law, Distribution)]

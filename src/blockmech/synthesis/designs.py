@@ -34,6 +34,11 @@ class Design(Facts, Report):
     output : name of the output that is wanted
     errors : (n,) [m or rad] distance from the positions
     margin : least margin [-] of its groups on the way through them, 0 at a dead centre
+
+    >>> curve = [1 + 1j, 1.4 + 1.3j, 1.1 + 1.7j, 0.7 + 1.4j]
+    >>> best = bm.synthesis.path_generator(curve, seed=1)[0]
+    >>> best.graph
+    <Graph path_generator: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II RRR(dyad: 2,3)>
     """
 
     graph: Graph
@@ -66,6 +71,11 @@ class Synthesis(Facts, Report, Sequence[Design]):
     tried : starting designs that were tried
     left_out : refined designs that change circuit or branch on the way, or take the positions in
         another order
+
+    >>> curve = [1 + 1j, 1.4 + 1.3j, 1.1 + 1.7j, 0.7 + 1.4j]
+    >>> designs = bm.synthesis.path_generator(curve, seed=1)
+    >>> len(designs)
+    5
     """
 
     designs: tuple[Design, ...]
@@ -119,7 +129,11 @@ def design_of_path(task: Task, name: str, x: Floats, branch: int, margin: float)
 
 
 def fourbar(shape: Any, A: complex, B: complex, branch: int, name: str = "fourbar") -> Graph:
-    """The graph of a four-bar: its shape with crank 1, then turned and scaled by A, moved by B."""
+    """The graph of a four-bar: its shape with crank 1, then turned and scaled by A, moved by B.
+
+    >>> bm.synthesis.fourbar([0.0, 3.0, 3.0, 3.0, 1.0, 0.5], 1 + 0j, 0j, 1)
+    <Graph fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II RRR(dyad: 2,3)>
+    """
     frame, turn, coupler, rocker, u, v = (float(x) for x in shape)
     size, angle = abs(A), cmath.phase(A)
     D = B + A * cmath.exp(frame + 1j * turn)
@@ -154,7 +168,13 @@ def fourbar(shape: Any, A: complex, B: complex, branch: int, name: str = "fourba
 
 
 def saved(designs: Sequence[Any], folder: Any) -> Iterator[Any]:
-    """Write the designs as files ``design_0.json``, ... into a folder, and give their paths."""
+    """Write the designs as files ``design_0.json``, ... into a folder, and give their paths.
+
+    >>> curve = [1 + 1j, 1.4 + 1.3j, 1.1 + 1.7j, 0.7 + 1.4j]
+    >>> designs = bm.synthesis.path_generator(curve, seed=1)
+    >>> next(bm.synthesis.saved(designs, "designs")).name
+    'design_0.json'
+    """
     from pathlib import Path
 
     Path(folder).mkdir(parents=True, exist_ok=True)

@@ -55,7 +55,11 @@ def _directions(shape: Any, theta: Any, branch: Any) -> tuple[Any, ...]:
 
 
 def coupler_point(shape: Any, theta: Any, branch: Any) -> Any:
-    """Coupler point (..., n) of shapes (..., 6) in branches (...); NaN where it is open."""
+    """Coupler point (..., n) of shapes (..., 6) in branches (...); NaN where it is open.
+
+    >>> bm.synthesis.coupler_point([0.0, 3.0, 3.0, 3.0, 1.0, 0.5], [0.0, 1.0], 1).round(3)
+    array([1.376-1.053j, 1.381+0.104j])
+    """
     x, _, B, _, _, e, _ = _directions(shape, theta, branch)
     return B + (x[..., 4] + 1j * x[..., 5]) * e
 

@@ -235,6 +235,11 @@ class Candidate(Facts, Report):
     design : the design
     moment : largest driving moment [N m] on the way
     met : error [m] below which designs are alike
+
+    >>> task = [0.0, 1.0, 2.0 + 0.1j]
+    >>> best = bm.synthesis.path_over_structures(task, links=[4], starts=64, refined=1)[0]
+    >>> best.structure, best.links
+    ('4bar-01-03-12-23-f0c1t2', 4)
     """
 
     FACTS = ("structure", "links", "moment", "design")
@@ -270,6 +275,11 @@ class Candidates(Facts, Report, Sequence[Candidate]):
     candidates : all designs without a defect
     tried : structure -> random designs of it that were tried
     unfinished : structures that the budget left out
+
+    >>> task = [0.0, 1.0, 2.0 + 0.1j]
+    >>> designs = bm.synthesis.path_over_structures(task, links=[4], starts=64, refined=1)
+    >>> designs.unfinished
+    ()
     """
 
     FACTS = ("tried", "unfinished", "designs")

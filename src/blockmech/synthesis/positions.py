@@ -141,6 +141,10 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
 
     Raises `RequestError` where a pin's three places lie on a straight line, or where the way
     through the positions changes circuit, branch or order.
+
+    >>> positions = [(0.0, 1.0, 0.0), (0.5, 1.2, 0.3), (1.0, 1.0, 0.6)]
+    >>> bm.synthesis.three_positions(positions, moving=[0j, 1 + 0j])
+    <Design: dyad.P.p: largest miss 1.11022e-16, least margin 0.104, at 0, -0.761013, -1.52203 rad>
     """
     rows = _positions(positions, 3, 3)
     pins = np.asarray(moving, complex)
@@ -191,6 +195,11 @@ def burmester_pins(rows: Floats, rng: np.random.Generator) -> list[tuple[complex
     Returns
     -------
     Pairs (w, m) [m]: the pin in the first position, in the frame's axes, and its centre
+
+    >>> positions = [(0.0, 1.0, 0.0), (0.5, 1.2, 0.3), (1.0, 1.0, 0.6)]
+    >>> pins = bm.synthesis.burmester_pins(np.array(positions), np.random.default_rng(1))
+    >>> len(pins)
+    4
     """
     scale, origin = _size(rows), complex(*rows[0, :2])
     e = np.exp(1j * (rows[1:, 2] - rows[0, 2]))

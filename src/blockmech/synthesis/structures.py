@@ -27,6 +27,9 @@ class Structure(NamedTuple):
     chain : networkx graph, vertices 0, 1, ... are links, edges revolute pairs
     frame, crank, tracer : three of its links
     dyads : the dyads in formation order, links (i, j) each
+
+    >>> [(s.frame, s.crank) for s in bm.synthesis.structures(4)]
+    [(0, 1)]
     """
 
     chain: Chain

@@ -74,6 +74,10 @@ def trade(
     Raises
     ------
     RequestError for an unknown question or output, or settings that do not fit
+
+    >>> trade = mech.trade(want="dyad.C.p", budget=0.5)
+    >>> trade.recommended in trade.points
+    True
     """
     settings: Arguments = {"at": at, "samples": samples, "times": times, "rates": rates}
     settings |= {"accelerations": accelerations, "static": static, "until": until}

@@ -74,6 +74,9 @@ class FrictionLaw(StrictModel):
     kinds : the pairs that may have it, "R" and "P"
     drags : whether some of it does not follow the load, see rule 4
     remembers : whether it has a state of its own, see rule 8
+
+    >>> issubclass(bm.friction.Coulomb, bm.friction.FrictionLaw)
+    True
     """
 
     kind_key: ClassVar[str] = "law"
