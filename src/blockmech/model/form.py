@@ -85,13 +85,18 @@ class Section(NamedTuple):
         """The kinds in a sentence."""
         return f"{self.key}s: {listed(self.kinds, 30)}"
 
+    def word(self, item: StrictModel) -> str:
+        """The kind of an item in a file; "" of one that is of no kind."""
+        kind = getattr(item, "type_name", "").removeprefix(self.prefix)
+        return kind or (str(getattr(item, self.key, "")) if self.key else "")
+
     def data(self, item: Any) -> Data:
         """An item as its file says it."""
         if self.other and not isinstance(item, StrictModel | Mapping):
             return {self.key: item.type, **item.raw}  # of an unknown kind: word for word
         fields: Data = plain(item)
-        if self.key and self.key not in fields and hasattr(item, "type_name"):
-            fields = {self.key: item.type_name.removeprefix(self.prefix)} | fields
+        if (word := self.word(item)) and self.key not in fields:
+            fields = {self.key: word} | fields
         return {key: fields[key] for key in self.first if key in fields} | fields
 
 

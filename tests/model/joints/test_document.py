@@ -218,3 +218,24 @@ def test_every_code_in_the_source_is_declared():
     }
     assert result <= set(FILE_CODES) | set(CODES)
     assert set(CODES) <= result | set(REMEDIES)
+
+
+def test_what_is_added_as_an_object_is_what_its_keys_say():
+    by_objects, by_keys = bm.Linkage("arm"), bm.Linkage("arm")
+    body = bm.Link(mass=2.0, inertia=0.3, cm=(0.1, 0.0), markers={"tip": (0.5, 0.0)})
+    by_objects.add_link("arm", body, pose=(0.0, 0.0, "30deg"), mass=3.0)
+    by_keys.add_link(
+        "arm",
+        pose=(0.0, 0.0, "30deg"),
+        mass=3.0,
+        inertia=0.3,
+        cm=(0.1, 0.0),
+        markers={"tip": (0.5, 0.0)},
+    )
+    for arm in (by_objects, by_keys):
+        arm.add_joint("O", "R", ["frame", "arm"], point=(0.0, 0.0))
+    by_objects.add_driver("motor", "O", bm.motion.ConstantRate(rate=2.0, end=1.0))
+    by_keys.add_driver("motor", "O", "constant_rate", rate=2.0, to=1.0)
+    by_objects.add_load("wind", bm.Force(force=(1.0, 0.0)), link="arm", at=(0.5, 0.0))
+    by_keys.add_load("wind", "force", force=(1.0, 0.0), link="arm", at=(0.5, 0.0))
+    assert by_objects.to_data() == by_keys.to_data()

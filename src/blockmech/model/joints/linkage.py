@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from blockmech.blocks.contract import Block
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import GraphError, Problem, as_names, listed, path_text, unknown_name
 from blockmech.ground.names import is_name
-from blockmech.ground.values import Marker, Vector
+from blockmech.ground.values import Marker, StrictModel, Vector
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import Wire
 from blockmech.model.document import Document
@@ -28,13 +27,12 @@ from blockmech.model.joints.dimensions import Dimension
 from blockmech.model.joints.references import reference_problems, wire_problems
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Role, Scene, Stops
-from blockmech.model.writing import plain
 from blockmech.signals.contract import Signal
 from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:
     from blockmech.friction.laws.contract import FrictionLaw
-    from blockmech.ground.values import AnyMarker, AnyPlace, Two
+    from blockmech.ground.values import AnyMarker, AnyPlace, Link, Two
 
 
 class Linkage(Document):
@@ -84,7 +82,12 @@ class Linkage(Document):
 
     @property
     def gravity(self) -> Vector:
-        """Gravity [m/s2]."""
+        """Gravity [m/s2].
+
+        >>> m.gravity = (0.0, -9.81)
+        >>> m.gravity
+        0-9.81j
+        """
         return self._gravity
 
     @gravity.setter
@@ -98,6 +101,7 @@ class Linkage(Document):
     def add_link(
         self,
         name: str,
+        link: Link | None = None,
         *,
         pose: Sequence[float] | None = None,
         mass: float | None = None,
@@ -105,22 +109,27 @@ class Linkage(Document):
         cm: AnyPlace | None = None,
         markers: Mapping[str, AnyMarker] | None = None,
     ) -> None:
-        """Add a link.
+        """Add a link: ``add_link("rod", bm.Link(mass=2.0), pose=(0.5, 0.8, "20deg"))``.
 
         The fixed link is there from the start; ``add_link("frame", markers=...)`` gives it
         markers.
 
         Parameters
         ----------
+        link : its mass properties and markers, if they are not keys
         pose : (x, y, angle) [m, m, rad] of the link's own frame; roughly, it fixes the
             assembly mode; default all zero
         mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame
         markers : name -> place [m], or a `Marker` with a direction
 
         Raises `GraphError` for a taken name or properties that do not fit.
+
+        >>> m.add_link("arm", pose=(0.0, 0.0, "30deg"), mass=2.0, markers={"tip": (0.5, 0.0)})
+        >>> m.links["arm"].mass
+        2.0
         """
-        given = {"pose": pose, "mass": mass, "inertia": inertia, "cm": cm, "markers": markers}
-        self._add("link", name, given)
+        keys = {"pose": pose, "mass": mass, "inertia": inertia, "cm": cm, "markers": markers}
+        self._add_model("link", name, link or "", {k: x for k, x in keys.items() if x is not None})
 
     @declared
     def add_joint(
@@ -159,7 +168,13 @@ class Linkage(Document):
 
         Raises `GraphError` for what does not fit.
 
-        Example: ``m.add_joint("S", "P", ["frame", "piston"], point=(0.4, 0.0), angle=0.0)``.
+        >>> arm = bm.Linkage("arm")
+        >>> arm.add_link("arm")
+        >>> arm.add_joint("O", "R", ["frame", "arm"], point=(0.0, 0.0))
+        >>> arm.add_link("sleeve")
+        >>> arm.add_joint("S", "P", ["arm", "sleeve"], point=("50cm", 0.0), angle="0deg")
+        >>> arm.joints["S"].at
+        [0.5+0j, 0.5+0j]
         """
         links = list(as_names(f"joints.{name}.links", links))
         if (at is None) == (point is None):
@@ -209,11 +224,15 @@ class Linkage(Document):
         law : the law, or its kind, such as "constant_rate", whose keys then follow
 
         Raises `GraphError` for a taken name, an unknown kind or keys that do not fit.
+
+        >>> arm = bm.Linkage("arm")
+        >>> arm.add_link("arm")
+        >>> arm.add_joint("O", "R", ["frame", "arm"], point=(0.0, 0.0))
+        >>> arm.add_driver("motor", "O", "constant_rate", rate="300rpm")
+        >>> arm
+        <Linkage arm: 1 moving links, 1 pairs, 1 driver; I(arm)>
         """
-        if isinstance(law, LawOfMotion):
-            keys |= plain(law)
-            law = str(keys.pop("law"))
-        self._add("driver", name, {"joint": joint, **keys}, law or "")
+        self._add_model("driver", name, law or "", {"joint": joint, **keys})
 
     @overload
     def add_load(
@@ -243,8 +262,13 @@ class Linkage(Document):
         at : place [m] on the link, or on each of them, in their frames
 
         Raises `GraphError` for an unknown kind or keys that do not fit.
+
+        >>> m.add_load("wind", bm.Force(force=(30.0, 0.0)), link="rod", at=(0.1, 0.0))
+        >>> m.add_load("brake", "motor", joint="O", law={"kind": "constant", "value": -2.0})
+        >>> list(m.loads)
+        ['gas', 'wind', 'brake']
         """
-        self._add_block("load", name, load, keys)
+        self._add_model("load", name, load, keys)
 
     @declared
     def add_coupling(self, name: str, coupling: Coupling | str, **keys: Any) -> None:
@@ -258,8 +282,15 @@ class Linkage(Document):
         coupling : the coupling, or its kind, such as "gear", whose keys then follow
 
         Raises `GraphError` for a taken name, an unknown kind or keys that do not fit.
+
+        >>> m.add_link("wheel", pose=(0.2, 0.0, 0.0))
+        >>> m.add_joint("P", "R", ["frame", "wheel"], point=(0.2, 0.0))
+        >>> m.add_driver("shaft", "P")
+        >>> m.add_coupling("mesh", "gear", driver="motor", driven="shaft", teeth=[20, 40])
+        >>> m
+        <Linkage slider_crank: 4 moving links, 5 pairs, 2 drivers; I(crank) -> I(wheel) -> ...
         """
-        self._add_block("coupling", name, coupling, keys)
+        self._add_model("coupling", name, coupling, keys)
 
     @declared
     def add_signal(self, name: str, signal: Signal | str, **keys: Any) -> None:
@@ -270,8 +301,11 @@ class Linkage(Document):
         signal : the signal block, or its kind, such as "sum", whose keys then follow
 
         Raises `GraphError` for a taken name, or what is no signal block of a file.
+
+        >>> m.add_signal("error", bm.signals.Sum(signs="+-"))
+        >>> m.add_signal("gain", "gain", k=2.0)
         """
-        self._add_block("signal", name, signal, keys)
+        self._add_model("signal", name, signal, keys)
 
     @declared
     def add_dimension(
@@ -303,7 +337,10 @@ class Linkage(Document):
 
         Raises `GraphError` for a taken name, or points and values that do not fit.
 
-        Example: ``m.add_dimension("rod", "length", ["B", "C"], "250mm")``.
+        >>> m.add_dimension("rod", "length", ["A", "B"], "250mm")
+        >>> print(m.fit_dimensions())
+        1 dimensions hold; B moved most, by 0.025 m
+        A, B, cylinder can move in 4 ways
         """
         points = list(as_names(f"dimensions.{name}.points", points))
         self._add("dimension", name, {"type": kind, "points": points, "value": value}, kind)
@@ -319,6 +356,9 @@ class Linkage(Document):
         target : an input ``"signal.input"``, or ``"load.law"`` of a load whose law is a signal
 
         Raises `GraphError` for what does not fit; whether an output is there, compiling finds.
+
+        >>> m.add_signal("gain", "gain", k=2.0)
+        >>> m.connect("driver.motor.rate", "gain.u")
         """
         wire = Wire(source, target)
         problems = list(wire_problems(self, wire, self.wires))
@@ -330,12 +370,14 @@ class Linkage(Document):
     def _give(self, section: str, driver: str, item: Any) -> None:
         getattr(self, section)[driver] = item
 
-    def _add_block(self, what: str, name: str, block: Block | str, keys: Arguments) -> None:
-        """Add a load, coupling or signal by its block, or by its kind and keys."""
-        if isinstance(block, Block):
-            keys |= {key: getattr(block, key) for key in block.model_fields_set}
-            block = block.type_name.removeprefix(sections()[f"{what}s"].prefix)
-        self._add(what, name, keys, block)
+    def _add_model(
+        self, section: str, name: str, model: StrictModel | str, keys: Arguments
+    ) -> None:
+        """Add an item by an object, or by its kind; keys come on top of what the object says."""
+        if isinstance(model, StrictModel):
+            keys = {key: getattr(model, key) for key in model.model_fields_set} | keys
+            model = sections()[f"{section}s"].word(model)
+        self._add(section, name, keys, model)
 
     def _add(self, what: str, name: str, given: Arguments, kind: str = "") -> None:
         """Add an item of a kind. Raises `GraphError` with places in the document."""
@@ -361,7 +403,11 @@ class Linkage(Document):
 
     @property
     def driven(self) -> dict[str, str]:
-        """Driven joint -> the driver's name."""
+        """Driven joint -> the driver's name.
+
+        >>> m.driven
+        {'O': 'motor'}
+        """
         return {driver.joint: name for name, driver in self.drivers.items()}
 
 
