@@ -21,7 +21,7 @@ from blockmech.analysis.closure import Closure
 from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, places, runs, scan
 from blockmech.functions.roots import last_place
 from blockmech.functions.series import Floats, fit
-from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.tolerances import DOUBLE_ROOT
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])

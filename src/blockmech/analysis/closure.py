@@ -15,7 +15,7 @@ from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.functions.series import Floats
-from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.tolerances import BLUR
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes import forward
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 BEYOND = 2.0**20  # sizes of the mechanism within which a slide's ends are searched
-COINCIDENT = 10 * DOUBLE_ROOT  # of a group's lengths: two pins lie on each other, at a double root
 
 WORDS = {"RRP": "tangent", "RPR": "tangent", "PRP": "parallel", "RPP": "parallel"}
 
@@ -112,7 +111,7 @@ class Closure:
             return WORDS.get(block.kind, "dead centre")
         values, (B, D) = self._at(q), self._program.pivots[name]
         apart = abs(complex(values[B] - values[D]))
-        if apart <= COINCIDENT * block.largest_length() or _hides_its_pole(block):
+        if apart <= BLUR * block.largest_length() or _hides_its_pole(block):
             return "coincident"
         if block.kind == "RPR":
             return WORDS["RPR"]

@@ -21,12 +21,10 @@ from blockmech.dynamics.request import Pairs
 from blockmech.dynamics.system import System
 from blockmech.functions.series import Floats
 from blockmech.ground.errors import BlockmechError
-from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.tolerances import BLUR, HALVINGS
 from blockmech.model.joints.layout import Poses
 from blockmech.model.structure import COORDINATE
 
-ALIKE = 10 * DOUBLE_ROOT  # of the size, rad: two poses are one, to what a double root leaves
-HALVED = 26  # times that the way to an end of an arc is, where another joint is looked for
 MOST = 32  # arcs that are looked at
 
 
@@ -47,7 +45,7 @@ class _Leading:
     def _beyond(self, piece: Piece, end: float) -> _Leading | None:
         """The joint that leads best near an end of an arc, where one leads better."""
         chart, middle = self.chart, (piece.low + piece.high) / 2
-        for j in range(HALVED):
+        for j in range(HALVINGS):
             q = np.array([end + (middle - end) * 0.5**j])
             T = chart.tangent(q)
             if (
@@ -106,8 +104,8 @@ def equilibria_through_charts(line: Line) -> Equilibria:
 def _alike(first: Poses, second: Poses, home: Chart) -> bool:
     """Whether two poses are one, to what rounding and a root leave."""
     return all(
-        abs(first[link].o - second[link].o) <= ALIKE * home.layout.size
-        and abs(cmath.rect(1.0, first[link].theta) - cmath.rect(1.0, second[link].theta)) <= ALIKE
+        abs(first[link].o - second[link].o) <= BLUR * home.layout.size
+        and abs(cmath.rect(1.0, first[link].theta) - cmath.rect(1.0, second[link].theta)) <= BLUR
         for link in first
     )
 

@@ -17,30 +17,22 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.equilibrium import (
-    NONE,
-    Curve,
-    Equilibria,
-    Equilibrium,
-    Kind,
-    equilibrium_of,
-)
+from blockmech.analysis.equilibrium import Curve, Equilibria, Equilibrium, Kind, equilibrium_of
 from blockmech.analysis.limits import limits
 from blockmech.analysis.rest_intervals import held_intervals, interval_about
 from blockmech.analysis.scan import NODES, TURN, Span
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import tangents
-from blockmech.functions.roots import bisect
+from blockmech.functions.roots import NEWTON_STEPS, bisect
 from blockmech.functions.series import SCANNED, Floats, Series, fit, panels
-from blockmech.ground.plane import DOUBLE_ROOT, EPS
+from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT, EQUAL
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-STEPS = 60  # of Newton's method, from far away
 SAME = DOUBLE_ROOT  # [rad] or share of the span: two equilibria are one
-ASIDE = 10 * DOUBLE_ROOT  # [rad or m] of change points, where rounding hides poses
 
 
 class Piece(NamedTuple):
@@ -107,9 +99,9 @@ class Line:
         """An arc cut at the kinks of the loads and, a little aside, at change points."""
         kinks = _repeated(self.system.knots, self.system.period, low, high)
         passed = _repeated(passed, TURN if self.system.rotary[0] else None, low, high)
-        aside = {q: ASIDE if any(abs(q - p) <= ASIDE for p in passed) else 0.0
+        aside = {q: BLUR if any(abs(q - p) <= BLUR for p in passed) else 0.0
                  for q in (low, high, *kinks, *passed)}  # fmt: skip
-        cuts = _distinct(sorted({low, high, *kinks, *passed}), 4 * ASIDE, 0.0)
+        cuts = _distinct(sorted({low, high, *kinks, *passed}), 4 * BLUR, 0.0)
         long = not self.system.rotary[0] and high - low > 4 * self.system.span
         size, last = self.system.span if long else math.inf, len(cuts) - 2
         spans = tuple(
@@ -139,7 +131,7 @@ class Line:
 
     def jump(self, q: float) -> int:
         """The sign [-] of the effort beyond a place at which it jumps to the other one, else 0."""
-        aside = ASIDE * np.array([-20.0, -2.0, 2.0, 20.0])
+        aside = BLUR * np.array([-20.0, -2.0, 2.0, 20.0])
         y = self.effort(q + aside)
         settled = np.abs(y[[1, 2]]) > np.abs(y[[0, 3]]) / 2
         return int(np.sign(y[2])) if y[1] * y[2] < 0 and settled.all() else 0
@@ -159,7 +151,7 @@ class Line:
     def _polished(self, q: float) -> float | None:
         """A root by Newton's method with the exact slope; None where it is none."""
         span = self.system.span
-        for _ in range(STEPS):
+        for _ in range(NEWTON_STEPS):
             local = tangents(self.mechanism, [[q]], t=self.t)
             slope = float(local.K[0, 0, 0])
             step = -float(local.effort[0, 0]) / slope if slope else 0.0
@@ -207,7 +199,7 @@ def equilibria_of_one(line: Line) -> Equilibria:
         rests += intervals
         at = tangents(mechanism, np.array([*balances, *jumps])[:, None], t=line.t)
         energy = _potentials(spans, rows, balances) if has_potential else [None] * len(balances)
-        massless = at.M[:, 0, 0] <= NONE**2 * system.typical_inertia(low)
+        massless = at.M[:, 0, 0] <= EQUAL**2 * system.typical_inertia(low)
         at.M[massless] = 0.0
         points += [
             equilibrium_of(

@@ -19,13 +19,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.analysis.equilibria_one import SAME, STEPS
-from blockmech.analysis.equilibrium import NONE, Equilibria, equilibrium_of
+from blockmech.analysis.equilibria_one import SAME
+from blockmech.analysis.equilibrium import Equilibria, equilibrium_of
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import Tangents, tangents
+from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.functions.series import Floats
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import EQUAL
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -101,7 +103,7 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
         """Equilibria near some places that are not known."""
         candidates = _apart([*roots, *_newton(search, q)], search)[len(roots) :]
         of = search.tangents(np.reshape(candidates, (-1, len(live))))
-        good = (of.margin > 0) & (np.abs(of.effort) <= NONE * size[live]).all(axis=1)
+        good = (of.margin > 0) & (np.abs(of.effort) <= EQUAL * size[live]).all(axis=1)
         return [x for x, sound in zip(candidates, good.tolist(), strict=True) if sound]
 
     roots_: list[Floats] = [] if len(live) else [rest[:0]] * bool(alive.any())
@@ -144,7 +146,7 @@ def _neutral(of: Tangents, alive: Any, span: Floats) -> Any:
     slopes = np.abs(of.K[alive]).max(axis=0, initial=0.0) * span * span[:, None]
     felt = np.maximum(slopes.max(axis=0), slopes.max(axis=1))
     largest = max(work.max(), slopes.max())
-    return (work <= NONE * largest) & (felt <= NONE * largest)
+    return (work <= EQUAL * largest) & (felt <= EQUAL * largest)
 
 
 def _regular(search: Search, roots: list[Floats]) -> Floats:
@@ -152,7 +154,7 @@ def _regular(search: Search, roots: list[Floats]) -> Floats:
     q = np.array(roots)
     K = search.tangents(q).K * search.span * search.span[:, None]
     values = np.linalg.svd(K)[1]
-    return np.asarray(q[values[:, -1] > NONE * values[:, 0]])
+    return np.asarray(q[values[:, -1] > EQUAL * values[:, 0]])
 
 
 def _families(search: Search, roots: list[Floats], size: Floats) -> list[Floats]:
@@ -173,7 +175,7 @@ def _joined(search: Search, first: Floats, second: Floats, size: Floats) -> bool
     offset = second - first
     offset = np.where(search.rotary, np.remainder(offset + math.pi, math.tau) - math.pi, offset)
     of = search.tangents(first + np.linspace(0.0, 1.0, BETWEEN)[1:-1, None] * offset)
-    return bool(_whole(of).all() and (np.abs(of.effort) <= math.sqrt(NONE) * size).all())
+    return bool(_whole(of).all() and (np.abs(of.effort) <= math.sqrt(EQUAL) * size).all())
 
 
 def _whole(of: Tangents) -> Any:
@@ -186,7 +188,7 @@ def _newton(search: Search, q: Floats) -> list[Floats]:
     """Where Newton's method from places (n, m) ends; steps are a tenth of the span at most."""
     span = search.span
     roots: list[Floats] = []
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         of = search.tangents(q) if len(q) else None
         if of is None or not (good := _whole(of)).any():
             break

@@ -24,11 +24,11 @@ from blockmech.functions.series import Floats
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json, places, with_unit
+from blockmech.ground.tolerances import EQUAL
 from blockmech.typing import Data
 
 Kind = Literal["stable", "unstable", "indifferent"]
 
-NONE = 1e-9  # relative: what roots and eigenvalues leave of nothing
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
 MARKS = {"stable": ("o", "dot"), "unstable": ("^", "triangle"), "indifferent": ("s", "square")}
@@ -247,7 +247,7 @@ def natural_frequencies(M: Floats, K: Floats) -> Floats:
     except np.linalg.LinAlgError:
         return np.empty(0)
     size = float(np.abs(w2).max(initial=0.0))
-    good = (w2.real > NONE * size) & (np.abs(w2.imag) <= math.sqrt(NONE) * size)
+    good = (w2.real > EQUAL * size) & (np.abs(w2.imag) <= math.sqrt(EQUAL) * size)
     return np.sort(np.sqrt(w2[good].real))
 
 
@@ -269,17 +269,17 @@ def kind_of(M: Floats, C: Floats, K: Floats) -> tuple[Kind, Any]:
     if M.any() and np.linalg.cond(M) < 1 / EPS:
         values = np.linalg.eigvals(companion(M, C, K)).astype(complex)
         values = values[np.argsort(-values.real, kind="stable")]
-    symmetric = np.abs(K - K.T).max() <= NONE * size
+    symmetric = np.abs(K - K.T).max() <= EQUAL * size
     if symmetric or not len(values):
         least = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
-        if symmetric and least < -NONE * size:
+        if symmetric and least < -EQUAL * size:
             return "unstable", values
         if not np.abs(C).max() > 0 or not len(values):
-            return ("stable" if least > NONE * size else "indifferent"), values
+            return ("stable" if least > EQUAL * size else "indifferent"), values
     slowest, largest = float(values[0].real), float(np.abs(values).max())
-    if slowest > NONE * largest:
+    if slowest > EQUAL * largest:
         return "unstable", values
-    still = float(np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).min()) <= NONE * largest**2
+    still = float(np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).min()) <= EQUAL * largest**2
     return ("indifferent" if still else "stable"), values
 
 

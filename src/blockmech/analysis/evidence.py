@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from blockmech.analysis.free_bodies import Array, Body, FreeBodies, Together, unit_motions
+from blockmech.ground.plane import EPS
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
     from blockmech.result.result import Result
 
-TOLERANCE = 2.0**-43  # of the sum of absolute terms times the conditioning: 1024 roundings
+TOLERANCE = 512 * EPS  # of the sum of absolute terms times the conditioning
 
 Part = JointRef | LinkRef | str
 

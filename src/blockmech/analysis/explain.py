@@ -9,11 +9,11 @@ from typing import Any
 from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, listed
+from blockmech.ground.report import LINES
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.plan.plan import Plan
 from blockmech.typing import Arguments, FrictionMethod
 
-GROUPS = 12  # wanted outputs above which they are told by quantity
 FAMILIES = (  # the dearest stage that outputs need -> what they are called
     ("force", "reactions and drives"),
     ("unit acceleration", "reduced loads with slope"),
@@ -95,7 +95,7 @@ def _groups(
 ) -> Mapping[str, tuple[str, ...]]:
     """Outputs one by one, or by the user's patterns, or by the dearest stage they need."""
     names = plan.want
-    if len(names) <= GROUPS:
+    if len(names) <= LINES:
         return {n: (n,) for n in names}
     if len(patterns) > 1:
         return {p: mechanism.outputs.match([p]) for p in patterns}

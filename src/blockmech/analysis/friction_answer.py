@@ -22,7 +22,7 @@ from blockmech.figures.paper import (
 )
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import listed, refused
-from blockmech.ground.report import DEGREES, Facts, as_json, places
+from blockmech.ground.report import DEGREES, WIDTH, Facts, as_json, places
 from blockmech.ground.units import shown_in
 from blockmech.result.columns import output_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted
@@ -37,7 +37,7 @@ Indices = NDArray[np.intp]
 CONTRACTION, COUNT, UNDECIDED, NO_POSE = PROOFS = (
     *("contraction", "count", "undecided", "no-assembly"),
 )
-ROWS, WIDTH = 40, 100  # lines of a printed table, characters of a line
+ROWS = 40  # lines of a printed table
 HEIGHT = 17 * ink.TEXT  # [pt] of the axes
 FILLS = (ink.GREY, ink.PAPER, ink.LINK_FILLS[0], ink.LINK_FILLS[1])
 """By number of solutions: none, one, two, three or more."""

@@ -37,7 +37,7 @@ from blockmech.friction.equations import load_norm
 from blockmech.friction.existence import existence
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
-from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.tolerances import BLUR
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
@@ -55,7 +55,6 @@ DEFAULT = (".drive", ".reaction")
 """What is computed of each solution where nothing is asked for: outputs that end so."""
 MOST_BRANCHES = 100_000  # of the tree; each has all outputs
 MOST_PATHS = 4096  # complex solutions of one group; a triad with nine pins has 512
-SAME = 10 * DOUBLE_ROOT  # relative: two solutions of continuation and enumeration that are one
 BY_LOAD = "its friction law is not linear in the load, so that its solutions are not counted"
 
 BOUND = bind_functions(
@@ -266,7 +265,7 @@ def _solved(systems: Systems, c: Floats | None) -> Solved:
     reached = first.outcome == float(Outcome.BY_CONTINUATION)
     off, nearest = np.abs(solutions.t - start[of]).max(axis=1, initial=0.0), np.full(n, np.inf)
     np.minimum.at(nearest, of, off)
-    same = nearest <= SAME * np.abs(start).max(axis=1, initial=0.0)
+    same = nearest <= BLUR * np.abs(start).max(axis=1, initial=0.0)
     connected = reached[of] & same[of] & (off == nearest[of])
     total = np.zeros(n)
     np.add.at(total, of, solutions.signs)

@@ -21,14 +21,13 @@ from numpy.typing import NDArray
 
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import close_match, listed, refused
-from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.typing import Coordinates
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 FRAME = "frame"
-STRAIGHT = 4096 * EPS  # sine of the angle between velocity and acceleration that is rounding
 
 
 @declared
@@ -78,9 +77,9 @@ def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) ->
     >>> mech.velocity_ratio("dyad.j", "crank", at=0.5).round(6)
     array([0.368747])
     """
-    one, two = (_rate(mechanism, name, at) for name in (of, by))
+    first, second = (_rate(mechanism, name, at) for name in (of, by))
     with np.errstate(all="ignore"):
-        return np.asarray(one / two)
+        return np.asarray(first / second)
 
 
 @declared
@@ -110,7 +109,7 @@ def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> NDArray[
     v, a = (run[name] for name in names)
     across = (np.conj(v) * a).imag
     with np.errstate(all="ignore"):
-        straight = np.abs(across) <= STRAIGHT * np.abs(v) * np.abs(a)
+        straight = np.abs(across) <= ROUNDING * np.abs(v) * np.abs(a)
         radius = np.abs(v) ** 3 / np.where(straight, np.nan, across)
     return np.where(v == 0, 0.0, np.where(straight, np.inf, radius))
 

@@ -33,8 +33,8 @@ from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import SCANNED
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, among, listed, refused
-from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.ground.units import number_in_si
 from blockmech.model.structure import Structure
 from blockmech.result.shortfall import shortfall

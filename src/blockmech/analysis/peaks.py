@@ -21,13 +21,14 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from blockmech.functions.series import EPS, Floats
+from blockmech.ground.tolerances import EQUAL, ROUNDING
 
 Indices: TypeAlias = NDArray[np.intp]
 Truths: TypeAlias = NDArray[np.bool_]
 Function: TypeAlias = Callable[[Indices, Floats], Floats]
 """Numbers (k,) of functions, places (k, 8) -> their values (k, 8); NaN where there is none."""
 
-REMAINDER = 1e-11  # of the largest value: what the polynomial of a panel usually may leave
+REMAINDER = 8 * ROUNDING  # of the largest value: what the polynomial of a panel usually may leave
 # Weights of five samples: how much a function may rise beside the middle one. A parabola rises by
 # an eighth of its second difference, what no cubic joins by three times its fourth.
 RISE = 3.0 * np.array([1.0, -4.0, 6.0, -4.0, 1.0]) - np.array([0.0, 1.0, -2.0, 1.0, 0.0]) / 8.0
@@ -39,7 +40,6 @@ TOPS = 4  # smooth ones of a function that are told from another
 MOST = 400  # panels of one function
 NOISY = 0.3  # turns a sample, above which a function is rounding only
 NARROW = 16 * EPS  # of a place: panels are not halved further
-EVEN = 1e-9  # of a step, by which equal ones may differ; of values, by which a turn closes
 NODES = np.asarray(chebyshev.chebpts2(8))  # of a panel: machine code computes eight side by side
 
 
@@ -97,13 +97,13 @@ class Search:
     def largest(self) -> Peaks:
         """The largest values."""
         (m, n), steps = self.y.shape, np.diff(self.s)
-        if n < len(AROUND) or np.ptp(steps) > EVEN * steps[0]:
+        if n < len(AROUND) or np.ptp(steps) > EQUAL * steps[0]:
             size = self._size(self.y)
             self.peaks = Peaks(size.max(axis=1), self.s[size.argmax(axis=1)], np.zeros(m))
             row, cell = np.divmod(np.arange(m * (n - 1)), n - 1)
         else:
             size = np.abs(self.y[:, :: n // 4]).max(axis=1)
-            self.turn &= bool((np.abs(self.y[:, -1] - self.y[:, 0]) <= EVEN * size).all())
+            self.turn &= bool((np.abs(self.y[:, -1] - self.y[:, 0]) <= EQUAL * size).all())
             row, cell = self._smooth()
         if len(row):
             self._halve(row, self.s[cell], self.s[cell + 1])

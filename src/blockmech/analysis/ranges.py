@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from blockmech.analysis.limits import limits
 from blockmech.analysis.scan import TURN
 from blockmech.analysis.working_cycle import (
-    SAME,
     Cycle,
     by_coordinate,
     by_share,
@@ -16,19 +15,20 @@ from blockmech.analysis.working_cycle import (
     cycle_through,
     no_range,
 )
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.result.result import Result
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 
-def cycle_of(source: Compiled | Result, **given: Any) -> Cycle:
+def cycle_of(source: Compiled | Result, **options: Any) -> Cycle:
     """The cycle of a mechanism (its law's range, or a turn) or of a result (its samples).
 
-    ``given`` are friction and static; None is what the source has.
+    ``options`` are friction and static; None is what the source has.
     Raises `RequestError` where there is no range to follow.
     """
-    settings = {k: x for k, x in given.items() if x is not None}
+    settings = {k: x for k, x in options.items() if x is not None}
     if isinstance(source, Result):
         return cycle_through(source.mechanism, source.samples, {**source.settings, **settings})
     drivers, drive = source.drivers, source.scene.drive
@@ -51,7 +51,7 @@ def _range_of(mechanism: Compiled, law: Any) -> tuple[float, float]:
     low, high = (0.0, 0.0) if law is None else sorted((float(law.start), float(law.end)))
     if low == high and not rotary:
         raise no_range(driver, 'give the driver a law of motion with "from" and "to"')
-    turn = low == high or (law.law == "constant_rate" and abs(high - low - TURN) <= SAME * TURN)
+    turn = low == high or (law.law == "constant_rate" and abs(high - low - TURN) <= ROUNDING * TURN)
     if rotary and turn:
         closure = limits(mechanism)
         if not closure.whole_turn and closure.arcs:

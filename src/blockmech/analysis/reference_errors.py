@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.ground.tolerances import EQUAL
 from blockmech.result.result import Result
 
 Array = NDArray[Any]
@@ -16,7 +17,6 @@ DOUBLE = float(np.finfo(np.float64).eps)
 LONG = float(np.finfo(np.longdouble).eps)
 WIDER = LONG < DOUBLE
 MOST_ITERATIONS = 6  # successive ones: beyond, Newton's method is cheaper
-SMALL = 1e-9  # outputs this much smaller than others of their unit are measured by those
 NATURAL = {
     "rad/s2": ("rad/s", "rad/s"),
     "m/s2": ("m/s", "rad/s"),
@@ -133,7 +133,7 @@ def _scales(
     scale = {}
     for name, size in sizes.items():
         top = by_unit[reference.unit(name)]
-        measured = size if size > SMALL * top else top
+        measured = size if size > EQUAL * top else top
         scale[name] = 1.0 if _is_angle(reference, name) else measured or 1.0
     return scale
 

@@ -26,7 +26,7 @@ def held_intervals(
     low: float,
     high: float,
     closed: bool,
-    places: list[float],
+    equilibria: list[float],
 ) -> list[tuple[float, float]]:
     """Where friction holds the driver on an arc: both efforts that start it are against it.
 
@@ -39,13 +39,13 @@ def held_intervals(
     u = np.linspace(0.0, 1.0, SCANNED // 2 + 1)
     q = Span(low, high, turn=closed).place(u if closed else u[1:-1])
     stops = [x for x in (low, high) if x in system.stops[0]]  # others are dead centres
-    q = np.unique(np.concatenate([q, places, stops, _weakest(effort, q)]))
+    q = np.unique(np.concatenate([q, equilibria, stops, _weakest(effort, q)]))
     lowest, highest, _ = friction.holding(q, t)
-    held = (lowest <= 0) & (highest >= 0)
-    held |= np.isin(q, places)  # balanced: whatever friction there is holds it
+    balanced = (lowest <= 0) & (highest >= 0)
+    balanced |= np.isin(q, equilibria)  # balanced: whatever friction there is holds it
     intervals: list[tuple[float, float]] = []
-    for i in np.flatnonzero(held & ~np.concatenate([[False], held[:-1]])).tolist():
-        last = i + int(np.argmin(np.append(held[i:], False))) - 1
+    for i in np.flatnonzero(balanced & ~np.concatenate([[False], balanced[:-1]])).tolist():
+        last = i + int(np.argmin(np.append(balanced[i:], False))) - 1
         start = q[i] if i == 0 else _end(system, t, q[i], q[i - 1])
         end = q[last] if last == len(q) - 1 else _end(system, t, q[last], q[last + 1])
         intervals.append((float(start), float(end)))
@@ -59,8 +59,8 @@ def held_intervals(
 def _weakest(effort: Effort, q: Floats) -> Floats:
     """Places beside which the effort of the loads is larger on both sides."""
     y = np.abs(effort(q))
-    least = np.concatenate([[False], (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]), [False]])
-    i = np.flatnonzero(least)
+    smallest = np.concatenate([[False], (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]), [False]])
+    i = np.flatnonzero(smallest)
     return np.concatenate([(q[i] + q[i - 1]) / 2, (q[i] + q[i + 1]) / 2]) if len(i) else q[:0]
 
 
@@ -70,11 +70,11 @@ def _end(system: System, t: float, inside: float, outside: float) -> float:
 
     friction = system.friction
     assert friction is not None
-    most = sys.float_info.max**0.25  # instead of infinity, of which there is no secant
+    largest = sys.float_info.max**0.25  # instead of infinity, of which there is no secant
 
     def beyond(q: float) -> float:
         lowest, highest = (float(x[0]) for x in friction.holding(np.array([q]), t)[:2])
-        return float(np.clip(max(lowest, -highest), -most, most))
+        return float(np.clip(max(lowest, -highest), -largest, largest))
 
     a, b = beyond(inside), beyond(outside)
     if not a <= 0 < b:
@@ -83,10 +83,10 @@ def _end(system: System, t: float, inside: float, outside: float) -> float:
 
 
 def interval_about(
-    q: float, held: list[tuple[float, float]], closed: bool
+    q: float, intervals: list[tuple[float, float]], closed: bool
 ) -> tuple[float, float] | None:
     """The interval of rest that an equilibrium is in."""
-    for low, high in held:
+    for low, high in intervals:
         for shift in (0.0, TURN, -TURN) if closed else (0.0,):
             if low - shift <= q <= high - shift:
                 return low - shift, high - shift

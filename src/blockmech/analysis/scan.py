@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.functions.series import EPS, Floats, Series, fit, nodes, panels
-from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.tolerances import DOUBLE_ROOT
 
 TURN = 2 * math.pi
 # Turns are cut just before -90 degrees: arcs of symmetric mechanisms lie about 0 or pi, and what

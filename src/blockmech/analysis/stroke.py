@@ -22,19 +22,18 @@ from numpy.typing import NDArray
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
-from blockmech.analysis.turning_points import ALIKE, Signal, Turn, Turns, signal_of, turns_of
+from blockmech.analysis.turning_points import Signal, Turn, Turns, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import EPS, Floats, fit, panels
 from blockmech.ground.errors import refused
-from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.ground.report import DEGREES, Facts, Report, with_unit
+from blockmech.ground.tolerances import BLUR, EQUAL
 from blockmech.typing import Data, FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.result.result import Result
 
-STANDS = 10 * DOUBLE_ROOT  # of the largest speed: below it a marker may reverse
 
 ASK = "ask for the extremes of its x or y"
 
@@ -158,7 +157,7 @@ def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:
     # The principal axis of the samples: the square forgets which way along it they lie.
     u = complex(np.sqrt(((z - middle) ** 2).sum()))
     u /= abs(u)
-    straight = float(np.abs(((z - middle) * u.conjugate()).imag).max()) <= ALIKE * spread
+    straight = float(np.abs(((z - middle) * u.conjugate()).imag).max()) <= EQUAL * spread
 
     def along(s: Floats) -> Floats:
         return np.asarray(((read(s) - middle) * u.conjugate()).real)
@@ -196,7 +195,7 @@ def _curve(cycle: Cycle, output: str) -> Turns:
         lengths.append(lengths[-1] + (-1) ** i * _length(velocity, Span(a, b)))
     if closed:
         distance = sum(abs(b - a) for a, b in pairwise(lengths))
-        if abs(lengths[-1] - lengths[0]) > ALIKE * distance:
+        if abs(lengths[-1] - lengths[0]) > EQUAL * distance:
             raise refused(output, "the marker does not return on the path it came on", ASK)
         marks, lengths = [cycle.wrapped(s) for s in marks[:-1]], lengths[:-1]
     low, high = int(np.argmin(lengths)), int(np.argmax(lengths))
@@ -213,7 +212,7 @@ def _reversals(
     x, y = curve.x, curve.y
     if closed:  # before the first place comes the last but one, a turn earlier
         x, y = np.append(x[-2] - (cycle.high - cycle.low), x), np.append(y[-2], y)
-    still = (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]) & (y[1:-1] <= STANDS**2 * np.nanmax(y))
+    still = (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]) & (y[1:-1] <= BLUR**2 * np.nanmax(y))
     i = np.flatnonzero(still) + 1
     if not len(i):
         return []

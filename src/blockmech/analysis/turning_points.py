@@ -17,13 +17,12 @@ from blockmech.analysis.scan import ASIDE, Span, runs, scan
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import EPS, Floats, panels
 from blockmech.ground.errors import refused
+from blockmech.ground.tolerances import EQUAL
 from blockmech.result.failures import without_gaps
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
-NEAR = 1e-9  # of the cycle: so near by a signal hardly changes
 NOISY = 1e-4  # of its range, mean change near by above which a signal is rounding only
 BESIDE = np.geomspace(1e-7, 1.0, 8)  # of the way to the next place: looked at around an extremum
-ALIKE = 1e-9  # relative, of values that count as the same: outputs lose some digits
 
 
 class Signal(NamedTuple):
@@ -107,7 +106,7 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
         without_gaps(cycle.run(coordinates, signal.name), "raise")
         raise refused(signal.name, "it has no value anywhere in the cycle")
     largest = float(np.abs(values[good]).max())
-    repeats = abs(values[-1] - values[0]) <= ALIKE * largest
+    repeats = abs(values[-1] - values[0]) <= EQUAL * largest
     closed = bool(cycle.turns and good.all() and repeats)
     inner: list[Turn] = []
     ends: list[Turn] = []
@@ -131,7 +130,7 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
 
 def _is_noise(signal: Signal, samples: Floats, values: Floats) -> bool:
     """Whether a signal changes at random from one place to one beside it."""
-    neighbours = signal.value(samples[:-1] + NEAR * np.ptp(samples))
+    neighbours = signal.value(samples[:-1] + EQUAL * np.ptp(samples))
     return bool(np.mean(np.abs(neighbours - values[:-1])) > NOISY * np.ptp(values))
 
 

@@ -13,7 +13,7 @@ from blockmech.analysis.scan import NODES, TURN, runs
 from blockmech.functions.roots import bisect
 from blockmech.functions.series import SCANNED, Floats
 from blockmech.ground.errors import RequestError, refused
-from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
 from blockmech.typing import Arguments, Data
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 MOST = 50 * SCANNED  # steps of a range of many turns
-SAME = 4096 * EPS  # of a range, of places and numbers of turns that count as the same
 
 
 @dataclass(frozen=True)
@@ -79,8 +78,8 @@ class Cycle:
     def wrapped(self, s: float) -> float:
         """A place of a whole turn inside the range: one at its very end is at its beginning."""
         span = self.high - self.low
-        s = s + span if s < self.low - SAME * span else s
-        return s - span if s >= self.high - SAME * span else s
+        s = s + span if s < self.low - ROUNDING * span else s
+        return s - span if s >= self.high - ROUNDING * span else s
 
     def stretches(self, value: Callable[[Floats], Any]) -> Iterator[tuple[float, float]]:
         """Ends of the stretches on which a value is finite, to rounding."""
@@ -145,7 +144,7 @@ def by_coordinate(
     driver_rates = dict(rates or {})
     rotary = mechanism.structure.driver_joint(mechanism.drivers[0]).rotary
     count = (high - low) / TURN if rotary else 0.0
-    turns = round(count) >= 1 and abs(count - round(count)) <= SAME * count
+    turns = round(count) >= 1 and abs(count - round(count)) <= ROUNDING * count
     steps = min(MOST, max(SCANNED, n - 1, math.ceil(SCANNED * count)))
     rate = driver_rates.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
 

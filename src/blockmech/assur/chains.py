@@ -50,7 +50,7 @@ def chains(links: int) -> tuple[Chain, ...]:
         for chain in level:
             for extended in _with_ear(chain, links, last):
                 bucket = grown.setdefault(_key(extended), [])
-                if not any(nx.is_isomorphic(extended, known_chain) for known_chain in bucket):
+                if not any(nx.is_isomorphic(extended, isomorph) for isomorph in bucket):
                     bucket.append(extended)
         level = [chain for bucket in grown.values() for chain in bucket]
     complete = [chain for chain in level if chain.number_of_nodes() == links]

@@ -13,8 +13,9 @@ from collections.abc import Collection, Hashable, Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeVar
 
+from blockmech.ground.tolerances import EQUAL
+
 T = TypeVar("T", bound=Hashable)
-SAME = 1e-9
 """[-] of the size, or rad: nearer places and directions on one link are one, those three times
 as far apart are not. A thousand times the rounding of a place that was computed."""
 
@@ -118,7 +119,7 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
         # a direction and its opposite have the same square
         z = side.at / size if side.kind == "R" else side.at * side.at
         for shift in (0, 0.5, 0.5j, 0.5 + 0.5j):
-            w = z / (2 * SAME) + shift
+            w = z / (2 * EQUAL) + shift
             cell = (side.link, side.kind, shift, math.floor(w.real), math.floor(w.imag))
             if (first_pair := first.setdefault(cell, side.pair)) != side.pair:
                 coincident.add((first_pair, side.pair))

@@ -51,8 +51,10 @@ from blockmech.couplings.laws import (
     spline,
 )
 from blockmech.functions.roots import bisect
+from blockmech.functions.series import SCANNED
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import always, angle, apply, cross, dot, hyp, imul, mul
+from blockmech.ground.tolerances import BLUR, EQUAL
 from blockmech.ground.values import (
     NotNegative,
     Number,
@@ -63,11 +65,6 @@ from blockmech.ground.values import (
     mistake,
 )
 from blockmech.typing import Complex, Parameters, Real
-
-DEAD = 1e-6  # cosine of a push that is square to the motion, within rounding of its square root
-SPREAD = 1e-9  # [rad] between rows of a spline
-SAMPLES = 720  # places of a turn at which a profile is looked at: every half degree
-NODES = 360  # of the spline of a follower's motion on a cam that is given by points
 
 
 class Shape(NamedTuple):
@@ -298,10 +295,10 @@ class Cam(Coupling, type="coupling.cam"):
     def faults(self, where: str, pair: str, pose_at: Where, p: Parameters) -> Iterator[Problem]:
         """A face that cannot push, a profile through the centre, and undercut."""
         touch = self.touch(pair)
-        angles = [math.tau * (k + 0.5) / SAMPLES for k in range(SAMPLES)]
+        angles = [math.tau * (k + 0.5) / SCANNED for k in range(SCANNED)]
         turn = [(at, touch(at, p)) for at in map(pose_at, angles)]
         for x, (at, meets) in zip(angles, turn, strict=True):
-            if abs(dot(meets.motion, meets.n)) <= DEAD * abs(meets.motion):
+            if abs(dot(meets.motion, meets.n)) <= BLUR * abs(meets.motion):
                 message = f"at {x:.4g} rad the cam pushes at right angles to the follower's motion"
                 valid = "the push needs a component along the motion"
                 remedy = "turn the face, or move the follower's pivot or guide"
@@ -319,11 +316,11 @@ class Cam(Coupling, type="coupling.cam"):
             return radius if self.follower == "flat" else 1 - self.roller / (radius + self.roller)
 
         rooms = [room(x) for x in angles]
-        bad = [k for k in range(SAMPLES) if not rooms[k] > 0]
+        bad = [k for k in range(SCANNED) if not rooms[k] > 0]
         if not bad:
             return
         first = next((k for k in bad if rooms[k - 1] > 0), 0)
-        before = angles[first] - math.tau / SAMPLES
+        before = angles[first] - math.tau / SCANNED
         begin = bisect(lambda x: room(x) > 0, before, angles[first])
         radii = [meets.radius + self.roller for _, meets in turn]
         message = f"the profile is undercut from {begin % math.tau:.6g} rad of the cam's angle on"
@@ -399,7 +396,7 @@ def _outline(points: Sequence[complex]) -> tuple[Any, Any]:
     z = z if area > 0 else z[::-1]
     t = np.concatenate([[0.0], np.cumsum(abs(np.diff(z)))])
     curve = make_interp_spline(t, np.stack([z.real, z.imag], 1), 5, bc_type="periodic")
-    dense = np.linspace(0.0, t[-1], NODES, endpoint=False)
+    dense = np.linspace(0.0, t[-1], SCANNED // 2, endpoint=False)
     (x, y), (dx, dy) = curve(dense).T, curve(dense, 1).T
     tangent = dx + 1j * dy
     return x + 1j * y, -1j * tangent / abs(tangent)
@@ -422,5 +419,5 @@ def _rising(x: Any, q: Any) -> tuple[list[float], list[float]]:
     x, q = x[rising] % math.tau, q[rising]
     order = np.argsort(x)
     x, q = x[order], q[order]
-    apart = np.append(True, np.diff(x) > SPREAD)
+    apart = np.append(True, np.diff(x) > EQUAL)
     return list(map(float, x[apart])), list(map(float, q[apart]))

@@ -25,6 +25,7 @@ from blockmech.couplings.contract import Transmission
 from blockmech.functions.knots import Knotted
 from blockmech.functions.pieces import Rows, derivatives, horner
 from blockmech.ground.plane import always, apply, expi, modulo, piecewise
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import (
     Axis,
     Number,
@@ -38,7 +39,6 @@ from blockmech.ground.values import (
 )
 from blockmech.typing import Real
 
-SAME = 1e-12  # relative distance of two periods that are one
 SHARES = 10_000  # largest number of indexing steps of a turn
 
 
@@ -176,10 +176,10 @@ class Law(Knotted, StrictModel):
     def advance(self, turns: Fraction) -> Fraction | None:
         """Turns of a driven link while x grows by so many turns; None if it never comes back."""
         periods = math.tau / self.whole if self.whole else 0.0
-        if not periods or abs(periods - round(periods)) > SAME * periods:
+        if not periods or abs(periods - round(periods)) > ROUNDING * periods:
             return None
         share = Fraction(self.step * periods / math.tau).limit_denominator(SHARES)
-        exact = abs(float(share) - self.step * periods / math.tau) <= SAME
+        exact = abs(float(share) - self.step * periods / math.tau) <= ROUNDING
         return share * turns if exact else None
 
 
@@ -237,7 +237,7 @@ class Segments(Law):
     @model_validator(mode="after")
     def _within(self) -> Segments:
         total = math.fsum(s.over for s in self.segments)
-        if total > self.whole * (1 + SAME):
+        if total > self.whole * (1 + ROUNDING):
             message = f"the segments cover {total:.6g} of a period of {self.whole:.6g}"
             raise mistake("bad-table", message, "", 'shorten them, or give the "period"')
         return self
@@ -260,7 +260,7 @@ class Segments(Law):
             for s, at, level in zip(self.segments, begins, levels, strict=False)
             for piece in s.pieces(at, level)
         ]
-        if np.any(begins[-1] < self.whole * (1 - SAME)):  # of a column of designs, in any
+        if np.any(begins[-1] < self.whole * (1 - ROUNDING)):  # of a column of designs, in any
             pieces.append(Piece(begins[-1], (levels[-1],)))
         return pieces
 

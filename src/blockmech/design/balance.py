@@ -30,13 +30,12 @@ from blockmech.result.exported import aligned
 from blockmech.result.result import Result
 from blockmech.studies.differentiate import chosen_numbers, sensitivity
 from blockmech.studies.family import remade
+from blockmech.studies.objective import INFEASIBLE
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
 from blockmech.typing import Arguments, Coordinates, Data, FrictionMethod, Numbers
 
-FAR = 1e9  # times the size of the outputs: a design that cannot be
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
-OUTPUTS = 4  # that one picture can hold
 
 
 class Left(NamedTuple):
@@ -82,7 +81,7 @@ class Balance(Facts, Pictured):
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
         """Each output before and after, over the poses."""
-        names = [*self.after][:OUTPUTS]
+        names = [*self.after][: ink.PANELS]
         across = abscissa(self.runs[0], degrees=degrees)
         caption = f"{shown_name(self.mechanism.name, 40)}: outputs before and after balancing, "
         caption += "vectors by their size."
@@ -184,7 +183,7 @@ def balance(
         try:
             return evaluated(u)[0]
         except BlockmechError:
-            return np.full(first.shape, FAR)
+            return np.full(first.shape, INFEASIBLE)
 
     first, J = evaluated(start / sizes)
     unseen = [a for a, c in zip(chosen, np.abs(J).max(axis=0), strict=True) if not c > 0]

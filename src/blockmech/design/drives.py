@@ -23,9 +23,11 @@ from blockmech.compiled import Compiled
 from blockmech.design.efforts import with_efforts
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual
+from blockmech.engines.numpy import CHUNK
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import panelled, scaled_unit
 from blockmech.figures.pictured import Pictured
+from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed, refused
@@ -37,8 +39,6 @@ from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.family import Family, parameters
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, Record
 
-BLOCK = 4096  # samples of a force at hand at a time
-STEPS = 40  # of Newton's method for a force at hand; from afar, friction included, ten do
 PANEL = 19.5 * ink.TEXT  # [pt] height of a picture
 
 
@@ -226,11 +226,11 @@ def available(
         k: np.broadcast_to(np.asarray(x, float), n) for k, x in _inputs(run_samples, plan).items()
     }
     forces = np.full(n, np.nan)
-    for start in range(0, n, BLOCK):
-        part = slice(start, min(start + BLOCK, n))
+    for start in range(0, n, CHUNK):
+        part = slice(start, min(start + CHUNK, n))
         inputs = {k: x[part] for k, x in columns.items()}
         x = np.full(part.stop - part.start, float(p.value) or 1.0)
-        for _ in range(STEPS):
+        for _ in range(NEWTON_STEPS):
             design = family.design({p: Dual(x, np.ones((1, x.size)))})
             values = engine.run(inputs, plan.program.values(*design), x.size, 1)
             drive = values[plan.layout[name][0]]

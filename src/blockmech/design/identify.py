@@ -46,12 +46,14 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter
 from blockmech.plan.plan import Plan
 from blockmech.result.exported import aligned
 from blockmech.studies.differentiate import chosen_numbers, program_numbers
 from blockmech.studies.family import remade
+from blockmech.studies.objective import INFEASIBLE
 from blockmech.studies.sensitivity import size_of
 from blockmech.studies.variation import Variation, is_written_out, of_links
 from blockmech.typing import Arguments, Data, FrictionMethod
@@ -60,14 +62,9 @@ PART = 512  # samples of a long record that are fitted first
 FULL = 8  # steps on all samples at most; after the first fit one or two are enough
 ENOUGH = 1e-2  # of a number's standard deviation: a step that changes nothing any more
 SAME = math.sqrt(EPS)  # relative: what rounding leaves of columns that depend on each other
-FAR = 1e9  # times the noise: the residual of a design that cannot be
-NOISE = 4096 * EPS  # of the largest value of a column: the least noise that it is taken to have
 START = 1e-3  # of the largest value of a column: the least that it is first weighed by
 PATTERN = 5.0  # standard deviations of how often neighbours agree: a residual is no noise
 PANEL = 9.0 * ink.TEXT  # [pt] height of a panel of a picture
-COLUMNS = 6  # that one picture can hold
-DOT = 2.0  # [pt2] of a sample
-BAND = 3.0  # standard deviations
 
 
 class Combination(NamedTuple):
@@ -138,10 +135,10 @@ class Identification(Facts, Pictured):
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
         """Residual of each column over the first driver's coordinate, with its scatter."""
-        names, driver = [*self.residuals][:COLUMNS], self.mechanism.drivers[0]
+        names, driver = [*self.residuals][: ink.PANELS], self.mechanism.drivers[0]
         scale, unit_of_x = angle_scale(self.mechanism._coordinate_units[driver], degrees)
         caption = f"{shown_name(self.mechanism.name, 40)}: measured less computed; shaded: "
-        caption += f"{BAND:g} standard deviations. "
+        caption += f"{ink.BAND:g} standard deviations. "
         caption += (
             f"Red: a pattern that is no noise, so the model misses something at "
             f"{', '.join(dict.fromkeys(n.partition('.')[0] for n in self.doubts))}."
@@ -152,9 +149,9 @@ class Identification(Facts, Pictured):
             for (axes,), name in zip(panels, names, strict=True):
                 r = self.residuals[name]
                 factor, unit = scaled_unit(self.units[name], float(np.abs(r).max()))
-                band = BAND * factor * self.noise[name]
+                band = ink.BAND * factor * self.noise[name]
                 colour = ink.ALARM if name in self.doubts else ink.FORWARD
-                dots = {"s": DOT, "lw": 0, "color": colour, "rasterized": True}
+                dots = {"s": ink.DOT, "lw": 0, "color": colour, "rasterized": True}
                 axes.axhspan(-band, band, color=ink.LINK_FILLS[0], lw=0)
                 axes.scatter(scale * self.coordinate, factor * r, **dots)
                 axes.set_ylabel(f"{shown_name(name)}\n[{unit or '–'}]", labelpad=2)
@@ -256,7 +253,7 @@ def _solved(fit: _Fit, free: list[int], start: Floats, sizes: Floats) -> Floats:
     measured = np.array([*fit.record.columns.values()])
     largest = np.abs(measured).max(axis=1)
     largest = np.where(largest > 0, largest, 1.0)
-    floor = NOISE * largest
+    floor = ROUNDING * largest
     weight = 1.0 / np.maximum(np.std(measured, axis=1), START * largest)
     last: Data = {}
 
@@ -267,13 +264,15 @@ def _solved(fit: _Fit, free: list[int], start: Floats, sizes: Floats) -> Floats:
             try:
                 r, d = fit.at(x, rows)
             except BlockmechError:
-                r = np.full((len(weight), len(rows)), FAR / weight[:, None])
+                r = np.full((len(weight), len(rows)), INFEASIBLE / weight[:, None])
                 d = np.zeros((*r.shape, len(start)))
             last.update(u=u.tobytes(), r=r, d=d)
         return last["r"], last["d"]
 
     def residual(u: Floats) -> Floats:
-        r = np.nan_to_num(evaluated(u)[0] * weight[:, None], nan=FAR, posinf=FAR, neginf=-FAR)
+        r = np.nan_to_num(
+            evaluated(u)[0] * weight[:, None], nan=INFEASIBLE, posinf=INFEASIBLE, neginf=-INFEASIBLE
+        )
         return np.asarray(r).ravel()
 
     def jacobian(u: Floats) -> Floats:
@@ -377,7 +376,7 @@ def identify(
     cov = np.empty((0, 0))
     for _ in range(FULL):
         r, d = fit.at(x)
-        noise = np.maximum(np.sqrt(np.mean(r**2, axis=1)), NOISE * scale)
+        noise = np.maximum(np.sqrt(np.mean(r**2, axis=1)), ROUNDING * scale)
         if not base:
             break
         weighted = (r / noise[:, None]).ravel()

@@ -35,12 +35,14 @@ from blockmech.figures import palette as ink
 from blockmech.figures.panels import log_ticks
 from blockmech.figures.paper import legend_above, panelled, shown_name
 from blockmech.figures.pictured import Pictured
+from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import close_match, listed, needed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, places, with_unit
 from blockmech.ground.runnable import LazyMethod
+from blockmech.ground.tolerances import EQUAL
 from blockmech.studies.derivatives_at import (
     Derivatives,
     derivatives_at,
@@ -60,12 +62,9 @@ else:
 
 DECADES = 2.0  # of frequency below the lowest and above the highest mode that are shown
 SHOWN = 400  # frequencies of a response
-SAME = 1e-9  # relative: no oscillation, no growth
 NOUGHT = 512 * EPS  # relative: what eigenvalues leave of no damping
 SWING = 0.2  # [rad] or share of a metre: amplitude of a mode that is shown
-ROUNDS = 25  # of Newton's method for states of signals at rest
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
-CURVES = 8  # that one diagram can hold
 
 
 class Mode(NamedTuple):
@@ -144,7 +143,7 @@ class Linearization(Facts, Pictured):
     def stable(self) -> bool:
         """Whether no disturbance grows."""
         values = self.eigenvalues
-        return bool(values[0].real <= SAME * np.abs(values).max())
+        return bool(values[0].real <= EQUAL * np.abs(values).max())
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -154,7 +153,7 @@ class Linearization(Facts, Pictured):
         k, modes = len(self.M), []
         for value, vector in zip(values.tolist(), vectors.T, strict=True):
             value = complex(value)
-            if value.imag < -SAME * abs(value):
+            if value.imag < -EQUAL * abs(value):
                 continue
             shape = np.asarray(vector[:k], complex)
             largest = shape[np.argmax(np.abs(shape))]
@@ -169,12 +168,12 @@ class Linearization(Facts, Pictured):
         C (iw - A)^-1 B + D; infinite where it resonates without damping.
         """
         w = np.atleast_1d(np.asarray(frequencies, float))
-        whole = 1j * w[:, None, None] * np.eye(len(self.A)) - self.A
+        pencil = 1j * w[:, None, None] * np.eye(len(self.A)) - self.A
         with np.errstate(all="ignore"):
             try:
-                z = np.linalg.solve(whole, np.broadcast_to(self.B, (len(w), *self.B.shape)))
+                z = np.linalg.solve(pencil, np.broadcast_to(self.B, (len(w), *self.B.shape)))
             except np.linalg.LinAlgError:
-                z = np.linalg.pinv(whole) @ self.B
+                z = np.linalg.pinv(pencil) @ self.B
         return np.asarray(self.C @ z + self.D)
 
     def around(self) -> Floats:
@@ -204,17 +203,17 @@ class Linearization(Facts, Pictured):
         Raises `RequestError` where there are more curves than a picture can hold.
         """
         pairs = [(i, j) for i in range(len(self.outputs)) for j in range(len(self.inputs))]
-        if len(pairs) > CURVES:
+        if len(pairs) > len(ink.SERIES):
             found = f"{len(pairs)} pairs of inputs and outputs"
             raise refused("plot", found, "name fewer outputs", code="too-many-curves")
         w, m = self.around(), self.mechanism
-        whole = self.response(w)
+        responses = self.response(w)
         at = ", ".join(f"{m._of_driver(d, 'q')} = {q:.6g}" for d, q in self.at.items())
         caption = f"{shown_name(m.name, 40)}: response of outputs to inputs, linear about {at}."
         with panelled(caption, 2 * PANEL + 3 * ink.ROW, 2, ax=ax) as ((size,), (phase,)):
             for n, (i, j) in enumerate(pairs):
                 name = f"{shown_name(self.outputs[i])} by {shown_name(self.inputs[j])}"
-                row, style = whole[:, i, j], ink.curve_style(n)
+                row, style = responses[:, i, j], ink.curve_style(n)
                 size.plot(w, np.abs(row), label=name, **style)
                 phase.plot(w, np.degrees(np.unwrap(np.angle(row))), **style)
             size.set(xscale="log", yscale="log")
@@ -246,10 +245,10 @@ class Linearization(Facts, Pictured):
             ways = ", ".join(
                 f"{abs(z):.3g} at {math.degrees(cmath.phase(z)):.0f}°" for z in mode.shape
             )
-            if mode.damped_frequency > SAME * mode.frequency:
+            if mode.damped_frequency > EQUAL * mode.frequency:
                 hertz = mode.frequency / math.tau
                 row = f"mode: natural frequency {mode.frequency:.9g} rad/s ({hertz:.6g} Hz)"
-                if abs(mode.damping) > SAME:
+                if abs(mode.damping) > EQUAL:
                     row += f", damped {mode.damped_frequency:.9g} rad/s"
                 row += f", damping ratio {mode.damping:.4g}"
                 yield row + (f", shape {ways}" if len(mode.shape) > 1 else "")
@@ -361,15 +360,15 @@ def _signals(
     free = [i for n, i in state_numbers.items() if n not in values]
     k = len(motion[0])
     of: Derivatives | None = None
-    for _ in range(ROUNDS if free else 0):
+    for _ in range(NEWTON_STEPS if free else 0):
         of = derivatives_at(mechanism, motion, x, t, numbers={}, friction=slips)
         y = np.concatenate([of.effort, of.rates])
         step = np.linalg.lstsq(of.by[: len(y), [3 * k + i for i in free]], -y, rcond=None)[0]
         x[free] += step
-        if np.abs(step).max() <= SAME * np.abs(x[free]).max(initial=SAME):
+        if np.abs(step).max() <= EQUAL * np.abs(x[free]).max(initial=EQUAL):
             break
     notes = []
-    if of is not None and np.abs(of.rates).max(initial=0.0) > SAME * (1 + np.abs(x).max()):
+    if of is not None and np.abs(of.rates).max(initial=0.0) > EQUAL * (1 + np.abs(x).max()):
         notes.append("signals do not rest in this state: the model holds while they stay near it")
     return x, notes
 

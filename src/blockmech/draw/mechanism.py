@@ -24,9 +24,8 @@ from blockmech.ground.errors import among
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
 from blockmech.result.result import Result
+from blockmech.result.samples import DEFAULT_SAMPLES
 
-SWEEP = 241  # samples of a path
-PATHS = 8  # that are drawn if none are named
 MANY = 9  # labels from which the picture is two columns wide
 TILE, ROOM = 2.4, 1.3  # [in] side of a tile; of the mechanism's size that it holds
 POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one, others faint
@@ -75,7 +74,7 @@ def draw_mechanism(
     errors of `Compiled.run` where the first pose cannot be reached.
     """
     swept = at is None or all(d in mechanism.scene.drive for d in mechanism.drivers)
-    sweep = moves(mechanism, samples=SWEEP) if swept else None
+    sweep = moves(mechanism, samples=DEFAULT_SAMPLES) if swept else None
     motion = moves(mechanism, at) if at is not None or sweep is None else sweep
     motion = motion.only(_poses(motion, named=at is not None))
     sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
@@ -215,7 +214,7 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
         if (joint := block.joints.get(m.name)) is not None and m in named
         if joint.kind == "R" and not joint.outer
     ]
-    names = (markers or inner)[-PATHS:] if names is None else names
+    names = (markers or inner)[-len(ink.SERIES) :] if names is None else names
     names = among(moving, "moving marker", names, "unknown-marker")
     return {n: motion.at(moving[n].on, marker_place(motion.structure, moving[n])) for n in names}
 

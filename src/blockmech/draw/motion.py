@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.ground.errors import Problem, RequestError
+from blockmech.ground.tolerances import BLUR
 from blockmech.model.spots import Spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.result.quality import Quality
@@ -20,7 +21,6 @@ from blockmech.typing import Arguments, Data
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
-SAME_PLACE = 1e-6  # [-] of the mechanism's size, and [rad]: far below a line's width
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Motion:
         size = float(np.abs(origins).max(initial=0.0)) or 1.0
         axes = np.array([*self.axis.values()])
         apart = [origins[:, -1] - origins[:, 0], size * (axes[:, -1] - axes[:, 0])]
-        return bool(np.abs(apart).max() <= SAME_PLACE * size)
+        return bool(np.abs(apart).max() <= BLUR * size)
 
 
 def moves(mechanism: Compiled, at: Any = None, samples: int | None = None) -> Motion:

@@ -22,13 +22,14 @@ from blockmech.figures.curves import Panels, by_unit, friction_panels, reaction_
 from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
 from blockmech.figures.paper import legend_above, panelled, rendered, shown_name, write_figure
+from blockmech.functions.series import SCANNED
 from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
 from blockmech.result.motion import Motion
 from blockmech.result.result import Result
 from blockmech.typing import Data
 
-CURVE = 721  # times of a curve
+CURVE = SCANNED + 1  # times of a curve
 FRAME = 0.04  # [s] on the screen
 SHORTEST, LONGEST = 1.0, 16.0  # [s] on the screen; real time between them
 MARKED = ("rest", "joint reverses")  # events of a motion with friction

@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.draw.motion import SAME_PLACE, Motion
+from blockmech.draw.motion import Motion
+from blockmech.ground.tolerances import BLUR
 from blockmech.model.meshing import at_zero, coupling_numbers, sides
 from blockmech.model.spots import Spot, guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
@@ -187,7 +188,7 @@ def _merged(motion: Motion, pins: Sequence[tuple[JointRef, Spot]]) -> tuple[Pin,
     """Pins that stay at one place become one; a name is short where that is clear."""
     s = motion.structure
     positions = np.array([motion.at(*spot) for _, spot in pins])
-    close = SAME_PLACE * np.abs(positions).max(initial=0.0)
+    close = BLUR * np.abs(positions).max(initial=0.0)
     groups: dict[int, list[int]] = {}  # by the first pin of each
     for i, row in enumerate(positions):
         candidates = np.flatnonzero(np.abs(positions[:i, 0] - row[0]) <= close).tolist()
@@ -229,7 +230,7 @@ def _cylinder(
     foot, eye = pins[barrel][0], pins[rod][0]
     line = motion.in_frame(barrel, Spot(rod, eye)) - foot
     short, long = float(np.abs(line).min()), float(np.abs(line).max())
-    if short == 0 or np.abs(line / np.abs(line) - line[0] / abs(line[0])).max() > SAME_PLACE:
+    if short == 0 or np.abs(line / np.abs(line) - line[0] / abs(line[0])).max() > BLUR:
         return {}  # through the foot, or off the line
     axis = line[0] / abs(line[0])
     back = motion.in_frame(rod, Spot(barrel, foot))[0] - eye
@@ -281,7 +282,7 @@ def hull(vertices: Iterable[complex]) -> Outline:
         (p - corners[0] for p in corners), key=abs, default=0j
     )  # so that a bar is sorted
     for corner in sorted(corners, key=lambda p: (p * direction.conjugate()).real):
-        if all(abs(corner - vertex) > SAME_PLACE**2 * abs(corner) for vertex in z):
+        if all(abs(corner - vertex) > BLUR**2 * abs(corner) for vertex in z):
             z.append(corner)
 
     def chain(points: Sequence[complex]) -> list[complex]:
@@ -297,7 +298,7 @@ def hull(vertices: Iterable[complex]) -> Outline:
 
 def _turns_left(a: complex, b: complex, c: complex) -> bool:
     turn = ((b - a).conjugate() * (c - b)).imag
-    return turn > SAME_PLACE**2 * max(map(abs, (a, b, c))) ** 2
+    return turn > BLUR**2 * max(map(abs, (a, b, c))) ** 2
 
 
 def _load(s: Structure, name: str) -> LoadMark:

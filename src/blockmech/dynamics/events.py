@@ -21,8 +21,8 @@ from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.rates import LEAST_INERTIA, NEAR, bearing
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
 from blockmech.result.motion import Event, Floats, Motion
-from blockmech.result.quality import NEAR as LEAST_MARGIN
 from blockmech.typing import Data
 
 if TYPE_CHECKING:

@@ -22,7 +22,8 @@ from numpy.polynomial import chebyshev, legendre
 from numpy.typing import NDArray
 
 from blockmech.engines.kinds import Reals
-from blockmech.ground.plane import DOUBLE_ROOT, EPS
+from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import DOUBLE_ROOT
 
 Floats: TypeAlias = NDArray[np.float64]
 # Kinds of panels: a plain one, one that begins or ends with a standstill, or ends at a dead centre.

@@ -47,8 +47,9 @@ from blockmech.dynamics.panel_nodes import (
     Sizes,
 )
 from blockmech.engines.kinds import Counts, Reals
-from blockmech.functions.series import LEVEL, NOISE
+from blockmech.functions.series import LEVEL
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import EQUAL
 
 ROOT = EPS**0.5
 ROUGH = 1 / SHORT**2  # of a piece's inertia or effort: what is below has two digits less
@@ -72,7 +73,7 @@ def ending(of: Sizes, nodes: Nodes, rows: Row, j: int) -> float:
     """What ends a series, as `blockmech.functions.series.tail` says it."""
     size, last = np.max(abs(rows[j])), np.max(abs(rows[j]) * nodes.parts[0])
     before = np.max(abs(rows[j]) * nodes.parts[1])
-    if size == 0.0 or (last > LEVEL * before and last / size < NOISE):
+    if size == 0.0 or (last > LEVEL * before and last / size < EQUAL):
         return 0.0
     return float(last / size)
 

@@ -25,7 +25,7 @@ from blockmech.friction.equations import loads
 from blockmech.friction.solvers import balanced
 from blockmech.ground.errors import MissingEngineError
 from blockmech.ground.plane import NAN, minimum, mul, where
-from blockmech.result.quality import NEAR as LEAST_MARGIN
+from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
 from blockmech.typing import Data, Real
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.run import RunEnd
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
 from blockmech.result.motion import Floats
-from blockmech.result.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.equation import Equation

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw.motion import SAME_PLACE, Motion
+from blockmech.draw.motion import Motion
 from blockmech.draw.sketch import Sketch, shown_markers
+from blockmech.ground.tolerances import BLUR
 from blockmech.ground.values import Place, xy
 from blockmech.model.spots import Spot, marker_place
 from blockmech.model.structure import LinkRef, MarkerRef
@@ -44,7 +45,7 @@ def dragged(form: Record, motion: Motion, k: int, old: complex, new: complex) ->
     size = max(np.abs([*(z[k] for z in motion.origin.values()), old, new]))
 
     def move(z: complex) -> complex:
-        return new if abs(z - old) <= SAME_PLACE * size else z
+        return new if abs(z - old) <= BLUR * size else z
 
     changed: Data = copy.deepcopy(dict(form))
     if "joints" in form:

@@ -38,13 +38,13 @@ from blockmech.exchange.drawing import (
 )
 from blockmech.ground.errors import FormatError, Problem, listed
 from blockmech.ground.names import free_name, numbered_name
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.versions import VERSION
 from blockmech.typing import Data
 
 MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move
 BOUNDLESS = 1e10  # what a limit is that is none
 MOST_TEETH = 1000  # of a wheel whose size is a ratio
-ROUNDING = 1e-12  # of a ratio that teeth give
 ON_LINE = 1e-3  # of the distance of two centres: how far from their line a pitch point is drawn
 
 

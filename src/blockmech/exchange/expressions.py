@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable
 
 from blockmech.exchange.parsing import wrong
+from blockmech.ground.tolerances import EQUAL
 from blockmech.typing import Data
 
 MATHS = ["sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log", "fabs"]
@@ -28,7 +29,6 @@ SIGNS: dict[type[ast.AST], Callable[..., float]] = {
     ast.UAdd: operator.pos,
 }
 LONGEST = 10_000  # characters
-STRAIGHT = 1e-9  # of a formula's size: what of it may be curved
 
 
 class Formula:
@@ -98,12 +98,12 @@ def law_of(formula: Formula, end: float, turns: bool) -> Data:
     size = max(map(abs, q)) or 1.0
     first = rate - curve / 2
     bent = max(abs(q[0] + first * t + curve * t * t / 2 - x) for t, x in zip(times, q, strict=True))
-    if bent < STRAIGHT * size and abs(curve) < STRAIGHT * size:
+    if bent < EQUAL * size and abs(curve) < EQUAL * size:
         travel = math.copysign(math.tau, rate) if turns and rate else rate * end
         return {"law": "constant_rate", "rate": rate, "from": q[0], "to": q[0] + travel}
     if len(formula.waves) == 1 and (wave := _harmonic(formula)) is not None:
         return wave
-    if bent < STRAIGHT * size:
+    if bent < EQUAL * size:
         to = q[0] + first * end + curve * end * end / 2
         law = {"law": "rate_acceleration", "rate": first, "acceleration": curve}
         return {**law, "from": q[0], "to": to}
@@ -119,7 +119,7 @@ def _harmonic(formula: Formula) -> Data | None:
     low, high = ([formula(time=t, wave=w) for t in times] for w in (0.0, 1.0))
     w, size = b - a, max(map(abs, [*low, *high])) or 1.0
     bent = max(abs(a + 0.37 * w - c), max(low) - min(low), max(high) - min(high))
-    if not w or bent > STRAIGHT * max(size, abs(a), abs(b)):
+    if not w or bent > EQUAL * max(size, abs(a), abs(b)):
         return None
     if _name(wave) == "cos":
         a += math.pi / 2

@@ -38,6 +38,7 @@ from blockmech.exchange.drawing import (
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong
 from blockmech.ground.errors import listed
+from blockmech.ground.units import GRAVITY, INCH, POUND
 
 DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_-"
 COUNTED = DIGITS[:62]  # what the last character may be
@@ -48,7 +49,6 @@ MARKS = "JLFCSKH"  # what the last group has of locks, anchors, synthesis, colou
 RPM = math.tau / 60
 SLIDING = 5.0  # lengths per second of a drive that slides, where the address is older than that
 STROKE = 0.05  # of the drawing's size, where a slide is driven
-POUND, INCH, POUND_FORCE, KILOPOND = 0.45359237, 0.0254, 4.4482216152605, 9.80665
 
 
 class Units(NamedTuple):
@@ -61,7 +61,7 @@ class Units(NamedTuple):
 
 
 UNITS = {
-    "0": Units("in", POUND, POUND * INCH**2, POUND_FORCE),
+    "0": Units("in", float(POUND), float(POUND * INCH**2), float(POUND * GRAVITY)),
     "1": Units("cm", 1e-3, 1e-4, 1.0),
     "2": Units("m", 1.0, 1.0, 1.0),
 }
@@ -211,7 +211,7 @@ def _new(code: str, where: str) -> Address:
     settings, groups, rest = _groups(code[:-1], where)
     address = Address(units=UNITS.get(settings[3][:1], UNITS["1"]))
     if settings[3][2:3] == "3" and settings[3][:1] != "0":
-        address.units = address.units._replace(force=KILOPOND)
+        address.units = address.units._replace(force=float(GRAVITY))
     flags = _integer(settings[0], where, signed=False)
     sense = -1 if flags & CLOCKWISE else 1
     address.gravity = not flags & NO_GRAVITY

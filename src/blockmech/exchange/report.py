@@ -28,9 +28,9 @@ from blockmech.figures.paper import image
 from blockmech.ground.errors import BlockmechError
 from blockmech.model.parameters import Parameter, parameters_of
 from blockmech.result.result import Result
+from blockmech.result.tables import ROWS
 from blockmech.typing import Record
 
-ROWS = 13  # of the table: every 30 degrees of a turn
 DIMENSION: Mapping[str, Any] = {
     "rotation_mode": "anchor",
     "ha": "center",

@@ -32,10 +32,10 @@ from blockmech.exchange.drawing import (
 )
 from blockmech.exchange.parsing import Record, wrong
 from blockmech.ground.names import numbered_name
+from blockmech.ground.tolerances import BLUR
 from blockmech.typing import Data
 
 Array = NDArray[np.float64]
-FLAT = 1e-6  # [-] what an axis may lean
 ORTHONORMAL = 1e-4  # [-] what axes may miss that were written in single precision
 
 
@@ -187,12 +187,12 @@ class Assembly:
             raise wrong(self.where, "it has no joint that turns or slides", "a planar mechanism")
         if kind == "slide":
             lines = [np.cross(axes[0], x) for x in (*axes[1:], *np.eye(3)[[1, 2]])]
-            axes = [unit(x, self.where) for x in lines if np.linalg.norm(x) > FLAT]
+            axes = [unit(x, self.where) for x in lines if np.linalg.norm(x) > BLUR]
             del axes[1:]
-        first = max(axes, key=lambda axis: sum(abs(abs(axis @ x) - 1) < FLAT for x in axes))
+        first = max(axes, key=lambda axis: sum(abs(abs(axis @ x) - 1) < BLUR for x in axes))
         main = int(abs(first).argmax())
         sign = float(np.sign(first[main])) * (-1.0 if main == 1 else 1.0)
-        exact = abs(first[main]) > 1 - FLAT  # so that exact places stay exact
+        exact = abs(first[main]) > 1 - BLUR  # so that exact places stay exact
         normal = sign * (np.eye(3)[main] * np.sign(first[main]) if exact else first)
         seed = np.eye(3)[1 if abs(normal[0]) > 0.9 else 0]
         x = unit(seed - normal * (seed @ normal), self.where)
@@ -217,7 +217,7 @@ class Assembly:
         return Inertia(mass.mass, inertia, self.flat(mass.centre))
 
     def _across(self, axis: Array) -> bool:
-        return bool(abs(abs(axis @ self.plane[0]) - 1) < FLAT)
+        return bool(abs(abs(axis @ self.plane[0]) - 1) < BLUR)
 
     def _joint(self, joint: Joint) -> float:
         """Draw a joint; the sense in which its coordinate counts there."""
@@ -261,12 +261,12 @@ class Assembly:
         at, second_at = (self.flat(pose.origin) for pose in (joint.pose, joint.second_pose))
         turn = joint.second_pose.axes @ joint.pose.axes.T
         normal, x, y = self.plane
-        if abs(normal @ turn @ normal - 1) > FLAT:
+        if abs(normal @ turn @ normal - 1) > BLUR:
             raise wrong(
                 f"{self.where}, {joint.name}", "it welds a part askew", "a planar mechanism"
             )
         angle = math.atan2(y @ turn @ x, x @ turn @ x)
-        angle = 0.0 if abs(angle) < FLAT else angle
+        angle = 0.0 if abs(angle) < BLUR else angle
         return Weld(joint.name, joint.first, joint.second, at, second_at, angle)
 
     def _lean(self, joint: Joint, at: str) -> None:
@@ -325,8 +325,8 @@ class Assembly:
 
 def _same(first: Pair, second: Pair, size: float) -> bool:
     if first.angle is None or second.angle is None:
-        return first.angle is second.angle and abs(first.at - second.at) <= FLAT * size
-    return abs(math.sin(first.angle - second.angle)) < FLAT
+        return first.angle is second.angle and abs(first.at - second.at) <= BLUR * size
+    return abs(math.sin(first.angle - second.angle)) < BLUR
 
 
 def _counted(law: Data, zero: float, sense: float) -> Data:

@@ -10,12 +10,12 @@ import math
 from typing import IO, Any
 
 from blockmech.exchange.formats import Order, Writer, file_writer
+from blockmech.figures.palette import PANELS
 from blockmech.ground.errors import needed, printable
 from blockmech.result.exported import columns
 from blockmech.result.result import Result
 
 LONGEST = 1_048_000  # rows of a sheet
-CHARTED = 6  # columns in the chart
 
 
 def workbook(result: Result) -> Any:
@@ -43,7 +43,7 @@ def workbook(result: Result) -> Any:
     for i, word in enumerate(result.quality.status[:LONGEST], 3):
         _text(sheet.cell(i, last), word)
     sheet.freeze_panes = "A3"
-    charted = [j for j, c in enumerate(table, 1) if c.output in result][:CHARTED]
+    charted = [j for j, c in enumerate(table, 1) if c.output in result][:PANELS]
     if result.n > 1 and charted:
         sheet.add_chart(_chart(openpyxl, sheet, result, charted), f"{_letter(openpyxl, last + 2)}2")
     about = book.create_sheet("about")

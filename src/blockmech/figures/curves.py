@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from blockmech.figures.palette import IN_DEGREES, MOST
+from blockmech.figures.palette import IN_DEGREES, MOST, PANELS
 from blockmech.figures.panels import Abscissa, Array, Panel, draw_panels
 from blockmech.figures.paper import STILL, angle_scale, shown_name, suffix_of, write_figure
 from blockmech.ground.arguments import declared
@@ -28,7 +28,6 @@ Panels = tuple[Panel, ...]
 NOTHING: Mapping[str, Array] = {}
 TURNS = {"°": 360.0, "deg": 360.0, "rad": math.tau}
 
-TOGETHER = 6  # curves that share a panel; more get a panel for each block
 KINEMATICS = {
     "angle": ("angle", "rad"),
     "omega": ("rate", "rad/s"),
@@ -81,7 +80,7 @@ def friction_panels(result: Result) -> Panels:
     """The power that friction takes, in all and at each joint ([R10] Fig. 13)."""
     joints = _alive(_named(result, ".friction_power"))
     total = {"all joints": joints.pop("mechanism")} if "mechanism" in joints else {}
-    if len(joints) > TOGETHER:
+    if len(joints) > PANELS:
         return (Panel("friction power", "W", total), *_split("friction power", "W", joints))
     curves = joints if len(joints) == 1 else {**total, **joints}
     return (Panel("friction power", "W", curves),) if curves else ()
@@ -243,7 +242,7 @@ def _split(
         blocks.setdefault(owner, {})[name] = y
     groups: list[dict[str, Array]] = []
     for mine in blocks.values():
-        if groups and len(groups[-1]) + len(mine) <= TOGETHER:
+        if groups and len(groups[-1]) + len(mine) <= PANELS:
             groups[-1] |= mine
         else:
             groups.append(dict(mine))

@@ -20,6 +20,9 @@ TEXT = 8.0  # [pt] what all sizes around words are derived from
 SMALL = 7 / 8 * TEXT
 ROW = 11 / 8 * TEXT  # height of a line of small text, and of a row of a diagram
 MOST = 40  # things with a name that one picture can hold
+PANELS = 6  # or curves in a panel, that one picture can hold
+DOT = 3.0  # [pt2] of a sample or a design
+BAND = 3.0  # standard deviations: 99.7 % of a normal distribution
 
 
 @dataclass(frozen=True)

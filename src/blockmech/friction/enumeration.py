@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import BLUR
 
 Floats: TypeAlias = NDArray[np.float64]
 Vectors: TypeAlias = NDArray[np.complex128]
@@ -45,7 +46,6 @@ ATTEMPTS = 3  # bows that are tried until all ends are apart, each with smaller 
 FIRST, LEAST, STEPS = 0.1, 1e-7, 400  # along the bow: first and smallest step, their number
 GOOD, EASY = 1e-3, 1e-5  # relative first correction of a step that is taken, that may be doubled
 SEED = 20100610  # of the bows: the same systems have the same answer to the last bit
-BLURRED = 1e-6  # relative, what a double solution may be off by
 
 
 class Equations(NamedTuple):
@@ -378,14 +378,14 @@ def _judged(
     z, radius, alone = balls.z.reshape(-1, m), balls.radius.ravel(), balls.alone.ravel()
     aside = np.abs(z.imag).max(axis=1, initial=0.0)
     size = 1.0 + np.abs(z).max(axis=1, initial=0.0)
-    real, almost_real = 2.0 * aside + radius < alone, aside <= BLURRED * size
+    real, almost_real = 2.0 * aside + radius < alone, aside <= BLUR * size
     spare = _spare(tracks, z.real, contacts)
     reach = (1.0 + np.abs(tracks.A).sum(axis=2)) * radius[:, None]  # a ball's, seen by a load
     refused = (aside > radius) | (real & (spare < -reach).any(axis=1))
     accepted = real & (spare > reach).all(axis=1)
     open_ = ~(refused | accepted)
-    doubtful = open_ & almost_real & (spare >= -BLURRED * size[:, None]).all(axis=1)
-    doubtful &= _misfit(tracks, z.real, contacts) <= BLURRED**1.5 * size
+    doubtful = open_ & almost_real & (spare >= -BLUR * size[:, None]).all(axis=1)
+    doubtful &= _misfit(tracks, z.real, contacts) <= BLUR**1.5 * size
     slope = _lines(tracks, z.real.astype(complex), np.ones(len(z)), 1.0)[1].real
     signs = np.sign(np.linalg.det(slope))
     owner = np.repeat(of, count)
@@ -395,7 +395,7 @@ def _judged(
     selected = list(np.flatnonzero(accepted))
     for i in np.flatnonzero(doubtful):
         neighbours = [j for j in selected if owner[j] == owner[i]]
-        if all(np.abs(z[i] - z[j]).max() > BLURRED * size[i] for j in neighbours):
+        if all(np.abs(z[i] - z[j]).max() > BLUR * size[i] for j in neighbours):
             selected.append(i)
     order = np.array(sorted(selected, key=lambda i: (owner[i], i)), np.intp)
     index = np.where(accepted[order], signs[order], 0.0).astype(np.int8)

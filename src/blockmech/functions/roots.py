@@ -1,12 +1,22 @@
-"""The last place at which something holds, between one where it does and one where not."""
+"""The last place at which something holds, between one where it does and one where not.
+
+And what Newton's method is limited by, where it starts from afar.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import HALVINGS
+
+LONGEST_STEP = 0.3  # of Newton's method, in sizes of what moves and in radians
+# The first term brings a link a turn round, the second from there to a singular pose: each step
+# halves the distance.
+NEWTON_STEPS = math.ceil(math.tau / LONGEST_STEP) + 2 * HALVINGS
 
 
 def bisect(holds: Callable[[float], bool], inside: float, outside: float) -> float:

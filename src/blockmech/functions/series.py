@@ -11,6 +11,7 @@ Source: Trefethen, Approximation Theory and Approximation Practice, 2013, chapte
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -20,23 +21,22 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL
 
 Floats: TypeAlias = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
 NODES = 32  # of a panel: a quarter shows the end of its series; with 16 extrema lose a digit
-TOLERANCE = 1e-13  # tail of a panel that needs no halving: 450 roundings
+TOLERANCE = 450 * EPS  # tail of a panel that needs no halving
 LEVELS = round(-np.log2(EPS) / 2)  # halvings of a panel: a corner's place to the root of rounding
 MOST = 20 * LEVELS  # panels: a score of corners; what has no series anywhere is not halved for ever
-NOISE = 1e-9  # below it a tail that no longer falls is rounding
 # Last quarter of the coefficients over the one before: of noise 1; of a corner, whose
 # coefficients fall like 1/k^2, (2/3)^2 = 0.44, and that is to be halved further. Nearer to the
 # corner: noise falls below two thirds by chance, and a panel of noise is halved for nothing.
 LEVEL = 0.55
 STANDS_OUT = 4.0  # times the largest of a quarter: noise hardly ever does
 SCANNED = 720  # samples of a turn among which something is looked for: every half degree
-GOLDEN = 0.381966  # share of a spacing that keeps samples off places of symmetry
+GOLDEN = (3 - math.sqrt(5)) / 2  # share of a spacing that keeps samples off places of symmetry
 PATIENCE = 3  # halvings after which what ended on no panel has no series; a smooth one may need two
 
 
@@ -73,7 +73,7 @@ def ended(last: Floats, before: Floats, whole: Floats) -> Floats:
     """The same of what is `largest` in series."""
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.where(whole == 0, 0.0, last / whole)
-        return np.where((last > LEVEL * before) & (relative < NOISE), 0.0, relative)
+        return np.where((last > LEVEL * before) & (relative < EQUAL), 0.0, relative)
 
 
 def largest(c: Floats) -> tuple[Floats, Floats, Floats]:
@@ -128,10 +128,10 @@ class Series:
 
     def integral(self) -> Series:
         """The integral from the first edge."""
-        own = chebyshev.chebint(self.c, lbnd=-1, axis=1) * self._half[:, None]
-        before = np.cumsum(own.sum(axis=1)) - own.sum(axis=1)  # T_k(1) = 1
-        own[:, 0] += before
-        return replace(self, c=np.asarray(own))
+        antiderivatives = chebyshev.chebint(self.c, lbnd=-1, axis=1) * self._half[:, None]
+        before = np.cumsum(antiderivatives.sum(axis=1)) - antiderivatives.sum(axis=1)  # T_k(1) = 1
+        antiderivatives[:, 0] += before
+        return replace(self, c=np.asarray(antiderivatives))
 
     def roots(self) -> Floats:
         """Places of the roots on resolved panels, rising.
@@ -142,8 +142,8 @@ class Series:
         x = np.concatenate([np.empty(0), *roots])
         x = np.sort(x[(x >= self.edges[0]) & (x <= self.edges[-1])])
         panel = np.clip(np.searchsorted(self.edges, x) - 1, 0, len(self.c) - 1)
-        near = 2 * DOUBLE_ROOT * self._half[panel]  # found on both sides of an edge
-        return np.asarray(x[np.diff(x, prepend=-np.inf) > near])
+        spacing = 2 * DOUBLE_ROOT * self._half[panel]  # found on both sides of an edge
+        return np.asarray(x[np.diff(x, prepend=-np.inf) > spacing])
 
     def may_vanish(self) -> NDArray[np.bool_]:
         """Whether (m,) resolved panels have room for a zero: their terms outweigh the mean."""
@@ -169,8 +169,12 @@ class Series:
         """
         if not at_zero:
             return self.derivative().roots()
-        near = self.may_vanish()
-        return replace(self, resolved=near).derivative().roots() if near.any() else np.empty(0)
+        vanishing = self.may_vanish()
+        return (
+            replace(self, resolved=vanishing).derivative().roots()
+            if vanishing.any()
+            else np.empty(0)
+        )
 
 
 def fit(

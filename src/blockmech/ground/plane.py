@@ -15,6 +15,7 @@ from __future__ import annotations
 import bisect
 import functools
 import math
+import sys
 from collections.abc import Callable, Iterable
 from types import FunctionType
 from typing import Any, TypeVar
@@ -23,12 +24,11 @@ from blockmech.typing import Complex, Real, Record
 
 K = TypeVar("K")
 NAN = math.nan
-EPS = 2.220446049250313e-16  # of the numbers at hand: an engine binds its own precision's
-DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e-8, and some
+EPS = sys.float_info.epsilon  # of the numbers at hand: an engine binds its own precision's
 # Of the largest speed: a relative speed below it counts as rest. A rate of zero that rounding
 # makes another has lost three quarters of its digits.
 REST_SHARE = EPS**0.75
-LARGEST_EXPONENT = 709.782712893384  # the logarithm of the largest number
+LARGEST_EXPONENT = math.log(sys.float_info.max)
 
 
 def cross(a: Complex, b: Complex) -> Real:

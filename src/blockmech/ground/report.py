@@ -15,6 +15,8 @@ from typing import Any, ClassVar
 
 from blockmech.typing import Data
 
+WIDTH = 100  # characters of a line
+LINES = 12  # of a list, the first ones, where it is longer
 DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
 
 

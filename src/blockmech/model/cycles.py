@@ -91,10 +91,14 @@ def waiting(
 
 def _held(o: Overconstraint, pairs: Iterable[Pair]) -> Sequence[str]:
     """Over-constrained links but for those that only carry a pin of others, held once."""
-    own = [p for p in pairs if p.name in o.pairs]
-    pins = {p.axis: nx.MultiGraph(q.links for q in own if q.axis == p.axis) for p in own if p.axis}
+    rigid_pairs = [p for p in pairs if p.name in o.pairs]
+    pins = {
+        p.axis: nx.MultiGraph(q.links for q in rigid_pairs if q.axis == p.axis)
+        for p in rigid_pairs
+        if p.axis
+    }
     once = [{axis} for axis, pin in pins.items() if nx.is_forest(pin)]
-    return [a for a in o.links if {p.axis for p in own if a in p.links} not in once]
+    return [a for a in o.links if {p.axis for p in rigid_pairs if a in p.links} not in once]
 
 
 def _pairs(
@@ -108,8 +112,8 @@ def _pairs(
             if joint.outer and where not in sources:
                 continue
             ends = [_support(blocks, joint, sources[where])] if joint.outer else []
-            own = [joint.link] if joint.outer else joint.links
-            ends += [(f"{name}.{link}", _place(block, joint, link)) for link in own]
+            local_links = [joint.link] if joint.outer else joint.links
+            ends += [(f"{name}.{link}", _place(block, joint, link)) for link in local_links]
             pairs.append(Pair(where, ends[0][0], ends[1][0], joint.kind))
             sides += [Side(where, link, joint.kind, z) for link, z in ends if z is not None]
     size = max((block.largest_length() for block in ring.values()), default=0.0)
@@ -131,8 +135,8 @@ def _place(block: Moving, joint: Joint, link: str) -> complex | None:
         return block.guide_line(joint.name, link)[1]
     if isinstance(block, GeneralGroup):
         return block.slider_place(joint.name, link)
-    known = (block.built_in.get(marker) for marker in (joint.name, joint.name + link))
-    return next((block.place_of(m) for m in known if m is not None and m.link == link), None)
+    markers = (block.built_in.get(marker) for marker in (joint.name, joint.name + link))
+    return next((block.place_of(m) for m in markers if m is not None and m.link == link), None)
 
 
 def _support(blocks: Mapping[str, AnyBlock], joint: Joint, source: str) -> End:

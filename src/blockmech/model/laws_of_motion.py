@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import (
     Angle,
     Axis,
@@ -37,7 +38,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
-SAME = 1e-12  # [-] by which slopes of lines differ that rounding alone bends
 
 
 class LawOfMotion(StrictModel):
@@ -286,7 +286,7 @@ class Trajectory(LawOfMotion):
         if self.interpolation == "cubic":
             return ()
         slopes = np.diff(self.values) / np.diff(self.times)
-        jumps = np.abs(np.diff(slopes)) > SAME * np.abs(slopes).max()
+        jumps = np.abs(np.diff(slopes)) > ROUNDING * np.abs(slopes).max()
         return tuple(np.asarray(self.times)[1:-1][jumps].tolist())
 
 

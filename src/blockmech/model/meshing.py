@@ -8,11 +8,11 @@ from typing import Any
 from blockmech.blocks.contract import BuiltIn
 from blockmech.couplings.contract import Meshing, Transmission, Where
 from blockmech.ground.errors import GraphError, Problem
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.structure import SAME_CARRIER, JointRef, LinkRef, MarkerRef, Structure
 from blockmech.typing import Guide, LinkPosition
 
 STILL = Transmission(0.0, 0.0, 0.0)
-ROUNDED = 2.0**-40  # [-] of places that a file means to be one
 
 
 def check_couplings(s: Structure) -> None:
@@ -39,13 +39,13 @@ def _changing_distance(s: Structure, name: str) -> Iterator[Problem]:
         return
     ahead = driven.on in s.turning(follower.centre.on)
     near, far = (follower.centre, driven) if ahead else (driven, follower.centre)
-    link, about = near.on, _guide(s, far).p
+    link, centre = near.on, _guide(s, far).p
     while link != far.on:
         (driver,) = s.drivers_of(link.block)
         pivot = s.feeds[s.driven[driver]]
-        place = _guide(s, pivot).p
-        one = abs(place - about) <= ROUNDED * (abs(place) + abs(about))
-        if not (one and s.driver_joint(driver).rotary):
+        pivot_position = _guide(s, pivot).p
+        coincident = abs(pivot_position - centre) <= ROUNDING * (abs(pivot_position) + abs(centre))
+        if not (coincident and s.driver_joint(driver).rotary):
             message = f"{near.on} carries the one wheel about {pivot}, not about the other "
             message += f"wheel's centre {far}, so their distance changes"
             yield Problem("coupling-mismatch", name, message, "", SAME_CARRIER)
@@ -91,7 +91,7 @@ def at_zero(s: Structure, link: LinkRef) -> LinkPosition:
 def _pose(s: Structure, ref: JointRef, guide: Guide, q: float) -> LinkPosition:
     """The later link of a driven pair, its coordinate being q more than its driver's offset."""
     block, joint = s.blocks[ref.block], s.joint(ref)
-    place = guide if joint.reads == "guide" else guide.p
-    whole = q + block.coordinate(ref.name).offset
-    pose = block.kernels.position(place, whole, block.parameters())
+    joint_pose = guide if joint.reads == "guide" else guide.p
+    coordinate = q + block.coordinate(ref.name).offset
+    pose = block.kernels.position(joint_pose, coordinate, block.parameters())
     return LinkPosition(*getattr(pose, block.link_field(joint.later)))

@@ -13,12 +13,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from blockmech.ground.errors import FormatError, Problem, path_text
+from blockmech.ground.report import WIDTH
 from blockmech.ground.validation_errors import field_order
 from blockmech.ground.values import StrictModel
 from blockmech.loads.functions import Function
 from blockmech.typing import Record
 
-WIDTH = 100  # characters of a line
 SECTIONS = 2  # levels that are always open: the document and its sections
 KEY_A_LINE = SECTIONS + 1  # levels that are opened one item a line: to the keys of a block
 

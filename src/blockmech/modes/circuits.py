@@ -28,12 +28,13 @@ import networkx as nx
 import numpy as np
 
 from blockmech.analysis.scan import Span
-from blockmech.functions.series import GOLDEN, NOISE, fit
+from blockmech.functions.roots import LONGEST_STEP
+from blockmech.functions.series import GOLDEN, fit
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import EQUAL
 from blockmech.modes.closing import (
     DELTA,
-    LONGEST,
     Poses,
     TriadMode,
     apart,
@@ -303,7 +304,7 @@ class _Line:
         ends = np.array([0.0, h])
         first, last = np.abs(determinant(ends))
         straight = h * float(first / (first + last))
-        roots = fit(determinant, ends, levels=0, tolerance=NOISE).roots().tolist()
+        roots = fit(determinant, ends, levels=0, tolerance=EQUAL).roots().tolist()
         return min(roots, key=lambda step: abs(step - straight), default=straight)
 
     # -- arcs ------------------------------------------------------------------------------
@@ -372,10 +373,10 @@ class _Line:
 
 
 def _gaps(node: _Node) -> Floats:
-    """How far each mode of a node is from the nearest other one, at most `LONGEST`."""
+    """How far each mode of a node is from the nearest other one, at most `LONGEST_STEP`."""
     x = node.found.x
-    apiece = apart(x[:, None], x[None]) + 2 * LONGEST * np.eye(len(x))
-    return np.asarray(apiece.min(axis=1, initial=LONGEST))
+    apiece = apart(x[:, None], x[None]) + 2 * LONGEST_STEP * np.eye(len(x))
+    return np.asarray(apiece.min(axis=1, initial=LONGEST_STEP))
 
 
 def _between(first: Floats, second: Floats) -> Floats:

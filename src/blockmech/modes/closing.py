@@ -23,12 +23,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.ground.plane import DOUBLE_ROOT, EPS
+from blockmech.functions.roots import LONGEST_STEP, NEWTON_STEPS
+from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.modes.elimination import coefficients, directions, shifts
 from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
 
-STEPS = 40  # of Newton's method; halving its distance from a dead centre takes one each
-LONGEST = 0.3  # step, in sizes and radians; no dead centre is looked for further away
 CLOSED = 16 * EPS  # of the size: a pose that misses less has closed
 NEAR = 1e-2  # ratio of singular values: a dead centre is near. A sixfold root is good to it
 SAME = DOUBLE_ROOT  # poses nearer than this are one: rounding hides the gap of a parabola
@@ -130,7 +130,7 @@ def poses(placed: Placed) -> list[Poses]:
     """All modes of n triads; none of one whose supports are not finite."""
     every = [directions(f) if np.isfinite(f).all() else f[:0] for f in coefficients(placed)]
     row, z = np.repeat(np.arange(len(every)), [len(e) for e in every]), np.concatenate(every)
-    real = np.abs(np.log(np.abs(z))) <= LONGEST  # others are complex beyond doubt
+    real = np.abs(np.log(np.abs(z))) <= LONGEST_STEP  # others are complex beyond doubt
     row, e = row[real], z[real] / np.abs(z[real])
     with np.errstate(divide="ignore", invalid="ignore"):
         o = shifts(placed.rows(row), e)
@@ -164,7 +164,7 @@ def newton(
 ) -> tuple[Floats, Floats]:
     """Newton's method from n places at once: the best seen (n, k), and their misses (n,)."""
     x, best, smallest = start.copy(), start.copy(), np.full(len(start), np.inf)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         f, rows = system(x)
         miss = np.abs(f).max(axis=1)
         better = miss < smallest
@@ -174,7 +174,7 @@ def newton(
         moves = (longest > EPS) & (better | (miss > CLOSED))  # not where there is no step: NaN
         if not moves.any():
             break
-        x[moves] += step[moves] * np.minimum(1.0, LONGEST / longest[moves])[:, None]
+        x[moves] += step[moves] * np.minimum(1.0, LONGEST_STEP / longest[moves])[:, None]
     return best, smallest
 
 
@@ -205,7 +205,7 @@ def fold(system: System, x: Floats, parameter: float) -> Fold | None:
 
     z, miss = newton(singular, np.append(x, parameter)[None])
     singular(z)
-    is_near = float(np.abs(z[0, :3] - x).max()) <= LONGEST and abs(last.bend) >= SAME
+    is_near = float(np.abs(z[0, :3] - x).max()) <= LONGEST_STEP and abs(last.bend) >= SAME
     return last if is_near and miss[0] <= SAME else None
 
 

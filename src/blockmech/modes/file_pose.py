@@ -13,7 +13,8 @@ from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.ground.plane import DOUBLE_ROOT, angle
+from blockmech.ground.plane import angle
+from blockmech.ground.tolerances import BLUR
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.report import TURN
 from blockmech.modes.triad import Support
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m] and angle [rad] of a link's frame in ground axes."""
-
-CHOSEN = 10 * DOUBLE_ROOT  # of the size: the pose that the file chooses is this mode
 
 
 class Places:
@@ -99,8 +98,7 @@ class FilePose:
         size = self.mechanism.structure.blocks[group].largest_length() or 1.0
         positions = {link: self.links[LinkRef(group, link)] for link in mode.links}
         return all(
-            abs(at.e - positions[link].e) <= CHOSEN
-            and abs(at.o - positions[link].o) <= CHOSEN * size
+            abs(at.e - positions[link].e) <= BLUR and abs(at.o - positions[link].o) <= BLUR * size
             for link, at in mode.links.items()
         )  # NaN is not
 

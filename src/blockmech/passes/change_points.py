@@ -22,7 +22,7 @@ from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.functions.series import GOLDEN, NODES, SCANNED, Floats, Series, fit, panels
 from blockmech.ground.errors import GraphError, Problem
-from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.scene import Scene
 from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position

@@ -32,8 +32,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.blocks.general import GeneralGroup
+from blockmech.functions.roots import LONGEST_STEP
 from blockmech.ground.errors import GraphError, Problem, listed
-from blockmech.ground.plane import DOUBLE_ROOT, EPS
+from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes.tracking import GroupPose, Tracker
@@ -42,7 +44,6 @@ from blockmech.plan.values import Value, tuple_of
 
 Array = NDArray[Any]
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
-STRIDE = 0.3  # [rad] turn of a link in one step
 SMALLEST = (
     64 * EPS
 )  # share of a line, or of knots, at which the path ends: a dead centre, to rounding
@@ -289,7 +290,7 @@ def predicted(place: Array, rate: Array, step: Array) -> Array:
 def strides(rate: Array) -> Array:
     """Share of the line (n,) in which no link turns further than a stride."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(STRIDE / np.abs(rate[..., 2]).max(axis=1, initial=0.0))
+        return np.asarray(LONGEST_STEP / np.abs(rate[..., 2]).max(axis=1, initial=0.0))
 
 
 def last_good(path: Path, q: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.ground.files import AnyPath
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.units import shown_in
 from blockmech.plan.plan import Output
 from blockmech.result.motion import Motion
@@ -20,7 +21,6 @@ from blockmech.typing import Arguments, Named
 __all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
 Array = NDArray[np.float64]
-NOISE = 1e-12  # of the largest term of a unit: smaller ones are shown as zero
 
 
 class Labelled(Mapping[str, NDArray[Any]]):
@@ -123,7 +123,7 @@ def columns(result: Labelled) -> list[Column]:
 def without_noise(values: Any, largest: float) -> Array:
     """Values in which what is rounding beside the largest term is zero."""
     with np.errstate(invalid="ignore"):
-        return np.where(np.abs(values) < NOISE * largest, 0.0, values)
+        return np.where(np.abs(values) < ROUNDING * largest, 0.0, values)
 
 
 def driver_columns(result: Labelled) -> list[Column]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from blockmech.friction.continuation import Outcome
 from blockmech.ground.report import Facts, as_json
+from blockmech.ground.tolerances import BLUR, ROUNDING
 from blockmech.typing import Data, Record
 
 OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
@@ -32,9 +33,8 @@ WORDS = (
 )
 REACTION_REVERSAL = "reaction-reversal"  # of a pin with clearance
 OTHER_SOLUTIONS = "other-solutions"  # of the friction equations, beside the one that is given
-TOUCH = 1e-12  # margin below zero that is rounding where a margin touches zero
-NEAR = 1e-6  # margin below which a surviving doubt is flagged
-NEAR_CHANGE = 1e-4  # the same near a change point, where reactions lose eps/margin^1.5
+# Near a change point reactions lose EPS / margin^1.5: as much as EPS / margin elsewhere.
+NEAR_CHANGE = BLUR ** (2 / 3)
 DETAIL = {
     Outcome.BY_CONTINUATION: "by-continuation",
     Outcome.NOT_CONVERGED: "slow",
@@ -149,8 +149,8 @@ def failures(
         failing = ~(m > 0) & ~((m == 0) & ~undefined)
         if block in following:
             failing |= (m > 0) & (m < NEAR_CHANGE) & undefined
-            note(failing & ~(m < -TOUCH), CHANGE_POINT, block)
-        note(failing & (m >= -TOUCH), DEAD_CENTRE, block)
+            note(failing & ~(m < -ROUNDING), CHANGE_POINT, block)
+        note(failing & (m >= -ROUNDING), DEAD_CENTRE, block)
         note(failing, NO_ASSEMBLY, block)
     for block, results in outcome.items():
         locked = JAMMED if block in prismatic else SELF_LOCKED
@@ -189,7 +189,7 @@ def assess(
     flags: list[Flag] = []
     for k, (block, m) in enumerate(margin.items(), 1):
         name = CHANGE_POINT if block in following else DEAD_CENTRE
-        threshold = NEAR_CHANGE if block in following else NEAR
+        threshold = NEAR_CHANGE if block in following else BLUR
         if m.min(initial=np.inf) >= threshold:  # the commonest case at once; not of NaN
             continue
         mine = (failed.word == 0) | (failed.block >= k) | (failed.block == 0)  # no earlier one's

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.functions.series import SCANNED
 from blockmech.ground.errors import Problem, RequestError, listed, refused
 from blockmech.ground.units import NoQuantity, UnitWarning, in_si, seem_degrees
 from blockmech.ground.values import is_count, is_number
@@ -20,7 +21,7 @@ from blockmech.model.scene import Scene
 from blockmech.typing import Record
 
 Array = NDArray[np.float64]
-DEFAULT_SAMPLES = 361  # of a turn: every degree, and the end
+DEFAULT_SAMPLES = SCANNED // 2 + 1  # of a turn: every degree, and the end
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.ground.report import WIDTH
 from blockmech.plan.plan import Output, Undefined
 from blockmech.result.columns import (
     Column,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 ROWS = 13  # of a turn in 361 samples these are steps of 30 degrees
-WIDTH = 100  # characters of a terminal line
 NARROWEST = len("[N m]  ")  # of the columns of a table: the unit, and the gap to the next
 LINES = 4  # remarks of one kind, names of further outputs
 FIRST = (".drive", "mechanism.friction_power", ".reaction")

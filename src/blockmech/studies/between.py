@@ -27,7 +27,6 @@ from blockmech.studies.reductions import EXTREMES, SIMPLE, Wanted
 
 Array = NDArray[Any]
 NEAR_LIMIT = 0.02  # margin [-] below which outputs may have peaks narrower than usual spacings
-STATED = 1e-9  # of a value: what an extreme that is not coarse misses at most
 
 
 @dataclass(frozen=True)

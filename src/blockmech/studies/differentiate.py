@@ -31,6 +31,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, refused
 from blockmech.ground.plane import REST_SHARE
 from blockmech.ground.runnable import EVERYTHING
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.parameters import Parameter, named
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Output, Plan
@@ -53,7 +54,7 @@ from blockmech.studies.variation import GIVEN, Variation, moves_drivers
 from blockmech.typing import Arguments, Coordinates, Data, FrictionMethod, Numbers, OnGap
 
 Array = NDArray[Any]
-STEP = 2.0**-9  # of a number, for differences of courses known to some 1e-11
+STEP = (16 * ROUNDING) ** 0.25  # of a number, for differences of courses
 CENTRAL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
 INPUTS = {"q": "q", "rate": "qd", "acceleration": "qdd"}  # output of a driver -> program input
 

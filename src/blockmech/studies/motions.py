@@ -29,6 +29,7 @@ from blockmech.dynamics.stops import stops_of
 from blockmech.dynamics.system import System
 from blockmech.engines.compiled_rates import CompiledRhs
 from blockmech.ground.errors import BlockmechError, close_match, listed, refused
+from blockmech.ground.tolerances import EQUAL
 from blockmech.model.parameters import Parameter
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import FACT_UNITS, Motion, fact_unit
@@ -54,7 +55,6 @@ Array = NDArray[Any]
 FEW = 16  # designs between two words of progress, and for which nothing is compiled
 TOGETHER = 256  # designs that move side by side: their steps stay in some megabytes
 WITHIN = 0.02  # of its change, within which an output has settled
-DENSE = 1e-9  # of an extreme of a motion, which is known between its steps to that
 MOTION = "motion"  # what is reduced is the motion itself
 
 
@@ -265,7 +265,7 @@ class MotionRunner(Runner):
             return size(np.asarray(at[w.output])).reshape(times.shape)
 
         friction, size = self.settings["friction"], np.abs if w.vector else np.asarray
-        return extremes_of(w, output, t, size(y)[None], ended=DENSE).value[0]
+        return extremes_of(w, output, t, size(y)[None], ended=EQUAL).value[0]
 
 
 @dataclass(frozen=True)
@@ -367,7 +367,7 @@ def _extremes(
 
     share = np.linspace(0.0, 1.0, n)
     y = output(np.arange(len(of)), np.tile(share, (len(of), 1)))
-    return extremes_of(w, output, share, y, ended=DENSE).value
+    return extremes_of(w, output, share, y, ended=EQUAL).value
 
 
 def reduced(w: Wanted, t: Array, y: Array, n: int) -> Any:

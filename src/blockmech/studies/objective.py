@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, listed, refused
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, remade
 from blockmech.studies.motions import MotionRunner, runner_of
@@ -25,7 +26,8 @@ from blockmech.studies.sampling import as_sequence
 from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers
 
 Array = NDArray[Any]
-STEP = 2.0**-10  # of a number, for differences of motions known to some 1e-12
+INFEASIBLE = 1e9  # times the size of what is minimized: a design that cannot be
+STEP = ROUNDING**0.25  # of a number, for differences of motions
 
 
 class Objective:

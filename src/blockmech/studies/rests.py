@@ -62,13 +62,13 @@ def rest_of(mechanism: Any, samples: Samples) -> Rest | None:
         turned = first + np.mod(q - first + math.pi, math.tau) - math.pi
         return np.where(rotary & ~stops, turned, q)
 
-    places = [
+    equilibria = [
         (near(e.q), e) for e in mechanism.equilibria(friction="none", time=time, charts=False)
         if e.kind == "stable"
     ]  # fmt: skip
-    if not places:
+    if not equilibria:
         return None
-    q, e = min(places, key=lambda row: float(np.abs(row[0] - first).max()))
+    q, e = min(equilibria, key=lambda row: float(np.abs(row[0] - first).max()))
     return Rest(dict(zip(drivers, q.tolist(), strict=True)), e.stop, e.jump)
 
 
@@ -96,8 +96,8 @@ def rest_slopes(
         raise refused(label, found, "no number moves it smoothly", code="no-derivative")
     drivers = mechanism.drivers
     efforts = [mechanism._of_driver(d, "tau_red") for d in drivers]
-    places = [mechanism._of_driver(d, "q") for d in drivers]
-    of = mechanism.sensitivity([output, *efforts], [*to, *places], **rest.still)
+    coordinates = [mechanism._of_driver(d, "q") for d in drivers]
+    of = mechanism.sensitivity([output, *efforts], [*to, *coordinates], **rest.still)
     sides = []
     for d in (of.ahead, of.behind):
         slopes, k = np.asarray(d[output])[:, 0], len(to)

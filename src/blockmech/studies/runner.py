@@ -28,13 +28,14 @@ from blockmech.ground.errors import (
     GraphError,
     SingularError,
 )
+from blockmech.ground.tolerances import EQUAL
 from blockmech.model.parameters import Parameter
 from blockmech.plan.plan import Plan
 from blockmech.plan.settings import check_switch, friction_asked
 from blockmech.result.exported import counted
 from blockmech.result.quality import NO_ASSEMBLY, Failures, at_most_one, failures
 from blockmech.result.samples import Samples, make_samples
-from blockmech.studies.between import STATED, Range, doubt, some_of
+from blockmech.studies.between import Range, doubt, some_of
 from blockmech.studies.family import Family, document_value, remade
 from blockmech.studies.reductions import EXTREMES, POSES, REST, STROKE, WHOLE, Wanted, wanted
 from blockmech.studies.rests import rest_value
@@ -312,7 +313,7 @@ class _Planned:
         peaks = self.range.extremes(w, numbers, y, margins)
         kept[some] = peaks.value
         rows_of = np.flatnonzero(some)
-        for i in np.flatnonzero(peaks.error > STATED * np.abs(peaks.value)).tolist():
+        for i in np.flatnonzero(peaks.error > EQUAL * np.abs(peaks.value)).tolist():
             least = {self.mechanism._block_name(b): float(m[i].min()) for b, m in margins.items()}
             gap = np.isinf(peaks.error[i]) and self.range.cycle is not None
             if gap:

@@ -18,7 +18,7 @@ from blockmech.figures.paper import panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import held, listed
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, as_json, sections
+from blockmech.ground.report import DEGREES, LINES, as_json, sections
 from blockmech.model.parameters import Parameter
 from blockmech.result.columns import driver_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted, flag_lines
@@ -27,9 +27,7 @@ from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.typing import Arguments, Data
 
 Array = NDArray[Any]
-SHOWN = 12  # numbers of a ranking that are shown
 PERCENT = 0.01  # of a number's size: the change by which numbers are ranked
-PANELS = 6  # outputs that one picture can hold
 
 
 class Effect(NamedTuple):
@@ -147,7 +145,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
         """The ranked bars of the first outputs."""
-        ranked = {name: self._moving(name) for name in list(self)[:PANELS]}
+        ranked = {name: self._moving(name) for name in list(self)[: ink.PANELS]}
         heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
         n = self.result.n
         over = "one sample" if n == 1 else f"{n} samples"
@@ -164,7 +162,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     def _moving(self, name: str) -> list[Effect]:
         """The strongest numbers of an output, without those that do nothing."""
-        ranked = self.ranked(name)[:SHOWN]
+        ranked = self.ranked(name)[:LINES]
         return [e for e in ranked if e.change > 0.0] or ranked[:1]
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
@@ -183,12 +181,12 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
                 f"{_shown(e.derivative)} {e.unit}".rstrip(),
                 f"{e.change:.3g}",
             )
-            for e in effects[:SHOWN]
+            for e in effects[:LINES]
         ]
         yield f"{output} [{unit or '-'}]"
         yield from aligned(("number", "value", "largest derivative", "by 1 %"), rows)
-        if len(effects) > SHOWN:
-            yield f"and {len(effects) - SHOWN} numbers that do less"
+        if len(effects) > LINES:
+            yield f"and {len(effects) - LINES} numbers that do less"
         yield from self.doubts(output)
         if self.left_out:
             yield f"without a derivative: {listed(self.left_out, 4)}"

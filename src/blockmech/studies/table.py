@@ -18,7 +18,7 @@ from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, needed, refused
 from blockmech.ground.files import AnyPath
-from blockmech.ground.report import DEGREES
+from blockmech.ground.report import DEGREES, LINES
 from blockmech.model.parameters import Parameter
 from blockmech.result.data import dataframe, pint_unit
 from blockmech.result.exported import Column, CsvTable, aligned, counted
@@ -31,12 +31,9 @@ if TYPE_CHECKING:
     from blockmech.studies.runner import Runner
 
 Array = NDArray[Any]
-ROWS = 12  # designs that are shown
 T = TypeVar("T")
 PANEL = 14.0 * ink.TEXT  # [pt] height of a panel of a picture
 CELL = 11.0 * ink.TEXT  # [pt] size of a cell of a matrix
-PANELS, CELLS = 6, 7  # results and numbers that one picture can hold
-DOT = 3.0  # [pt2] of a design in a scatter
 ENDS = (2, 98)  # percent of the designs that the colours of a map are spread over
 FOOT = 0.03  # of a panel's height: where designs without an answer are marked
 
@@ -205,7 +202,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         Designs without an answer are shown where they are: marked at the foot of a curve or a
         scatter, hatched in a map. Raises `RequestError` where no number was kept.
         """
-        results = self.table()[len(self.vary) :][:PANELS]
+        results = self.table()[len(self.vary) :][: ink.PANELS]
         if not results:
             message = "poses are arrays, and no other number was kept"
             raise refused("plot", message, "keep e.g. a max_abs as well")
@@ -214,7 +211,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         missing, mark = self.n - self.status.count("ok"), "hatched" if mapped else "crosses"
         caption = f"{shown_name(self.name, 40)}: {self.n} designs"
         caption += f", {missing} without an answer ({mark})." if missing else "."
-        numbers = self.table()[: len(self.vary)][:CELLS]
+        numbers = self.table()[: len(self.vary)][: ink.PANELS]
         return (self._maps if mapped else self._matrix)(caption, results, numbers, ax)
 
     def _maps(
@@ -270,7 +267,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                     if curves:
                         axes.plot(number.values, y, **dots)
                     else:
-                        dots = {"color": ink.FORWARD, "s": DOT, "lw": 0, "rasterized": True}
+                        dots = {"color": ink.FORWARD, "s": ink.DOT, "lw": 0, "rasterized": True}
                         axes.scatter(number.values, y, **dots)
                         axes.locator_params(nbins=4)
                     foot, transform = np.full(bad.sum(), FOOT), axes.get_xaxis_transform()
@@ -284,7 +281,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """Some designs as a table, then why others have no answer."""
         rows = self.table()
-        step = max(1, -(-(self.n - 1) // (ROWS - 1)))
+        step = max(1, -(-(self.n - 1) // (LINES - 1)))
         selected = sorted({*range(0, self.n, step), *range(self.n)[-1:]})
         texts = [[f"{x + 0.0:.6g}" if x == x else "-" for x in c.values[selected]] for c in rows]
         cells = list(zip(*texts, (self.status[i] for i in selected), strict=True))

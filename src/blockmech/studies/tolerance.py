@@ -41,8 +41,6 @@ from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
 
 Array = NDArray[Any]
 PANEL = 11.0 * ink.TEXT  # [pt] height of a panel of a picture
-OUTPUTS, NUMBERS = 3, 5  # that one picture can hold
-BAND = 3.0  # standard deviations: 99.7 % of a normal distribution
 
 
 class Scatter(NamedTuple):
@@ -99,14 +97,15 @@ class Tolerance(Pictured, Mapping[str, Array]):
         """The first outputs with their bands and deviations."""
         result = self.sensitivity.result
         curves = [name for name in self if not self.sensitivity.one_number(name)]
-        names = (curves or list(self))[:OUTPUTS]
+        names = (curves or list(self))[: ink.PANELS // 2]
         across = Abscissa("one number a design", np.zeros(1))
         if curves:
             across = abscissa(result, degrees=degrees)
         total = sum(np.nan_to_num(self.shares(name)).sum(axis=1) for name in names)
-        order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # a colour in all panels
+        colours = len(ink.LINK_FILLS) - 1  # the same in all panels
+        order = np.argsort(-np.asarray(total), kind="stable")[:colours]
         caption = (
-            f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {BAND:g} standard "
+            f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {ink.BAND:g} standard "
             "deviations, a vector by its length; below the deviation, filled by the shares of the "
             "numbers in the variance"
         ) + (", dots by Monte Carlo." if self.sampled else ".")
@@ -124,7 +123,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
         run, deviation = self.sensitivity, self[name]
         y = np.abs(run.value(name)) if name in run.reduced else values(run.result, name)
         factor, unit = scaled_unit(run.unit_of(name), float(np.nanmax(np.abs(y))))
-        y, band = factor * y, factor * BAND * deviation
+        y, band = factor * y, factor * ink.BAND * deviation
         if len(x) == 1:
             axes.errorbar(x, y, band, fmt=".", color=ink.FORWARD, capsize=3)
         axes.fill_between(x, y - band, y + band, color=ink.LINK_FILLS[0], lw=0)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from blockmech.compiled import Compiled
 from blockmech.engines.dual import Dual
 from blockmech.functions.series import GOLDEN
+from blockmech.ground.tolerances import BLUR
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import Varied, settled
 from blockmech.model.parameters import (
@@ -35,7 +36,6 @@ from blockmech.outputs.by_block import Catalogue
 from blockmech.passes.homotopy import path_of
 from blockmech.typing import Data
 
-ASIDE = 1e-6  # of a number, how far aside the design is planned that stands for all: not zero
 GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
 PER_DRIVER = ("drivers", "initial", "stops", "motion")  # sections of a document
 BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
@@ -84,7 +84,7 @@ def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structur
 def planned_aside(mechanism: Compiled, numbers: Mapping[Path, float]) -> Compiled:
     """A mechanism beside this one: its plans hold for any values of these numbers."""
     aside = {  # not zero, and no two alike
-        path: x + (abs(x) or 1.0) * ASIDE * (1.0 + (k * GOLDEN) % 1.0)
+        path: x + (abs(x) or 1.0) * BLUR * (1.0 + (k * GOLDEN) % 1.0)
         for k, (path, x) in enumerate(numbers.items())
     }
     m = mechanism

@@ -13,6 +13,7 @@ import numpy as np
 from blockmech.builders import Graph
 from blockmech.functions.series import Floats
 from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.tolerances import EQUAL
 from blockmech.model.versions import VERSION
 from blockmech.result.exported import aligned
 from blockmech.synthesis.fourbar import SHAPE, coupler_point
@@ -20,7 +21,6 @@ from blockmech.synthesis.search import Task, search
 from blockmech.typing import Progress
 
 ALIKE = 1e-4  # two designs are one
-MET = 1e-9  # of the size of what is wanted: nearer than that, the margin decides
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,16 +101,16 @@ def proposed(
     starts: int,
     seed: int,
     progress: Progress | None,
-    made: Callable[[Floats, int, float], Design],
+    design_of: Callable[[Floats, int, float], Design],
 ) -> Synthesis:
-    """The best designs of a task. ``made(unknowns, branch, margin)`` is the design of a row."""
+    """The best designs of a task; ``design_of(unknowns, branch, margin)`` is that of a row."""
     x, branch, margins, left_out = search(task, count, starts, seed, progress)
     designs: list[Design] = []
     for row, side, margin in zip(x, branch.tolist(), margins.tolist(), strict=True):
-        design = made(row, side, margin)
+        design = design_of(row, side, margin)
         if all(_apart(design, listed_design, task.size) for listed_design in designs):
             designs.append(design)
-    best = sorted(designs, key=lambda d: (max(d.miss, MET * task.size), -d.margin))[:count]
+    best = sorted(designs, key=lambda d: (max(d.miss, EQUAL * task.size), -d.margin))[:count]
     return Synthesis(tuple(best), starts, left_out)
 
 

@@ -27,16 +27,17 @@ import numpy as np
 from blockmech.builders import Graph
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope, value
-from blockmech.functions.series import Floats
+from blockmech.functions.series import SCANNED, Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.tolerances import BLUR, EQUAL
 from blockmech.model.joints.varied import Varied
 from blockmech.plan.plan import Plan
 from blockmech.result.exported import aligned
 from blockmech.studies.variation import Variation
-from blockmech.synthesis.designs import MET, Design
+from blockmech.synthesis.designs import Design
 from blockmech.synthesis.fourbar import Points
 from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar, size_of
 from blockmech.synthesis.structures import Structure, blank, structures
@@ -50,8 +51,7 @@ TRIED = 3  # of them are refined
 TIMINGS = (0.3, -0.3, 0.55, -0.55, 0.85, -0.85)  # turns from the first point to the last
 STEPS = 200  # of the refinement
 SMALL, LARGE = 0.02, 30.0  # of the size of the path: numbers of a design
-DEAD = 1e-6  # margin: a design that is at a dead centre
-POSES = 181  # from the first point to the last, at which designs are judged
+POSES = SCANNED // 4 + 1  # from the first point to the last, at which designs are judged
 
 
 class _Family:
@@ -193,7 +193,7 @@ class _Family:
         except BlockmechError:
             return None
         margin = min(float(run[m].min()) for m in self.margins)
-        if not margin > DEAD:
+        if not margin > BLUR:
             return None
         moment = float(np.abs(run["crank.drive"]).max())
         return Design(graph, theta, self.output, np.abs(z - targets), margin), moment
@@ -439,7 +439,7 @@ def _of_structure(
         numbers, angles = family.refined(x, at, P, theta is None)
         judged = family.judged(numbers, angles, P, load)
         if judged is not None:
-            candidates.append(Candidate(s.name, s.links, *judged, MET * size_of(P)))
+            candidates.append(Candidate(s.name, s.links, *judged, EQUAL * size_of(P)))
     return count, candidates
 
 

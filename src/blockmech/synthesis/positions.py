@@ -27,7 +27,7 @@ import numpy as np
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
-from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT
 from blockmech.synthesis.designs import (
     ALIKE,
     Design,
@@ -42,7 +42,6 @@ from blockmech.typing import Progress
 
 TRIED = 32  # conditions that are drawn where positions are lacking
 CLOSE = DOUBLE_ROOT  # relative: misfit of a pin's conditions, and two pins that are one
-REAL = 10 * DOUBLE_ROOT  # relative: imaginary parts that rounding gives a double root
 
 
 @declared
@@ -256,7 +255,7 @@ def _conics_meet(A: Floats, B: Floats) -> list[tuple[float, float]]:
     points = []
     for root in quartic.roots().tolist():
         s = complex(root)
-        if abs(s.imag) > REAL * (1 + abs(s)) or not abs(slope(s.real)) > 0:
+        if abs(s.imag) > BLUR * (1 + abs(s)) or not abs(slope(s.real)) > 0:
             continue
         x = np.array([1.0, s.real, -across(s.real) / slope(s.real)], float)
         for _ in range(4):  # Newton's steps take away the rounding of the quartic

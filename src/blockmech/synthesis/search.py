@@ -23,6 +23,7 @@ import numpy as np
 
 from blockmech.functions.series import Floats
 from blockmech.ground.errors import refused
+from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.synthesis.fourbar import (
     SHAPE,
     Points,
@@ -35,7 +36,6 @@ from blockmech.typing import Progress
 STARTS = 2**14  # shapes that are tried
 REFINED = 256  # of them are refined
 ROUNDS = (12, 25, 50, 100, 400)  # steps of the refinement, after which the better half goes on
-CHECKED = 361  # poses between the first position and the last
 LOW, HIGH = math.log(0.15), math.log(6.0)  # of lengths by the crank's, where the search starts
 LEAST, MOST = math.log(0.02), math.log(50.0)  # and where it ends
 ASIDE, BENT = 0.1, 0.75  # of the acceleration: how far it looks, how much of a step it may be
@@ -114,24 +114,24 @@ class Task:
 
     def slopes(self, x: Floats, branch: Any) -> Floats:
         """Derivatives (m, r, k) of the residuals by the free unknowns."""
-        here = pose(x[:, :SHAPE], x[:, SHAPE + 5 :], branch)
+        fourbar = pose(x[:, :SHAPE], x[:, SHAPE + 5 :], branch)
         (m, k), n = x.shape, self.n
         crank, rows = np.arange(n), []
         if self.points is not None:
             A = _complex(x, 0)
             dz = np.zeros((m, n, k), complex)
-            dz[..., :SHAPE] = A[..., None] * here.by_point[..., :SHAPE]
-            dz[..., SHAPE], dz[..., SHAPE + 1] = here.point, 1j * here.point
+            dz[..., :SHAPE] = A[..., None] * fourbar.by_point[..., :SHAPE]
+            dz[..., SHAPE], dz[..., SHAPE + 1] = fourbar.point, 1j * fourbar.point
             dz[..., SHAPE + 2], dz[..., SHAPE + 3] = 1.0, 1j
-            dz[:, crank, SHAPE + 5 + crank] = A * here.by_point[..., SHAPE]
+            dz[:, crank, SHAPE + 5 + crank] = A * fourbar.by_point[..., SHAPE]
             rows += [dz.real / self.size, dz.imag / self.size]
-        for by, wanted in ((here.by_coupler, self.turns), (here.by_rocker, self.swings)):
+        for by, wanted in ((fourbar.by_coupler, self.turns), (fourbar.by_rocker, self.swings)):
             if wanted is not None:
                 d = np.zeros((m, n, k))
                 d[..., :SHAPE], d[..., SHAPE + 4] = by[..., :SHAPE], 1.0
                 d[:, crank, SHAPE + 5 + crank] = by[..., SHAPE]
                 rows.append(d)
-        closes = ~np.isnan(here.coupler)[..., None]
+        closes = ~np.isnan(fourbar.coupler)[..., None]
         J = np.concatenate([np.where(closes, d, 0.0) for d in rows], axis=1)
         return np.asarray(J[..., self._columns])
 
@@ -148,7 +148,7 @@ class Task:
         """Which designs (m,) have no defect of circuit, branch or order, and their margins (m,)."""
         theta = x[:, SHAPE + 5 :]
         steps = np.diff(theta, axis=1)
-        way = np.linspace(theta[:, 0], theta[:, -1], CHECKED, axis=-1)
+        way = np.linspace(theta[:, 0], theta[:, -1], DEFAULT_SAMPLES, axis=-1)
         least = margin(x[:, :SHAPE], way, branch).min(axis=1)
         ordered = (steps > 0).all(axis=1) | (steps < 0).all(axis=1)
         turns = np.abs(theta[:, -1] - theta[:, 0])

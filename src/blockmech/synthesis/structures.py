@@ -100,14 +100,14 @@ def _dyads(chain: Chain, frame: int, crank: int, tracer: int) -> tuple[tuple[int
 
 
 def blank(structure: Structure, seed: int = 0) -> Graph:
-    """The graph of a structure with joints at random places; ``P`` marks the tracing point."""
+    """The graph of a structure with joints at random points; ``P`` marks the tracing point."""
     rng = np.random.default_rng(seed)
-    s, places = structure, {}
+    s, points = structure, {}
     name = {v: "frame" if v == s.frame else f"link{v}" for v in s.chain}
     joints: Data = {}
     for a, b in (sorted(e) for e in s.chain.edges):
-        places[a, b] = rng.normal(size=2).tolist()
-        joints[f"J{a}_{b}"] = {"type": "R", "links": [name[a], name[b]], "at": [places[a, b]] * 2}
+        points[a, b] = rng.normal(size=2).tolist()
+        joints[f"J{a}_{b}"] = {"type": "R", "links": [name[a], name[b]], "at": [points[a, b]] * 2}
     links: Data = {name[v]: {"pose": [0.0, 0.0, 0.0]} for v in s.chain if v != s.frame}
     links[name[s.tracer]]["markers"] = {"P": {"at": rng.normal(size=2).tolist()}}
     motor = "J{}_{}".format(*sorted((s.frame, s.crank)))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.blocks.contract import AssurGroup, Moving
+from blockmech.ground.tolerances import BLUR
 from blockmech.testing.rig import (
     STAGES,
     Subject,
@@ -44,7 +45,6 @@ from blockmech.typing import LinkAcceleration, LinkPosition, LinkVelocity, Load,
 
 SAMPLES = 24  # random motions: a rule broken at one in four is missed once in a thousand
 X, Y = 0.7, -1.3  # factors of a linear combination
-EDGE = 1e-6  # [-] margin where a group just closes, after bisection to rounding
 
 
 class BlockRules(Checks):
@@ -254,7 +254,7 @@ class BlockRules(Checks):
             low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         for where, motions in (("inside", low), ("outside", high)):
             m = leaves(self.subject.position(motions))["margin"]
-            if not np.all(abs(m) < EDGE):
+            if not np.all(abs(m) < BLUR):
                 yield f"the margin is not near 0 just {where} the edge where the group closes"
 
     def velocities(self) -> Iterator[str]:

@@ -27,7 +27,7 @@ from blockmech.ground.errors import (
     refused,
     shown,
 )
-from blockmech.ground.report import Facts
+from blockmech.ground.report import LINES, Facts
 from blockmech.ground.validation_errors import validated
 from blockmech.model.expect import Expectation
 from blockmech.result.exported import aligned
@@ -348,16 +348,15 @@ def _why_not(result: Result, sample: int | None) -> str:
 
 # -- showing ---------------------------------------------------------------------------------
 
-MOST_ROWS = 12  # of a table, the worst first
 HEAD = ("output", "sample: drivers [rad, m]", "expected", "got", "error", "tolerance", "margin")
 
 
 def failure_table(outcomes: Iterable[Outcome]) -> str:
     """The numbers that are not met as a table, the worst first."""
     failed = sorted((o for o in outcomes if not o.ok), key=_badness, reverse=True)
-    lines = aligned(HEAD, map(_row, failed[:MOST_ROWS]))
-    if len(failed) > MOST_ROWS:
-        lines.append(f"... and {len(failed) - MOST_ROWS} more")
+    lines = aligned(HEAD, map(_row, failed[:LINES]))
+    if len(failed) > LINES:
+        lines.append(f"... and {len(failed) - LINES} more")
     notes = dict.fromkeys(f"{o.output}: {o.reason}" for o in failed if o.reason and o.error)
     return "\n".join([*lines, *notes])
 

@@ -15,6 +15,7 @@ from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.rrp import RRP
 from blockmech.friction.laws import FrictionLaw
+from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
@@ -23,7 +24,6 @@ from blockmech.testing.rules import Array, Checks, same_bits
 
 TIMES = np.linspace(0.3, 2.3, 9)  # [s]
 SPEEDS = np.array([0.0, *np.logspace(-6, 3, 37)])  # [rad/s or m/s]
-IDLE = 1e-9  # [-] of the efforts: accelerations of a motion, and the drive that they leave
 
 
 class LawRules(Checks):
@@ -110,7 +110,7 @@ class LawRules(Checks):
                 without = float(np.max(abs(moved["crank.drive_by_reduction"])))
                 drive = moved["crank.drive"]
                 name = f"drive of the motion in {kind}"
-                yield from self.same(name, drive, 0.0 * drive, without or 1.0, IDLE)
+                yield from self.same(name, drive, 0.0 * drive, without or 1.0, EQUAL)
 
     rules = (kernel, resists, at_rest, drags, state, balances, motion)
 

@@ -13,16 +13,17 @@ from blockmech.engines.nodes import AsksPython, Untraceable
 from blockmech.engines.numpy import Planar
 from blockmech.engines.trace import Trace
 from blockmech.ground.report import DEGREES, Report
+from blockmech.ground.tolerances import EQUAL, ROUNDING
 from blockmech.plan.plan import Program
 from blockmech.typing import Data, Record
 
 Array = NDArray[Any]
 Leaves = Mapping[str, Array]
 
-ROUNDING = 1e-11  # [-] of the largest term: some 100 operations, margins down to 1e-4
+ROUNDED = 8 * ROUNDING  # [-] of the largest term: some 100 operations, margins down to 1e-4
 STEP = 4e-3  # [s] of differences; the motions change over about a second
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)  # central difference of order 8
-DERIVATIVE = 1e-9  # [-] of differences: 8! (STEP / T)^8 for a motion that changes over T = 0.2 s
+DERIVATIVE = EQUAL  # [-] of differences: 8! (STEP / T)^8 for a motion that changes over T = 0.2 s
 
 
 class ConformanceError(AssertionError):
@@ -64,7 +65,7 @@ class Checks:
         return Conformance(name, self.measured)
 
     def same(
-        self, label: str, actual: Any, expected: Any, scale: float, allowed: float = ROUNDING
+        self, label: str, actual: Any, expected: Any, scale: float, allowed: float = ROUNDED
     ) -> Iterator[str]:
         """Compare two batches relative to a scale."""
         error = np.abs(np.asarray(actual) - np.asarray(expected))

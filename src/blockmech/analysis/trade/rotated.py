@@ -18,7 +18,7 @@ from blockmech.blocks.contract import Moving
 from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, Planar
-from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import Marker, Place, Vector
 from blockmech.loads import Force, Thrust
 from blockmech.loads.contract import Element
@@ -29,7 +29,6 @@ from blockmech.typing import Arguments
 
 ANGLE = 0.7  # [rad] no symmetry of anything
 E = cmath.rect(1.0, ANGLE)
-SAME = 4096 * EPS  # relative difference of numbers that rotating only rounds
 
 
 def rotated_run(
@@ -117,4 +116,4 @@ def _in_precision(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any
 
 
 def _near(a: Any, b: Any) -> bool:
-    return bool(np.allclose(a, b, rtol=SAME, atol=0.0))
+    return bool(np.allclose(a, b, rtol=ROUNDING, atol=0.0))

@@ -20,6 +20,7 @@ from blockmech.engines.numpy import leaves
 from blockmech.engines.trace import Trace, maximum, minimum, where
 from blockmech.friction.continuation import Outcome
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.passes.homotopy import BEFORE, MODES, Path, cubics, slopes
 from blockmech.plan.plan import Plan, Program
 from blockmech.result.quality import (
@@ -30,7 +31,6 @@ from blockmech.result.quality import (
     NO_ASSEMBLY,
     NOT_CONVERGED,
     SELF_LOCKED,
-    TOUCH,
     UNDEFINED,
     WORDS,
 )
@@ -174,9 +174,9 @@ def status(plan: Plan, values: tuple[Any, ...], judged: Iterable[Any], of: Recor
         failing = where(m > 0.0, False, where(m == 0.0, bad, True))
         if block in of["following"]:
             failing = failing | ((m > 0.0) & (m < NEAR_CHANGE) & bad)
-        lost: Any = where(m >= -TOUCH, WORDS.index(DEAD_CENTRE), WORDS.index(NO_ASSEMBLY))
+        lost: Any = where(m >= -ROUNDING, WORDS.index(DEAD_CENTRE), WORDS.index(NO_ASSEMBLY))
         if block in of["following"]:
-            lost = where(m < -TOUCH, WORDS.index(NO_ASSEMBLY), WORDS.index(CHANGE_POINT))
+            lost = where(m < -ROUNDING, WORDS.index(NO_ASSEMBLY), WORDS.index(CHANGE_POINT))
         word = where(failing, lost, word)
     return word
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.draw.motion import SAME_PLACE, moves
+from blockmech.draw.motion import moves
 from blockmech.draw.sketch import sketch_of
 from blockmech.exchange.c.program import poses
 from blockmech.exchange.formats import Order, Writer
@@ -30,6 +30,7 @@ from blockmech.figures.palette import LINK_FILLS
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.files import refuse_spared, writing
 from blockmech.ground.runnable import EVERYTHING
+from blockmech.ground.tolerances import BLUR
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import LinkRef
 from blockmech.result.quality import WORDS
@@ -197,9 +198,7 @@ def _picture(drawing: Script) -> Data:
 
     def output(positions: Any) -> int | None:
         """The first marker that is always at some places (n,)."""
-        same = (
-            x for x, z in markers_at.items() if np.abs(z - positions).max() <= SAME_PLACE * size
-        )
+        same = (x for x, z in markers_at.items() if np.abs(z - positions).max() <= BLUR * size)
         return next((at[name] for name in same), None)
 
     def frame(link: LinkRef) -> list[int] | None:
@@ -208,7 +207,7 @@ def _picture(drawing: Script) -> Data:
     def end(link: LinkRef, z: complex) -> Any:
         """A corner of a link: a pin that goes with it, or a place in its frame."""
         positions = motion.at(link, z)
-        pinned = any(np.abs(positions - pin).max() <= SAME_PLACE * size for pin in pins.values())
+        pinned = any(np.abs(positions - pin).max() <= BLUR * size for pin in pins.values())
         marker = output(positions) if pinned else None
         return {"link": frame(link), "at": [z.real, z.imag]} if marker is None else marker
 

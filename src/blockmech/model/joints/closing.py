@@ -25,16 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.assur.formation import formation
+from blockmech.functions.roots import LONGEST_STEP, NEWTON_STEPS
 from blockmech.ground.plane import dot
+from blockmech.ground.tolerances import DOUBLE_ROOT, ROUNDING
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Pose, Poses
 
 Floats: TypeAlias = NDArray[np.float64]
 
-ITERATIONS = 80  # of Newton's method: 20 bring a link half a turn round, singular poses halve
-LONGEST_STEP = 0.3  # [-] of any pose in one iteration: sizes, rad
-CLOSED = 1e-10  # [-] of the size, rad: gaps that are left to rounding and conditioning
-SINGULAR = 1e-7  # [-] of the largest singular value: between rounding and its square root
+CLOSED = 100 * ROUNDING  # [-] of the size, rad: gaps that are left to rounding and conditioning
 
 
 _Row: TypeAlias = tuple[float, float, float]
@@ -160,7 +159,7 @@ class Closing:
         singular each step is the shortest of those nearest to closing.
         """
         last, best = math.inf, poses
-        for _ in range(ITERATIONS):
+        for _ in range(NEWTON_STEPS):
             values, matrix = self.conditions(poses)
             gap = float(np.abs(values).max(initial=0.0))
             if gap <= last:
@@ -168,7 +167,7 @@ class Closing:
             if gap <= enough or not math.isfinite(gap) or (gap < CLOSED and gap >= last / 2):
                 break
             last = gap
-            step: Any = np.linalg.lstsq(matrix, -values, rcond=SINGULAR)[0]
+            step: Any = np.linalg.lstsq(matrix, -values, rcond=DOUBLE_ROOT)[0]
             longest = np.abs(step).max(initial=LONGEST_STEP)
             poses = self.moved(poses, step * (LONGEST_STEP / longest))
         return best
@@ -183,7 +182,7 @@ class Closing:
         free = np.array([
             direction
             for ratio, direction in zip(held, directions, strict=True)
-            if ratio <= SINGULAR * max(math.sqrt(self._bend(poses, direction)), SINGULAR)
+            if ratio <= DOUBLE_ROOT * max(math.sqrt(self._bend(poses, direction)), DOUBLE_ROOT)
         ]).reshape(-1, 3 * len(self.links))  # fmt: skip
         mix = np.cos(1.0 + np.arange(len(free)))  # no direction is left out
         return len(free), mix @ free
@@ -196,7 +195,7 @@ class Closing:
         values below the root of rounding tell nothing. Guides that are nearly parallel hold
         equally weakly wherever the links stand, and that can be seen down to rounding.
         """
-        step = math.sqrt(SINGULAR)
+        step = math.sqrt(DOUBLE_ROOT)
         ahead, behind = (
             self.conditions(self.moved(poses, way * direction))[1] @ direction
             for way in (step, -step)
@@ -220,7 +219,7 @@ class Closing:
     def stressed(self, poses: Poses) -> tuple[str, ...]:
         """Joints that can press against each other."""
         idle = np.abs(_near_kernel(self.conditions(poses)[1].T)[1]).max(axis=0, initial=0.0)
-        taking = idle > SINGULAR * idle.max(initial=0.0)
+        taking = idle > DOUBLE_ROOT * idle.max(initial=0.0)
         rows = zip(self._rows(poses), taking, strict=True)
         return tuple(dict.fromkeys(c.name for (c, _), part in rows if part))
 
@@ -232,7 +231,7 @@ def _near_kernel(matrix: Floats) -> tuple[Floats, Floats]:
     """
     _, s, v = np.linalg.svd(matrix)
     largest = s.max(initial=0.0)
-    rank = int((s > SINGULAR * largest).sum())
+    rank = int((s > DOUBLE_ROOT * largest).sum())
     ratios = np.zeros(len(v))
     ratios[: len(s)] = s / (largest or 1.0)
     return ratios[rank:], v[rank:]
@@ -277,25 +276,28 @@ def _keeps_moving(closing: Closing, poses: Poses, motion: Floats, mobility: int)
     The step's square, by which a structure at a dead centre gapes, is larger than what is
     taken for nothing.
     """
-    step = motion * math.sqrt(10 * SINGULAR) / np.abs(motion).max()
-    ahead = closing.refine(closing.moved(poses, step))
-    far = max(
-        max(abs(ahead[a].theta - poses[a].theta), abs(ahead[a].o - poses[a].o) / closing.size)
+    step = motion * math.sqrt(10 * DOUBLE_ROOT) / np.abs(motion).max()
+    farther = closing.refine(closing.moved(poses, step))
+    travel = max(
+        max(
+            abs(farther[a].theta - poses[a].theta),
+            abs(farther[a].o - poses[a].o) / closing.size,
+        )
         for a in closing.links
     )
-    if not far > np.abs(step).max() / 10:
+    if not travel > np.abs(step).max() / 10:
         return False
-    return closing.closed(ahead) and closing.freedom(ahead)[0] > mobility
+    return closing.closed(farther) and closing.freedom(farther)[0] > mobility
 
 
 def _spare(links: list[str], layout: Layout) -> tuple[str, tuple[str, ...]] | None:
     """The last link without which, and without its joints, the rest can be put in sequence."""
     for link in sorted(set(links) - {FRAME}, reverse=True):
-        own = tuple(name for name, c in layout.pairs.items() if link in c.links)
-        if layout.drivers.keys() & own:
+        joints_of_link = tuple(name for name, c in layout.pairs.items() if link in c.links)
+        if layout.drivers.keys() & joints_of_link:
             continue
-        others = [a for a in layout.links if a != link]
-        rest = [c for name, c in layout.pairs.items() if name not in own]
-        if formation(others, rest, (FRAME,), layout.drivers).complete:
-            return link, own
+        remaining = [a for a in layout.links if a != link]
+        rest = [c for name, c in layout.pairs.items() if name not in joints_of_link]
+        if formation(remaining, rest, (FRAME,), layout.drivers).complete:
+            return link, joints_of_link
     return None

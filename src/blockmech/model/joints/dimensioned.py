@@ -20,8 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from blockmech.functions.roots import LONGEST_STEP, NEWTON_STEPS
 from blockmech.ground.errors import GraphError, Problem, listed, path_text
 from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Pair
 from blockmech.model.joints.closing import CLOSED, Closing, Floats
 from blockmech.model.joints.contents import FRAME
@@ -31,10 +33,6 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import Varied, settled
 from blockmech.model.parameters import Path, value_at
-
-STEPS = 100  # of Gauss-Newton; from a sketch ten do
-LONGEST = 0.3  # [-] of the size, of any point in one step
-RANK = 1e-9  # [-] of the largest singular value
 
 
 class Side(NamedTuple):
@@ -86,15 +84,15 @@ def fit_dimensions(linkage: Linkage) -> Dimensions:
         return Dimensions(linkage, {}, (), (), 0)
     x, values, jacobian = drawing.fit()
     left, s, right = np.linalg.svd(jacobian)
-    rank = int((s > RANK * s.max(initial=0.0)).sum())
+    rank = int((s > EQUAL * s.max(initial=0.0)).sum())
     owners = [name for name, _ in drawing.rows(drawing.start)]
     if np.abs(values).max(initial=0.0) > CLOSED:
         wrong = {name for name, value in zip(owners, values, strict=True) if abs(value) > CLOSED}
         raise GraphError(_contradiction(linkage, wrong, values, drawing.size))
-    tied = np.abs(left[:, rank:]).max(axis=1, initial=0.0) > math.sqrt(RANK)
+    tied = np.abs(left[:, rank:]).max(axis=1, initial=0.0) > math.sqrt(EQUAL)
     motions = _beside_the_whole(right[rank:], x, drawing.anchors)
     loose = np.abs(motions).max(axis=0, initial=0.0).reshape(-1, 2).max(axis=1, initial=0.0)
-    free = [n for n, share in zip(drawing.points, loose, strict=True) if share > math.sqrt(RANK)]
+    free = [n for n, share in zip(drawing.points, loose, strict=True) if share > math.sqrt(EQUAL)]
     redundant = dict.fromkeys(n for n, part in zip(owners, tied, strict=True) if part)
     away = {n: float(abs(z - drawing.start[n])) for n, z in drawing.positions(x).items()}
     return Dimensions(
@@ -122,7 +120,7 @@ def dimensioned(linkage: Linkage) -> Linkage:
     moved = {n: z + (varied.start[n] - drawing.start[n]) for n, z in positions.items()}
     residuals = [r for _, r in varied.rows(moved)]
     if any(isinstance(r, Varied) for r in residuals):
-        steps = np.linalg.pinv(jacobian, rcond=RANK)
+        steps = np.linalg.pinv(jacobian, rcond=EQUAL)
         for i, name in enumerate(drawing.points):
             dx, dy = (
                 sum(-a * r for a, r in zip(row.tolist(), residuals, strict=True))
@@ -206,9 +204,9 @@ class _Drawing:
         z = np.array([self.start[name] for name in self.points]) / self.size
         x: Any = np.stack([z.real, z.imag], 1).ravel()
         values, matrix = self._residuals(x)
-        for _ in range(STEPS):
-            step = -np.linalg.lstsq(matrix, values, rcond=RANK)[0]
-            step *= LONGEST / np.abs(step).max(initial=LONGEST)
+        for _ in range(NEWTON_STEPS):
+            step = -np.linalg.lstsq(matrix, values, rcond=EQUAL)[0]
+            step *= LONGEST_STEP / np.abs(step).max(initial=LONGEST_STEP)
             x = x + step
             before, (values, matrix) = np.abs(values).max(initial=0.0), self._residuals(x)
             now = np.abs(values).max(initial=0.0)
@@ -248,7 +246,7 @@ def _beside_the_whole(motions: Floats, x: Floats, anchors: Sequence[int]) -> Flo
     turn = np.stack([-z.imag, z.real], 1).reshape(1, -1)
     whole = np.linalg.qr(np.concatenate([shift, turn]).T)[0].T
     shares = np.linalg.svd(whole @ motions.T, compute_uv=False)
-    rigid = int((shares > 1 - math.sqrt(RANK)).sum())
+    rigid = int((shares > 1 - math.sqrt(EQUAL)).sum())
     held = np.zeros((3, len(x)))
     a, b = anchors
     held[:2, 2 * a : 2 * a + 2] = np.eye(2)
