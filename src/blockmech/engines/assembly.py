@@ -4,10 +4,10 @@
         for each design, with its slots of the numbers:
             what hangs on parameters alone
             for each block of its n samples:
-                sines and cosines of inputs alone, of the first design: they are kept for the others
+                sines and cosines of inputs alone: those of the first design are all designs'
                 flat arithmetic on LANES samples side by side
                 a loop for each `blockmech.ground.plane.repeat`, until every lane has stopped
-                rows of out, a design's samples behind those of the one before
+                rows of out, a design's samples behind those of the one before, or designs of rows
     returns a sum of all that it wrote: finite only where every number is
 
 No operation is fused or re-associated, and a lane never depends on another. The text
@@ -68,18 +68,19 @@ class Text:
         self,
         inputs: int,
         rows: Sequence[Node],
-        given: Sequence[Node] = (),
-        kept: Sequence[Node] = (),
+        summed: Sequence[Node] = (),
+        cached: Sequence[Node] = (),
         loops: Mapping[str, Callable[..., Any]] = MappingProxyType({}),
     ) -> str:
         """The text of the module; ``rows`` are what is stored, in the order of ``out``.
 
         ``loops`` are functions of `blockmech.engines.loops` beside it, which may call it.
 
-        ``given`` are inputs that are summed with them; ``kept`` what hangs on inputs alone and is
-        worked out once for all designs. Of several, x holds a place for it behind the inputs.
+        ``summed`` are inputs that are summed with them, ``cached`` nodes of inputs alone. Of
+        several designs x points behind the inputs to room for these, which are then computed once
+        for all; or to nothing, where each design has samples and rows of its own.
         """
-        nodes = needed([*rows, *given])
+        nodes = needed([*rows, *summed])
         nodes = by_depth(nodes) if loops else nodes
         lines = [
             "define double @fill(ptr %x, ptr noalias %numbers, ptr noalias %out, i64 %stride, "
@@ -90,15 +91,18 @@ class Text:
         for node in systems:  # not in a loop, where they would be made again and again
             count = len(node.args) - 1
             lines += [f"{self._name(node)} = alloca [{count} x {self.reals}], align 64"]
-        if kept:
-            lines += [
-                f"%own = alloca [{len(kept)} x {self.reals}], align 64",
-                "%many = icmp sgt i64 %designs, 1",
-                f"%given.at = getelementptr ptr, ptr %x, i64 {inputs}",
-                "%given.safe = select i1 %many, ptr %given.at, ptr %own",
-                "%given = load ptr, ptr %given.safe",
-                "%kept = select i1 %many, ptr %given, ptr %own",
-            ]
+        lines += [
+            f"%stack = alloca [{max(len(cached), 1)} x {self.reals}], align 64",
+            "%several = icmp sgt i64 %designs, 1",
+            f"%cache.at = getelementptr ptr, ptr %x, i64 {inputs}",
+            "%cache.safe = select i1 %several, ptr %cache.at, ptr %stack",
+            "%cache.room = load ptr, ptr %cache.safe",
+            "%cache.is = icmp ne ptr %cache.room, null",
+            "%shared = and i1 %several, %cache.is",
+            "%cache = select i1 %shared, ptr %cache.room, ptr %stack",
+            f"%n.rows = mul i64 %n, {len(rows)}",
+            "%d.size = select i1 %shared, i64 %n, i64 %n.rows",
+        ]
         for k in range(inputs):
             lines += [
                 f"%x{k}.at = getelementptr ptr, ptr %x, i64 {k}",
@@ -114,12 +118,14 @@ class Text:
             "design:",
             "%d.slots = mul i64 %d, %slots",
             "%P = getelementptr double, ptr %numbers, i64 %d.slots",
-            "%d.first = mul i64 %d, %n",
+            "%d.first = mul i64 %d, %d.size",
+            "%d.samples = mul i64 %d, %n",
+            "%d.column = select i1 %shared, i64 0, i64 %d.samples",
         ]
         for node in nodes:
             if node.scope == PARAMETER:
                 lines += self._statement(node)
-        body, last = self._sample(nodes, kept)
+        body, last = self._sample(nodes, cached)
         lines += [
             "br label %sampled",
             "sampled:",
@@ -128,13 +134,14 @@ class Text:
             "%more = icmp slt i64 %i, %n",
             "br i1 %more, label %sample, label %designed",
             "sample:",
-            *body,
             "%place = add i64 %d.first, %i",
+            "%column = add i64 %d.column, %i",
+            *body,
         ]
         for row, node in enumerate(rows):
             lines += self._stored(row, node)
         lines += [
-            *self._summed([*rows, *given]),
+            *self._summed([*rows, *summed]),
             f"%i.next = add i64 %i, {self.lanes}",
             "br label %sampled",
             "designed:",
@@ -146,12 +153,12 @@ class Text:
             "ret double %all",
             "}",
         ]
-        own: Data = {"piece": piece} if any(n.op == "piece" for n in nodes) else {}
+        helpers: Data = {"piece": piece} if any(n.op == "piece" for n in nodes) else {}
         for node in systems:
             of = Lanes(self.lanes, node.args[0])
-            own[f"spread{of.n}"] = partial(spread, of=of)
-        helpers = text(**own, **loops).splitlines()
-        head = [*self.head, *(line for line in helpers if line not in self.head)]
+            helpers[f"spread{of.n}"] = partial(spread, of=of)
+        functions = text(**helpers, **loops).splitlines()
+        head = [*self.head, *(line for line in functions if line not in self.head)]
         return "\n".join([*head, *lines]) + "\n"
 
     def _summed(self, nodes: Sequence[Node]) -> Iterator[str]:
@@ -177,20 +184,19 @@ class Text:
             f"store {self.reals} {name}, ptr %o{row}, align 8",
         ]
 
-    def _sample(self, nodes: Sequence[Node], kept: Sequence[Node]) -> tuple[list[str], str]:
+    def _sample(self, nodes: Sequence[Node], cached: Sequence[Node]) -> tuple[list[str], str]:
         """What is worked out for a block of samples, and the name of the text's last part."""
         lines: list[str] = []
-        part, done = "sample", set[int]()
-        if kept:
-            first = needed(kept)
-            lines, part = self._of_first(first, kept), "ready"
-            there = set(first)
-            nodes = [node for node in nodes if node not in there]
+        part, closed = "sample", set[int]()
+        if cached:
+            of_inputs = dict.fromkeys(needed(cached))
+            lines, part = self._of_inputs(of_inputs, cached), "ready"
+            nodes = [node for node in nodes if node not in of_inputs]
         for node in nodes:
             if node.op == "after":
                 loop = node.args[0]
-                if loop.scope not in done:
-                    done.add(loop.scope)
+                if loop.scope not in closed:
+                    closed.add(loop.scope)
                     inside = [n for n in nodes if n.scope == loop.scope and n.op != "state"]
                     lines += self._loop(loop, inside, part)
                     part = f"after{loop.scope}"
@@ -198,31 +204,32 @@ class Text:
                 lines += self._statement(node)
         return lines, part
 
-    def _of_first(self, nodes: Sequence[Node], kept: Sequence[Node]) -> list[str]:
-        """Nodes that hang on inputs alone: kept from the first design to the others."""
-        later = set(kept)  # a list would compare nodes, which are numbers
+    def _of_inputs(self, nodes: Iterable[Node], cached: Sequence[Node]) -> list[str]:
+        """Nodes of inputs alone, which designs with the same samples take from the first one."""
+        later = set(cached)  # a list would compare nodes, which are numbers
         lines = [line for x in nodes if x not in later for line in self._statement(x)]
         lines += [
-            "%block = select i1 %many, i64 %i, i64 0",
-            f"%block.first = mul i64 %block, {len(kept)}",
-            "%again = icmp sgt i64 %d, 0",
+            "%block = select i1 %shared, i64 %i, i64 0",
+            f"%block.first = mul i64 %block, {len(cached)}",
+            "%d.later = icmp sgt i64 %d, 0",
+            "%again = and i1 %d.later, %shared",
         ]
-        for k, node in enumerate(kept):
-            place = f"{self._name(node)}.place"
-            lines.append(f"{place}.number = add i64 %block.first, {k * self.lanes}")
-            lines.append(f"{place} = getelementptr double, ptr %kept, i64 {place}.number")
+        for k, node in enumerate(cached):
+            address = f"{self._name(node)}.place"
+            lines.append(f"{address}.number = add i64 %block.first, {k * self.lanes}")
+            lines.append(f"{address} = getelementptr double, ptr %cache, i64 {address}.number")
         lines += ["br i1 %again, label %known, label %new", "new:"]
-        for node in kept:
+        for node in cached:
             name = self._name(node)
             (call,) = self._statement(node)
             lines.append(call.replace(name, f"{name}.new", 1))
             lines.append(f"store {self.reals} {name}.new, ptr {name}.place, align 64")
         lines += ["br label %ready", "known:"]
-        for node in kept:
+        for node in cached:
             name = self._name(node)
             lines.append(f"{name}.known = load {self.reals}, ptr {name}.place, align 64")
         lines += ["br label %ready", "ready:"]
-        for node in kept:
+        for node in cached:
             name = self._name(node)
             lines.append(
                 f"{name} = phi {self.reals} [ {name}.new, %new ], [ {name}.known, %known ]"
@@ -320,7 +327,7 @@ class Text:
         me, index = self._name(node), node.args[0]
         if node.op == "input":
             return [
-                f"{me}.at = getelementptr double, ptr %x{index}, i64 %i",
+                f"{me}.at = getelementptr double, ptr %x{index}, i64 %column",
                 f"{me} = load {self.reals}, ptr {me}.at, align 8",
             ]
         first = f"{self.reals} {me}.first, {self.reals} poison"

@@ -27,9 +27,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines import assembly, code_cache, loops
+from blockmech.engines import assembly, code_cache
 from blockmech.engines.assembly import LANES
-from blockmech.engines.kinds import Reals
 from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
 from blockmech.engines.scalar import ScalarEngine
@@ -221,7 +220,8 @@ class LlvmEngine:
         them for more."""
         if n == 1:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
-        return self._together(inputs, n, self._numbers[None], (n,))
+        columns = [inputs[x] for x in self.program.inputs]
+        return self._together(columns, n, self._numbers[None], (n,))
 
     def numbers(self, values: tuple[Any, ...]) -> Array:
         """Numbers (m, k) of designs as the engine takes them, of those of `Program.values`."""
@@ -230,59 +230,50 @@ class LlvmEngine:
     def run_designs(self, inputs: Mapping[str, NDArray[Any]], numbers: Array) -> tuple[Any, ...]:
         """Values of m designs at n samples each, as batches (m, n).
 
-        Inputs are (n,), or all (m, n), which are the designs' own. A design's numbers are those
-        that it has alone.
+        Inputs are (n,), or (m, n) where designs have samples of their own. A design's numbers are
+        those that it has alone.
         """
-        if all(np.ndim(inputs[x]) == 2 for x in self.program.inputs):
-            return self._at_their_samples(inputs, numbers)
-        n = max((np.size(inputs[x]) for x in self.program.inputs), default=1)
-        return self._together(inputs, n, numbers, (len(numbers), n))
-
-    def _at_their_samples(
-        self, inputs: Mapping[str, NDArray[Any]], slots: Array
-    ) -> tuple[Any, ...]:
-        """Values of designs (m, n) at samples of their own."""
-        m, n = shape = inputs[self.program.inputs[0]].shape
-        flat = self._columns([np.ravel(inputs[x]) for x in self.program.inputs], m * n)
-        width = -(-n // LANES) * LANES
-        columns = np.empty((m, len(flat), width))
-        for k, column in enumerate(flat):
-            columns[:, k, :n] = column.reshape(shape)
-            columns[:, k, n:] = columns[:, k, n - 1 : n]
-        out = np.empty((m, max(1, self.code.traced.rows), width))
-        room = np.empty(columns.shape[1:])
-        first = room.ctypes.data
-        addresses = self._addresses(*range(first, first + room.nbytes, 8 * width))
-        total: float = _each_design()(
-            ctypes.cast(self.code.fill, ctypes.c_void_p), ctypes.addressof(addresses),
-            slots.ctypes.data, slots.shape[1], columns.ctypes.data, room.ctypes.data, room.size,
-            width, out.ctypes.data, out.shape[1], m,
-        )  # fmt: skip
-        flat = [column.reshape(shape) for column in flat]
-        return self._batch(flat, out.transpose(1, 0, 2)[..., :n], total, shape)
+        columns = [np.atleast_1d(inputs[x]) for x in self.program.inputs]
+        n = max((x.shape[-1] for x in columns), default=1)
+        if any(x.ndim == 2 for x in columns):
+            columns = [np.broadcast_to(x, (len(numbers), n)) for x in columns]
+        return self._together(columns, n, numbers, (len(numbers), n))
 
     def _together(
-        self, inputs: Record, n: int, slots: Array, shape: tuple[int, ...]
+        self, inputs: Sequence[NDArray[Any]], n: int, slots: Array, shape: tuple[int, ...]
     ) -> tuple[Any, ...]:
-        """Values of a shape (n,) or (m, n) at n samples, each with the slots (m, k) of numbers."""
-        columns = self._columns([inputs[x] for x in self.program.inputs], n)
-        columns = [_padded(c) for c in columns]
+        """Values of a shape (n,) or (m, n) at n samples, each with the slots (m, k) of numbers.
+
+        Inputs are (n,), or (m, n) where designs have samples of their own.
+        """
         m, blocks = len(slots), -(-n // LANES)
-        width = blocks * LANES
-        # An odd number of cache lines: rows do not fall on the same sets of the cache.
-        out = np.empty((max(1, self.code.traced.rows), LANES * (m * blocks | 1)))
+        width, by_design = blocks * LANES, m > 1 and any(np.ndim(x) == 2 for x in inputs)
+        columns = self._columns([np.ravel(x) for x in inputs], m * n if by_design else n)
+        columns = [_padded(c.reshape(m if by_design else 1, -1)) for c in columns]
+        rows = max(1, self.code.traced.rows)
+        if by_design:
+            out = np.empty((m, rows, width))
+        else:  # an odd number of cache lines: rows do not fall on the same sets of the cache
+            out = np.empty((rows, LANES * (m * blocks | 1)))
 
         def part(first: int, last: int) -> float:
             if m > 1:  # of the designs
-                return self._call(columns, out[:, first * width :], width, slots[first:last])
+                designs = slice(first, last)
+                inputs = [c[designs] for c in columns] if by_design else columns
+                results = out[designs] if by_design else out[:, first * width :]
+                return self._call(inputs, results, width, slots[designs], by_design)
             block = slice(first * LANES, last * LANES)
-            return self._call(
-                [c[block] for c in columns], out[:, block], block.stop - block.start, slots
-            )
+            inputs = [c[:, block] for c in columns]
+            return self._call(inputs, out[:, block], block.stop - block.start, slots, by_design)
 
         sums = self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
-        columns = [c[:n] if len(shape) == 1 else np.broadcast_to(c[:n], shape) for c in columns]
-        lanes = out if len(shape) == 1 else out[:, : m * width].reshape(-1, m, width)
+        columns = [
+            c[0, :n] if len(shape) == 1 else np.broadcast_to(c[:, :n], shape) for c in columns
+        ]
+        if by_design:
+            lanes = out.transpose(1, 0, 2)
+        else:
+            lanes = out if len(shape) == 1 else out[:, : m * width].reshape(-1, m, width)
         return self._batch(columns, lanes[..., :n], sum(sums), shape)
 
     def _threads(
@@ -298,38 +289,19 @@ class LlvmEngine:
                 return list(pool.map(lambda k: part(k, min(k + step, count)), firsts))
         return [part(0, count)] if count else []
 
-    def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> float:
-        stride = out.strides[0] // out.itemsize
+    def _call(
+        self, columns: list[Array], out: Array, n: int, slots: Array, by_design: bool
+    ) -> float:
+        stride = out.strides[-2] // out.itemsize
         designs, count = slots.shape
-        shared = np.empty(self.code.traced.shared * n + LANES if designs > 1 else 0)
-        addresses = self._addresses(*(c.ctypes.data for c in columns), _aligned(shared))
+        is_shared = designs > 1 and not by_design
+        cache = np.empty(self.code.traced.shared * n + LANES if is_shared else 0)
+        room = None if by_design else _aligned(cache)
+        addresses = self._addresses(*(c.ctypes.data for c in columns), room)
         total: float = self.code.fill(
             addresses, slots.ctypes.data, out.ctypes.data, stride, n, count, designs
         )
         return total
-
-
-def each_design(
-    fill: Callable[[Reals, Reals, Reals, int, int, int, int], float], x: Reals, numbers: Reals,
-    slots: int, columns: Reals, room: Reals, size: int, n: int, out: Reals, rows: int, designs: int,
-) -> float:  # fmt: skip
-    """A program for each design at n samples of its own.
-
-    ``columns`` of inputs are put into ``room`` of that size, to which ``x`` points.
-    """
-    total = 0.0
-    for d in range(designs):
-        for k in range(size):
-            room[k] = columns[d * size + k]
-        total += fill(x, numbers[d * slots :], out[d * rows * n :], n, n, slots, 1)
-    return total
-
-
-@functools.cache
-def _each_design() -> Any:
-    """`each_design` as machine code, the same for all programs."""
-    text = loops.text(each_design=each_design)
-    return machine_code(text, ("each_design", loops.signature(each_design)))[0]
 
 
 def _aligned(room: Array) -> int:
@@ -337,10 +309,12 @@ def _aligned(room: Array) -> int:
     return -(-int(room.ctypes.data) // LINE) * LINE
 
 
-def _padded(column: Array) -> Array:
-    """A column with copies of its last number behind it, up to whole blocks."""
-    missing = -column.size % LANES
-    return np.concatenate([column, np.full(missing, column[-1])]) if missing else column
+def _padded(columns: Array) -> Array:
+    """Columns (m, n) with copies of their last numbers behind them, up to whole blocks."""
+    missing = -columns.shape[1] % LANES
+    if not missing:
+        return columns
+    return np.concatenate([columns, np.repeat(columns[:, -1:], missing, axis=1)], axis=1)
 
 
 def row_of(program: Program) -> Array:

@@ -66,8 +66,8 @@ class AdaptiveEvaluator:
         return tuple(np.array([x]) for x in self._one.run(inputs, n))
 
 
-def _number(value: Any) -> complex | float:
-    """A batch of one as a Python number."""
+def _number(value: Any) -> Any:
+    """A batch of one as a Python number; of matrices the matrix."""
     if isinstance(value, Planar):
         return complex(value.real[0], value.imag[0])
-    return float(value[0])
+    return value[0] if value.ndim > 1 else float(value[0])

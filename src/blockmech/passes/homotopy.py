@@ -42,11 +42,11 @@ from blockmech.passes.tracking import GroupPose, Tracker
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value, tuple_of
 
-Array = NDArray[Any]
+Array = NDArray[np.float64]
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
 SMALLEST = (
     64 * EPS
-)  # share of a line, or of knots, at which the path ends: a dead centre, to rounding
+)  # share of a line, or of knots, at which a path ends: a dead centre, to rounding
 CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
 SURE = 0.01  # of the smallest singular value: a guess that is off by less is one of this mode
 FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
@@ -115,12 +115,12 @@ class Path:
         above = structure.ancestors(block)
         groups = [name for name in followed(structure) if name in above]
         self.tracker = Tracker(structure, groups, self.drivers)
-        self.own = len(group.link_names)  # the last links of the state
+        self.size = len(group.link_names)  # of its links, the last ones of the tracker
 
     def _problems(self) -> None:
-        given = self.group.home.drivers
-        missing = [d for d in self.drivers if d not in given]
-        strange = [d for d in given if d not in self.drivers]
+        values = self.group.home.drivers
+        missing = [d for d in self.drivers if d not in values]
+        strange = [d for d in values if d not in self.drivers]
         if missing or strange:
             parts = [f"no value of {listed(missing)}"] * bool(missing)
             parts += [f"{listed(strange)} does not move it"] * bool(strange)
@@ -139,17 +139,17 @@ class Path:
 
         Raises `GraphError` where the links do not close there.
         """
-        places: list[tuple[float, float, float, float]] = []
+        frames: list[tuple[float, float, float, float]] = []
         for name in self.tracker.groups:
             if name == self.block:
                 rows = (self.group.home.poses[link] for link in self.group.link_names)
-                places += [(x, y, math.cos(a), math.sin(a)) for x, y, a in rows]
+                frames += [(x, y, math.cos(a), math.sin(a)) for x, y, a in rows]
             else:
-                places += self._of_another(name)
-        still = np.zeros((1, len(self.drivers)))
-        pose, first = self.tracker.at(self.home[None, :], still, np.array([places]), one=True)
+                frames += self._of_group(name)
+        at_rest = np.zeros((1, len(self.drivers)))
+        pose, first = self.tracker.at(self.home[None, :], at_rest, np.array([frames]), single=True)
         closes = np.isfinite(first).all() and (pose.nearest > DOUBLE_ROOT).all()
-        if not (closes and self._is_near(np.array(places), pose.place[0])):
+        if not (closes and self._is_near(np.array(frames), pose.frames[0])):
             raise GraphError(
                 Problem(
                     "bad-home",
@@ -161,48 +161,49 @@ class Path:
             )
         return pose
 
-    def _is_near(self, given: Array, place: Array) -> bool:
+    def _is_near(self, home: Array, closed: Array) -> bool:
         """Whether no link had to move by more than the whole group measures: a slip of units."""
-        own = place[-self.own :]
-        moved = np.abs(own - given[-self.own :])[:, :2].max()
-        return bool(moved <= (self.group.extent((own[:, 0] + 1j * own[:, 1]).tolist()) or math.inf))
+        frames = closed[-self.size :]
+        moved = np.abs(frames - home[-self.size :])[:, :2].max()
+        extent = self.group.extent((frames[:, 0] + 1j * frames[:, 1]).tolist())
+        return bool(moved <= (extent or math.inf))
 
-    def _of_another(self, name: str) -> list[tuple[float, float, float, float]]:
-        other = path_of(self.structure, name)
-        q = tuple(self.home[self.drivers.index(d)] for d in other.drivers)
-        links, _ = other(q)
+    def _of_group(self, name: str) -> list[tuple[float, float, float, float]]:
+        """Frames at home of a group that this one hangs on."""
+        upstream = path_of(self.structure, name)
+        links, _ = upstream(tuple(self.home[self.drivers.index(d)] for d in upstream.drivers))
         return [(float(x), float(y), float(c), float(s)) for x, y, c, s in links]
 
     @property
     def answer(self) -> Any:
         """Numbers of the shape of an answer."""
-        return ((0.0,) * 4,) * self.own, 0.0
+        return ((0.0,) * 4,) * self.size, 0.0
 
     def __call__(self, q: tuple[Any, ...]) -> Any:
         """Places and directions of the group's links, and the share of the path (1: all)."""
         shape = np.broadcast_shapes(*(np.shape(x) for x in q)) if q else ()
-        wanted = np.empty((math.prod(shape), len(q)))
+        targets = np.empty((math.prod(shape), len(q)))
         for k, x in enumerate(q):
-            wanted[:, k] = np.broadcast_to(x, shape).ravel()
-        place, reached = self.follow(wanted, one=not shape)
-        own = place[:, -self.own :, :]
+            targets[:, k] = np.broadcast_to(x, shape).ravel()
+        frames, reached = self.follow(targets, single=not shape)
+        frames = frames[:, -self.size :, :]
         if not shape:
-            links = tuple(tuple(row) for row in own[0].tolist())
+            links = tuple(tuple(row) for row in frames[0].tolist())
             return links, float(reached[0])
-        columns = np.ascontiguousarray(np.moveaxis(own, 0, -1)).reshape((self.own, 4, *shape))
+        columns = np.ascontiguousarray(np.moveaxis(frames, 0, -1)).reshape((self.size, 4, *shape))
         return tuple(tuple(link) for link in columns), reached.reshape(shape)
 
-    def follow(self, q: Array, one: bool = False) -> tuple[Array, Array]:
-        """Places (n, m, 4) near the poses at driver values (n, k), NaN where the path ends before,
-        and the share of it (n,) that was possible; by the scalar engine for ``one`` sample."""
+    def follow(self, q: Array, single: bool = False) -> tuple[Array, Array]:
+        """Frames (n, m, 4) near the poses at driver values (n, k), NaN where the path ends before,
+        and the share of it (n,) that was possible; by the scalar engine for a ``single`` sample."""
         home, n = self.at_home, len(q)
         if not self.drivers:
-            return np.repeat(home.place, n, axis=0), np.ones(n)
+            return np.repeat(home.frames, n, axis=0), np.ones(n)
         if len(self.drivers) == 1:
-            return self.knots.follow(q[:, 0], one)
+            return self.knots.follow(q[:, 0], single)
         start = np.repeat(self.home[None, :], n, axis=0)
-        stand, _ = self.tracker.at(start, q - start, np.repeat(home.place, n, axis=0), one)
-        return travel(self, start, stand, q, one)
+        pose, _ = self.tracker.at(start, q - start, np.repeat(home.frames, n, axis=0), single)
+        return travel(self, start, pose, q, single)
 
     @property
     def repeats(self) -> bool:
@@ -216,59 +217,59 @@ class Path:
 
 
 def travel(
-    path: Path, start: Array, stand: GroupPose, end: Array, one: bool
+    path: Path, start: Array, poses: GroupPose, end: Array, single: bool
 ) -> tuple[Array, Array]:
-    """Follow n samples from their start (n, k) to their end along straight lines.
+    """Follow n samples from poses at their start (n, k) to their end along straight lines.
 
-    Returns places where they arrived, NaN where the line ends before, and the share of
-    the line (n,) that was gone.
+    Returns frames where they arrived, NaN where the line ends before, and the share of
+    the line (n,) that was possible.
     """
     n, line = len(start), end - start
-    finite = np.isfinite(line).all(axis=1)
-    stand = stand.at(np.arange(n))  # a copy
-    gone, h = np.zeros(n), np.minimum(1.0, strides(stand.rate))
+    finite = np.asarray(np.isfinite(line).all(axis=1))
+    poses = poses.at(np.arange(n))  # a copy
+    share, h = np.zeros(n), np.minimum(1.0, strides(poses.rate))
     active = finite.copy()
     for _ in range(MOST):
         now = np.flatnonzero(active)
         if not len(now):
             break
-        left = 1.0 - gone[now]
-        last = h[now] >= left
-        step = np.where(last, left, h[now])
-        at = np.where(last, 1.0, gone[now] + step)
+        remaining = 1.0 - share[now]
+        last = h[now] >= remaining
+        step = np.where(last, remaining, h[now])
+        at = np.where(last, 1.0, share[now] + step)
         q = np.where(last[:, None], end[now], start[now] + at[:, None] * line[now])
-        here = stand.at(now)
-        ahead = predicted(here.place, here.rate, step)
+        current = poses.at(now)
+        frames = predicted(current.frames, current.rate, step)
         # Of where a line ends it need only be known that the last step is safe.
-        before = here._replace(nearest=np.where(last[:, None], here.nearest, 0.0))
-        pose, first = path.tracker.at(q, line[now], ahead, one, before)
-        room = room_left(path, here, pose, first)
-        good = room >= 1.0
-        taken = now[good]
-        stand.put(taken, pose.at(good))
-        gone[taken] = at[good]
+        before = current._replace(nearest=np.where(last[:, None], current.nearest, 0.0))
+        pose, first = path.tracker.at(q, line[now], frames, single, before)
+        room = room_for_step(path, current, pose, first)
+        is_safe = room >= 1.0
+        accepted = now[is_safe]
+        poses.put(accepted, pose.at(is_safe))
+        share[accepted] = at[is_safe]
         h[now] = step * growth(room)
-        h[taken] = np.minimum(h[taken], strides(pose.rate[good]))
-        active[now] = (gone[now] < 1.0) & (h[now] > SMALLEST)
-    stand.place[gone < 1.0] = np.nan
-    return stand.place, np.where(finite, gone, np.nan)
+        h[accepted] = np.minimum(h[accepted], strides(pose.rate[is_safe]))
+        active[now] = (share[now] < 1.0) & (h[now] > SMALLEST)
+    poses.frames[share < 1.0] = np.nan
+    return poses.frames, np.where(finite, share, np.nan)
 
 
-def room_left(path: Path, here: GroupPose, found: GroupPose, first: Array) -> Array:
+def room_for_step(path: Path, start: GroupPose, end: GroupPose, first: Array) -> Array:
     """How much longer each step (n,) might have been; below 1 it was too long, 0 if lost."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.sqrt(CORRECTION * extent(path, found) / first)
-        change = np.sqrt(np.square(found.J - here.J).sum(axis=(2, 3)))
-        room = np.minimum(room, (CHANGE * (here.nearest + found.nearest) / change).min(axis=1))
-        room = np.where(found.reach <= FAR * path.at_home.reach, room, 0.0)
+        room = np.sqrt(CORRECTION * extent(path, end) / first)
+        change = np.sqrt(np.square(end.J - start.J).sum(axis=(2, 3)))
+        room = np.minimum(room, (CHANGE * (start.nearest + end.nearest) / change).min(axis=1))
+        room = np.where(end.reach <= FAR * path.at_home.reach, room, 0.0)
     return np.asarray(np.nan_to_num(room, nan=0.0, posinf=np.inf))
 
 
-def extent(path: Path, stand: GroupPose) -> Array:
+def extent(path: Path, pose: GroupPose) -> Array:
     """What corrections (n,) are measured by [-]: size and radian, more where slides are far out."""
-    moved = (stand.place - path.at_home.place)[..., :2] * path.tracker.weights[:, :2]
-    far = 1.0 + np.abs(moved).max(axis=(1, 2), initial=0.0)
-    return np.asarray(np.maximum(far, stand.reach))
+    moved = (pose.frames - path.at_home.frames)[..., :2] * path.tracker.weights[:, :2]
+    displacement = 1.0 + np.abs(moved).max(axis=(1, 2), initial=0.0)
+    return np.asarray(np.maximum(displacement, pose.reach))
 
 
 def growth(room: Array) -> Array:
@@ -276,14 +277,14 @@ def growth(room: Array) -> Array:
     return np.clip(0.7 * room, 0.25, 4.0)
 
 
-def predicted(place: Array, rate: Array, step: Array) -> Array:
-    """Places after a step with constant rates."""
-    moved = np.empty_like(place)
-    moved[..., :2] = place[..., :2] + step[:, None, None] * rate[..., :2]
+def predicted(frames: Array, rate: Array, step: Array) -> Array:
+    """Frames after a step with constant rates."""
+    moved = np.empty_like(frames)
+    moved[..., :2] = frames[..., :2] + step[:, None, None] * rate[..., :2]
     turn = step[:, None] * rate[..., 2]
     c, s = np.cos(turn), np.sin(turn)
-    moved[..., 2] = c * place[..., 2] - s * place[..., 3]
-    moved[..., 3] = s * place[..., 2] + c * place[..., 3]
+    moved[..., 2] = c * frames[..., 2] - s * frames[..., 3]
+    moved[..., 3] = s * frames[..., 2] + c * frames[..., 3]
     return moved
 
 
@@ -298,7 +299,7 @@ def last_good(path: Path, q: Array) -> Array:
     if len(path.drivers) == 1:
         side = path.knots.sides[1 if q[0] >= path.home[0] else -1]
         return np.array([side.q[-1]])
-    reached = path.follow(q[None, :], one=True)[1]
+    reached = path.follow(q[None, :], single=True)[1]
     return np.asarray(path.home + reached * (q - path.home))
 
 
@@ -309,67 +310,67 @@ class ContinuationNodes:
         self.path = path
         self.home = float(path.home[0])
         self.rotary = path.structure.driver_joint(path.drivers[0]).rotary
-        one = np.ones((1, 1))
-        start = path.tracker.at(path.home[None, :], one, path.at_home.place, one=True)[0]
+        frames, unit_rate = path.at_home.frames, np.ones((1, 1))
+        start = path.tracker.at(path.home[None, :], unit_rate, frames, single=True)[0]
         unit = 1.0 if self.rotary else path.group.parameters().size
-        self.sides = {way: _Side(path, way, start, unit) for way in (1, -1)}
+        self.sides = {sense: _Side(path, sense, start, unit) for sense in (1, -1)}
 
-    def follow(self, q: Array, one: bool) -> tuple[Array, Array]:
+    def follow(self, q: Array, single: bool) -> tuple[Array, Array]:
         """As `Path.follow`, for driver values (n,).
 
         Behind the end of an arc a crank stands where it also stands whole turns before:
         if that is on the arc, that is its pose.
         """
         q = self._folded(q)
-        place, reached = self._along(q, one)
+        frames, reached = self._from_home(q, single)
         lost = np.flatnonzero(reached < 1.0)
         if not (self.rotary and len(lost)):
-            return place, reached
+            return frames, reached
         behind = self.home + np.mod(q[lost] - self.home, math.tau)
         for same in (behind, behind - math.tau):
-            there, share = self._along(same, one)
+            alternative, share = self._from_home(same, single)
             better = share > reached[lost]
-            place[lost[better]], reached[lost[better]] = there[better], share[better]
-        return place, reached
+            frames[lost[better]], reached[lost[better]] = alternative[better], share[better]
+        return frames, reached
 
-    def _along(self, q: Array, one: bool) -> tuple[Array, Array]:
+    def _from_home(self, q: Array, single: bool) -> tuple[Array, Array]:
         away = q - self.home
-        place = np.full((len(q), *self.path.at_home.place.shape[1:]), np.nan)
+        frames = np.full((len(q), *self.path.at_home.frames.shape[1:]), np.nan)
         reached = np.where(np.isfinite(q), 0.0, np.nan)
-        for way, side in self.sides.items():
-            here = np.flatnonzero(away * way >= 0.0 if way > 0 else away < 0.0)
-            if len(here):
-                place[here], reached[here] = side.follow(q[here], away[here], one)
-        return place, reached
+        for sense, side in self.sides.items():
+            on_side = np.flatnonzero(away * sense >= 0.0 if sense > 0 else away < 0.0)
+            if len(on_side):
+                frames[on_side], reached[on_side] = side.follow(q[on_side], away[on_side], single)
+        return frames, reached
 
     def _folded(self, q: Array) -> Array:
         """Driver values of further turns, brought into the first ones where they repeat."""
-        far = np.abs(q - self.home) >= math.tau
-        if not (far.any() and self.turns):
+        beyond = np.abs(q - self.home) >= math.tau
+        if not (beyond.any() and self.turns):
             return q
-        return np.where(far, self.home + np.mod(q - self.home, self.turns * math.tau), q)
+        return np.where(beyond, self.home + np.mod(q - self.home, self.turns * math.tau), q)
 
-    def laid(self, way: int, reach: float) -> tuple[Array, Array, Array]:
-        """Driver values (k,) of the knots to one side of home (way +1 or -1), as far as the
-        driver's reach or the path's end, places (k, m, 4) there and rates (k, m, 3)."""
+    def laid(self, sense: int, reach: float) -> tuple[Array, Array, Array]:
+        """Driver values (k,) of the knots to one side of home (sense +1 or -1), as far as the
+        driver's reach or the path's end, frames (k, m, 4) there and rates (k, m, 3)."""
         with LAYING:
-            side = self.sides[way]
+            side = self.sides[sense]
             side._grow(reach)
             table = side._table()
-        return table.q, table.stands.place, table.stands.rate
+        return table.q, table.poses.frames, table.poses.rate
 
     @cached_property
     def turns(self) -> int:
         """Turns of the driver after which the pose at home is back; 0 if the path ends."""
         if not self.rotary:
             return 0
-        home = self.path.at_home.place
+        home = self.path.at_home.frames
         for k in range(1, MODES + 1):
             away = np.array([k * math.tau])
             q = self.home + away
-            place, _ = self.sides[1].follow(q, away, one=True)
-            pose, _ = self.path.tracker.at(q[:, None], np.ones((1, 1)), place, one=True)
-            apart = np.abs(pose.place - home).max(axis=0) * self.path.tracker.weights
+            frames, _ = self.sides[1].follow(q, away, single=True)
+            pose, _ = self.path.tracker.at(q[:, None], np.ones((1, 1)), frames, single=True)
+            apart = np.abs(pose.frames - home).max(axis=0) * self.path.tracker.weights
             if not np.isfinite(apart).all():
                 return 0
             if apart.max() < DOUBLE_ROOT:
@@ -380,49 +381,49 @@ class ContinuationNodes:
 class _Side:
     """Knots to one side of home; ``unit`` is what the driver is measured by [rad or m]."""
 
-    def __init__(self, path: Path, way: int, start: GroupPose, unit: float) -> None:
-        self.path, self.way, self.unit = path, way, unit
+    def __init__(self, path: Path, sense: int, start: GroupPose, unit: float) -> None:
+        self.path, self.sense, self.unit = path, sense, unit
         self.q = [float(path.home[0])]
-        self.stands = [start]
+        self.poses = [start]
         self.ended = False
         self.step = unit
         self._laid: _Table | None = None
 
-    def follow(self, q: Array, away: Array, one: bool) -> tuple[Array, Array]:
-        """Places and shares at driver values (n,) on this side."""
+    def follow(self, q: Array, away: Array, single: bool) -> tuple[Array, Array]:
+        """Frames and shares at driver values (n,) on this side."""
         with LAYING:
             self._grow(float(np.abs(away).max()))
-            table, ended = self._table(), self.ended
+            table, is_complete = self._table(), self.ended
         knots = table.q
-        if ended:  # one end for all who ask
-            q = np.where((q - knots[-1]) * self.way > 0.0, np.nan, q)
-        k = np.searchsorted(knots * self.way, q * self.way, side="right") - 1
-        place, reached = table.guess(k, q), np.ones(len(q))
+        if is_complete:  # one end for all samples
+            q = np.where((q - knots[-1]) * self.sense > 0.0, np.nan, q)
+        k = np.searchsorted(knots * self.sense, q * self.sense, side="right") - 1
+        frames, reached = table.guess(k, q), np.ones(len(q))
         if len(rest := np.flatnonzero(~table.sure[k])):
-            start, far = knots[k[rest]], q[rest]
-            line, stand = far - start, table.stands.at(k[rest])
-            stand = stand._replace(rate=stand.rate * line[:, None, None])
-            place[rest], share = travel(self.path, start[:, None], stand, far[:, None], one)
+            start, end = knots[k[rest]], q[rest]
+            line, poses = end - start, table.poses.at(k[rest])
+            poses = poses._replace(rate=poses.rate * line[:, None, None])
+            frames[rest], share = travel(self.path, start[:, None], poses, end[:, None], single)
             with np.errstate(invalid="ignore", divide="ignore"):
-                gone = np.where(np.isnan(far), knots[-1], start + share * line) - self.path.home[0]
-                part = np.minimum(gone / away[rest], BEFORE)
+                last = np.where(np.isnan(end), knots[-1], start + share * line)
+                part = np.minimum((last - self.path.home[0]) / away[rest], BEFORE)
                 reached[rest] = np.where(share >= 1.0, 1.0, part)
-        return place, reached
+        return frames, reached
 
     def _grow(self, reach: float) -> None:
         """Lay knots until one is further from home than ``reach``; each by its forerunner."""
-        path, home = self.path, float(self.path.home[0])
+        path, home, unit_rate = self.path, float(self.path.home[0]), np.ones((1, 1))
         while not self.ended and abs(self.q[-1] - home) <= reach:
             if len(self.q) > MOST:  # each as short as ever: parts of very unlike sizes
                 self.ended = True
                 return
-            stand = self.stands[-1]
-            step = min(self.step, float(strides(stand.rate)[0]))
+            pose = self.poses[-1]
+            step = min(self.step, float(strides(pose.rate)[0]))
             while True:
-                q = np.array([[self.q[-1] + self.way * step]])
-                ahead = predicted(stand.place, stand.rate, np.array([self.way * step]))
-                pose, first = path.tracker.at(q, np.ones((1, 1)), ahead, one=True)
-                room = room_left(path, stand, pose, first)
+                q = np.array([[self.q[-1] + self.sense * step]])
+                frames = predicted(pose.frames, pose.rate, np.array([self.sense * step]))
+                end, first = path.tracker.at(q, unit_rate, frames, single=True)
+                room = room_for_step(path, pose, end, first)
                 if room[0] >= 1.0:
                     break
                 step *= float(growth(room)[0])
@@ -430,43 +431,43 @@ class _Side:
                     self.ended = True
                     return
             self.q.append(float(q[0, 0]))
-            self.stands.append(pose)
+            self.poses.append(end)
             self.step = step * float(growth(room)[0])
             self._laid = None
 
     def _table(self) -> _Table:
         if self._laid is None:
-            self._laid = _Table.of(self.path, np.array(self.q), GroupPose.joined(self.stands))
+            self._laid = _Table.of(self.path, np.array(self.q), GroupPose.joined(self.poses))
         return self._laid
 
 
 class _Table(NamedTuple):
-    """Poses at k knots q, and between them cubics of places, the highest power first.
+    """Poses at k knots q, and between them cubics of frames, the highest power first.
 
     rows : (4, k, m, 4), sure : (k,) whether the cubic from a knot to the next one is a good guess
     """
 
     q: Array
-    stands: GroupPose
+    poses: GroupPose
     rows: Array
     sure: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, path: Path, q: Array, stands: GroupPose) -> _Table:
+    def of(cls, path: Path, q: Array, poses: GroupPose) -> _Table:
         """Each cubic is held against the pose in its middle."""
-        rows = np.zeros((4, *stands.place.shape))
-        rows[:, :-1] = cubics(q, stands.place, slopes(stands.place, stands.rate))
-        table, k = cls(q, stands, rows, np.zeros(len(q), bool)), np.arange(len(q) - 1)
+        rows = np.zeros((4, *poses.frames.shape))
+        rows[:, :-1] = cubics(q, poses.frames, slopes(poses.frames, poses.rate))
+        table, k = cls(q, poses, rows, np.zeros(len(q), bool)), np.arange(len(q) - 1)
         if len(k):
             middle = (q[:-1] + q[1:]) / 2
-            one = np.ones((len(k), 1))
-            pose, first = path.tracker.at(middle[:, None], one, table.guess(k, middle))
-            nearest = np.minimum(pose.nearest, np.minimum(stands.nearest[:-1], stands.nearest[1:]))
+            unit_rate = np.ones((len(k), 1))
+            pose, first = path.tracker.at(middle[:, None], unit_rate, table.guess(k, middle))
+            nearest = np.minimum(pose.nearest, np.minimum(poses.nearest[:-1], poses.nearest[1:]))
             table.sure[:-1] = first <= SURE * nearest.min(axis=1)
         return table
 
-    def guess(self, k: Array, q: Array) -> Array:
-        """Places (n, m, 4) at driver values (n,) behind knots."""
+    def guess(self, k: NDArray[np.intp], q: Array) -> Array:
+        """Frames (n, m, 4) at driver values (n,) behind knots."""
         x = (q - self.q[k])[:, None, None]
         total: Array = self.rows[0, k]
         for row in self.rows[1:]:
@@ -474,12 +475,12 @@ class _Table(NamedTuple):
         return total
 
 
-def slopes(places: Array, rates: Array) -> Array:
-    """Rates (k, m, 4) of places and directions, from those of places and angles."""
-    slope = np.empty_like(places)
+def slopes(frames: Array, rates: Array) -> Array:
+    """Rates (k, m, 4) of frames, from those of origins and angles."""
+    slope = np.empty_like(frames)
     slope[..., :2] = rates[..., :2]
-    slope[..., 2] = -places[..., 3] * rates[..., 2]
-    slope[..., 3] = places[..., 2] * rates[..., 2]
+    slope[..., 2] = -frames[..., 3] * rates[..., 2]
+    slope[..., 3] = frames[..., 2] * rates[..., 2]
     return slope
 
 

@@ -97,7 +97,7 @@ class ClosedTrace(Trace):
             message = f"{path.block} is a general group that several drivers move"
             raise Untraceable(message)
         if not q:
-            return tuple(map(tuple, path.at_home.place[0, -path.own :].tolist())), 1.0
+            return tuple(map(tuple, path.at_home.frames[0, -path.size :].tolist())), 1.0
         home = path.knots.home
         knots, positions, rates = _knots(path)
         table = self._table(knots)
@@ -110,7 +110,7 @@ class ClosedTrace(Trace):
             where_on, reached = _on_the_arc(x, home, low, high, path.knots.rotary)
         rows = cubics(knots, positions, rates)
         links = []
-        for k in range(path.own):
+        for k in range(path.size):
             link = []
             for j in range(4):
                 powers = tuple(self._table(rows[d, :, k, j]) for d in range(4))
@@ -148,7 +148,7 @@ def _knots(path: Path) -> tuple[Array, Array, Array]:
         reach = MODES * math.tau if path.knots.rotary else math.inf
         up, down = (path.knots.laid(sense, reach) for sense in (1, -1))
         q, positions, rates = (np.concatenate([b[:0:-1], a]) for a, b in zip(up, down, strict=True))
-    group = slice(-path.own, None)
+    group = slice(-path.size, None)
     return q, positions[:, group], slopes(positions[:, group], rates[:, group])
 
 
