@@ -100,7 +100,7 @@ class Equations:
     def __init__(self, compiled: Compiled, static: bool) -> None:
         structure = compiled.structure
         s = schedule(structure, compiled.scene, GIVEN, static)
-        self.joints = s.ask(friction.given_joints)
+        self.joints = s.ask(friction.input_joints)
         for ref in self.joints:
             if structure.friction_law(ref).reads_load:
                 remedy = "runs say with their certificate whether theirs is the only one"

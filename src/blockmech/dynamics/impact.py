@@ -36,7 +36,7 @@ from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System
 from blockmech.ground.errors import refused
 from blockmech.ground.values import Vector
-from blockmech.passes.friction import given_joints
+from blockmech.passes.friction import input_joints
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
 from blockmech.result.motion import Event, Floats, Impact, Lying, Motion, State, Track
@@ -449,7 +449,7 @@ def impulses(mechanism: Compiled, impact: Impact) -> Data:
     jump = impact.after - impact.before
     for i, (q, qdd) in enumerate(zip(impact.q, jump, strict=True)):
         inputs |= {f"q_{i}": np.full(2, q), f"qdd_{i}": qdd * blow}
-    for j, ref in enumerate(schedule(structure, scene, method).ask(given_joints)):
+    for j, ref in enumerate(schedule(structure, scene, method).ask(input_joints)):
         inputs[f"friction_{j}"] = impact.friction.get(structure.pair_name(ref), 0.0) * blow
     for j, (name, (_, sense)) in enumerate(pairs.by_name.items()):
         inputs[f"push_{j}"] = sense * impact.pushes[name] * blow

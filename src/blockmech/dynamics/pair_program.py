@@ -27,7 +27,7 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
     structure = compiled.structure
     friction_method = replace(GIVEN, pushed=pushed)  # a push loads pairs that nothing else does
     s = schedule(structure, compiled.scene, friction_method)
-    joints = s.ask(friction.given_joints)
+    joints = s.ask(friction.input_joints)
     if not joints:
         return None
     values = [s.ask(forces.drive, driver) for driver in structure.drivers]

@@ -490,5 +490,5 @@ def _friction_quality(s: Schedule, block: str) -> Iterator[Report]:
     for ref, by, i in contacts:
         if structure.separates(ref):
             continue
-        capacity = s.ask(friction.held, ref, by.g[i])
+        capacity = s.ask(friction.capacity, ref, by.g[i])
         yield "rest", structure.pair_name(ref), (s.ask(friction.rest, ref), capacity)

@@ -58,7 +58,7 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
     """
     followed_structure, problems = structure, list[Problem]()
     wrong: set[str] = set()
-    last, made = "", schedule(structure, scene, Friction("none"))
+    last, upstream = "", schedule(structure, scene, Friction("none"))
     for name, block in structure.blocks.items():
         if not (isinstance(block, TwoModes) and block.follows):
             continue
@@ -66,46 +66,46 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
             continue  # nothing is known of what stands on a wrong home
         home: Any = block.home  # type: ignore[attr-defined]
         ((driver, q_home),) = home.drivers.items()
-        known = {p for other in followed_structure.followed.values() for p in other.points}
+        shared = {p for x in followed_structure.followed.values() for p in x.points}
         if last in structure.ancestors(name):  # what moves it goes on from there
-            made.structure = followed_structure
-            made.ask(position, last)
+            upstream.structure = followed_structure
+            upstream.ask(position, last)
         else:
-            made = schedule(followed_structure, scene, Friction("none"))
-        last, ahead = name, made.copied()
+            upstream = schedule(followed_structure, scene, Friction("none"))
+        last, s = name, upstream.copied()
         plain = {**followed_structure.followed, name: FollowedBranch(driver)}
-        ahead.structure = replace(followed_structure, followed=plain)
-        search = _search(ahead, name, driver, q_home)
+        s.structure = replace(followed_structure, followed=plain)
+        search = _search(s, name, driver, q_home)
         square, at_home, largest = _square(search, q_home)
         if not at_home > AT_HOME * largest:
             problems.append(_no_home(name, driver, q_home, at_home))
             wrong.add(name)
             continue
-        points = tuple(sorted(_points(search, square, known)))
+        points = tuple(sorted(_points(search, square, shared)))
         sides = (_side(q_home, p, search.rotary) for p in points)
         first = home.branch * math.prod(sides)
         scale = 1.0 if search.rotary else (search.high - search.low) / 2
-        here = FollowedBranch(driver, points, first, scale)
+        branch = FollowedBranch(driver, points, first, scale)
         followed_structure = replace(
-            followed_structure, followed={**followed_structure.followed, name: here}
+            followed_structure, followed={**followed_structure.followed, name: branch}
         )
     if problems:
         raise GraphError(problems)
     return followed_structure
 
 
-def _search(made: Schedule, block: str, driver: str, q_home: float) -> _Search:
-    program = made.program([made.ask(position, block).det])
+def _search(s: Schedule, block: str, driver: str, q_home: float) -> _Search:
+    program = s.program([s.ask(position, block).det])
     engine = NumpyEngine(program)
 
     def size(q: Floats) -> Floats:
         sizes = engine.run(dict.fromkeys(program.inputs, q), q.size)[0]
         return np.asarray(np.abs(np.asarray(sizes, dtype=float)))
 
-    if made.structure.driver_joint(driver).rotary:
+    if s.structure.driver_joint(driver).rotary:
         low = SEAM + GOLDEN * math.tau / SCANNED
         return _Search(size, low, low + math.tau, True)
-    reach = TRAVEL * sum(b.largest_length() for b in made.structure.blocks.values())
+    reach = TRAVEL * sum(b.largest_length() for b in s.structure.blocks.values())
     return _Search(size, q_home - reach, q_home + reach, False)
 
 
@@ -114,10 +114,10 @@ def _side(q: float, point: float, rotary: bool) -> float:
 
 
 def _no_home(block: str, driver: str, q: float, size: float) -> Problem:
-    what = "stands at a change point" if math.isfinite(size) else "does not close"
-    found = f"the dyad {what} at {driver} = {q:.9g}, so its branch there means nothing"
+    state = "stands at a change point" if math.isfinite(size) else "does not close"
+    message = f"the dyad {state} at {driver} = {q:.9g}, so its branch there means nothing"
     remedy = "name a pose in which both its modes exist and differ"
-    return Problem("bad-home", f"{block}.home", found, "", remedy)
+    return Problem("bad-home", f"{block}.home", message, "", remedy)
 
 
 def _square(search: _Search, q_home: float) -> tuple[Series, float, float]:
@@ -132,15 +132,15 @@ def _square(search: _Search, q_home: float) -> tuple[Series, float, float]:
     return square, float(sizes[0][-1]), float(np.nanmax(sizes[0], initial=0.0))
 
 
-def _points(search: _Search, square: Series, known: set[float]) -> Iterator[float]:
+def _points(search: _Search, square: Series, shared: set[float]) -> Iterator[float]:
     """Change points among the minima of the determinant's square."""
-    places = square.extrema()
-    sides = np.minimum(square(places - search.spacing), square(places + search.spacing))
-    minima = places[~(square(places) > sides)]  # NaN on one side decides nothing
+    extremes = square.extrema()
+    sides = np.minimum(square(extremes - search.spacing), square(extremes + search.spacing))
+    minima = extremes[~(square(extremes) > sides)]  # NaN on one side decides nothing
     points = [x for guess in minima.tolist() if (x := _root(search, guess)) is not None]
     for point in points:
         x = SEAM + (point - SEAM) % math.tau if search.rotary else point
-        yield next((k for k in known if abs(k - x) <= DOUBLE_ROOT * search.spacing), x)
+        yield next((k for k in shared if abs(k - x) <= DOUBLE_ROOT * search.spacing), x)
     if search.rotary and len(points) % 2:
         edges = panels(search.low, search.high, SCANNED)
         gap = np.isnan(search.size(edges))

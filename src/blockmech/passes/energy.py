@@ -41,7 +41,7 @@ def potential(s: Schedule) -> Value:
     terms = []
     for link in _links(s):
         if s.structure.properties(link).mass and s.scene.gravity.z != 0:
-            p = forward.place(s, link, s.ask(loads.cm_arm, link), f"{link}_cm_p")
+            p = forward.point_at(s, link, s.ask(loads.cm_arm, link), f"{link}_cm_p")
             m = s.ask(loads.mass_of, link)
             terms.append(s.line(-m * dot(loads.gravity(s), p), f"{link}_V"))
     for name, element in s.structure.elements.items():
@@ -156,16 +156,16 @@ def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
     idle (a free motion: its work is rounding of the useful loads' work), where the useful
     loads give work, or where they take more than the drive gives, as other loads drive too.
     """
-    taken, given = np.sum(useful * weights), np.sum(drive * weights)
+    useful_work, drive_work = np.sum(useful * weights), np.sum(drive * weights)
     rounding = _rounding(useful, drive, weights)
-    if not given > rounding:
-        return _without_work(given, -rounding, weights)
-    if taken < -rounding:
-        return Undefined(f"the useful loads do {-taken:.6g} J of work in place of taking it")
-    if taken > given + rounding:
-        more = f"take {taken:.6g} J, more than the drive's {given:.6g} J"
-        return Undefined(f"the useful loads {more}: other loads do work too")
-    return float(np.clip(taken / given, 0.0, 1.0))
+    if not drive_work > rounding:
+        return _without_work(drive_work, rounding, weights)
+    if useful_work < -rounding:
+        return Undefined(f"the useful loads do {-useful_work:.6g} J of work in place of taking it")
+    if useful_work > drive_work + rounding:
+        excess = f"take {useful_work:.6g} J, more than the drive's {drive_work:.6g} J"
+        return Undefined(f"the useful loads {excess}: other loads do work too")
+    return float(np.clip(useful_work / drive_work, 0.0, 1.0))
 
 
 def friction_efficiency(s: Schedule) -> tuple[Value, Value]:
@@ -179,25 +179,25 @@ def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
     Zero where rounding is all that is left: over a whole turn without useful loads, friction
     takes all that the drive gives, and the powers may be much larger than what is left of them.
     """
-    taken, given = np.sum(friction * weights), np.sum(drive * weights)
+    lost_work, drive_work = np.sum(friction * weights), np.sum(drive * weights)
     rounding = _rounding(friction, drive, weights)
-    if not given > rounding:
-        return _without_work(given, -rounding, weights)
-    left = abs(given - taken) > rounding
-    return float(1.0 - taken / given) if left else 0.0
+    if not drive_work > rounding:
+        return _without_work(drive_work, rounding, weights)
+    has_rest = abs(drive_work - lost_work) > rounding
+    return float(1.0 - lost_work / drive_work) if has_rest else 0.0
 
 
-def _without_work(given: float, least: float, weights: Any) -> Undefined:
-    """Why there is no efficiency where the drive gives no work; ``least`` is none yet."""
+def _without_work(drive_work: float, rounding: float, weights: Any) -> Undefined:
+    """Why there is no efficiency where the drive gives no work but for rounding."""
     if np.isnan(weights).any():
         return Undefined("no time passes between the samples: give times, or rates other than 0")
-    if np.isnan(given):
+    if np.isnan(drive_work):
         return Undefined("some samples have no answer")
-    taken = f"the drive takes {-given:.6g} J of work from the mechanism"
-    return Undefined(taken if given < least else "the drive does no work")
+    braking = f"the drive takes {-drive_work:.6g} J of work from the mechanism"
+    return Undefined(braking if drive_work < -rounding else "the drive does no work")
 
 
-def _rounding(part: Any, whole: Any, weights: Any) -> float:
+def _rounding(power: Any, drive: Any, weights: Any) -> float:
     """What rounding leaves of a sum of the two powers over the samples."""
-    eps = np.finfo(np.result_type(whole, part, np.float32)).eps
-    return float(ROUNDINGS * eps * np.sum((np.abs(part) + np.abs(whole)) * np.abs(weights)))
+    eps = np.finfo(np.result_type(drive, power, np.float32)).eps
+    return float(ROUNDINGS * eps * np.sum((np.abs(power) + np.abs(drive)) * np.abs(weights)))

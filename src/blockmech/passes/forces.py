@@ -73,7 +73,7 @@ def shared(s: Schedule, link: LinkRef) -> Resultant:
 def link_load(s: Schedule, link: LinkRef) -> Value:
     """Everything that loads a link, as one resultant about its origin."""
     if s.friction.method == friction.GIVEN:
-        loads = s.ask(shared, link) + s.ask(given_on, link)
+        loads = s.ask(shared, link) + s.ask(friction_inputs_on, link)
     else:
         loads = s.ask(applied, link)
     loads += s.ask(pushes_on, link)
@@ -93,16 +93,16 @@ def pushes_on(s: Schedule, link: LinkRef) -> Resultant:
 
 def push(s: Schedule, ref: JointRef) -> Value:
     """What is given to push along the coordinate of a pair, on its later link [N m or N]."""
-    known = ref in s.friction.pushed and s.unit_load is None
-    return s.unknown(f"push_{s.friction.pushed.index(ref)}") if known else NOUGHT
+    is_pushed = ref in s.friction.pushed and s.unit_load is None
+    return s.unknown(f"push_{s.friction.pushed.index(ref)}") if is_pushed else NOUGHT
 
 
-def given_on(s: Schedule, link: LinkRef) -> Resultant:
+def friction_inputs_on(s: Schedule, link: LinkRef) -> Resultant:
     """Given friction in the pairs of a block on one of its links."""
     total = NOTHING
     for ref in s.ask(friction.coupled_joints, link.block):
         if ref not in s.structure.meshes and touches(s, ref, link):
-            total += friction_on(s, ref, link, s.ask(friction.given, ref))
+            total += friction_on(s, ref, link, s.ask(friction.friction_input, ref))
     return total
 
 
@@ -156,18 +156,20 @@ def _solve(
 ) -> Value:
     """The solver's answer for signed factors, with loads that drags shift."""
     solver, options = solvers.SOLVERS[s.friction.method]
-    given = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
-    more = [constant(given[o]) for o in options]
+    settings = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
+    arguments = [constant(settings[x]) for x in options]
     c = s.ask(existence, block)
-    more += [] if c is None else [below(c, UNIT)]
+    arguments += [] if c is None else [below(c, UNIT)]
     if s.friction.along:
-        own = tuple_of(s.ask(friction.given, j) for j in joints)
-        more += [constant(False)] if c is None else []
-        more += [own if drag.zero else s.emit(solvers.without_drag, own, drag, name=f"{block}_own")]
+        t = tuple_of(s.ask(friction.friction_input, j) for j in joints)
+        arguments += [constant(False)] if c is None else []
+        arguments += [
+            t if drag.zero else s.emit(solvers.without_drag, t, drag, name=f"{block}_own")
+        ]
     if drag.zero:
-        return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
+        return s.emit(solver, k, edges, base, rows, *arguments, name=f"{block}_friction")
     base = s.emit(equations.loads, drag, base, rows, name=f"{block}_dragged")
-    return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_by_load")
+    return s.emit(solver, k, edges, base, rows, *arguments, name=f"{block}_by_load")
 
 
 def _by_load(
@@ -182,14 +184,14 @@ def _by_load(
     t = tuple_of([NOUGHT] * len(joints))
     for _ in range(0 if once else solvers.TANGENTS):
         k, drag = laws_at(s, joints, g)
-        found = s.emit(solvers.tangent_step, t, k, drag, edges, base, rows, name=f"{block}_step")
-        t, g = found[0], found[1]
+        step = s.emit(solvers.tangent_step, t, k, drag, edges, base, rows, name=f"{block}_step")
+        t, g = step[0], step[1]
     k, drag = laws_at(s, joints, g)
     solved = _solve(s, block, joints, k, drag, edges, base, rows)
     if not once:
-        there = laws_at(s, joints, solved.g)
-        most = tuple_of(s.ask(friction.steepest, j) for j in joints)
-        args = (solved, tuple_of((k, drag)), tuple_of(there), most, edges, rows)
+        laws = map(tuple_of, ((k, drag), laws_at(s, joints, solved.g)))
+        steepest = tuple_of(s.ask(friction.steepest, j) for j in joints)
+        args = (solved, *laws, steepest, edges, rows)
         solved = s.emit(solvers.judged, *args, name=f"{block}_by_tangents")
     return s.emit(solvers.with_drag, solved, drag, name=f"{block}_friction")
 
@@ -241,8 +243,8 @@ def solve_driven(s: Schedule, ref: JointRef, pair: Value) -> Value:
 def resisting(s: Schedule, ref: JointRef) -> Value:
     """Friction of a pair on the later link: couple [N m] or force [N]."""
     if s.friction.method == friction.GIVEN:
-        known = ref in s.ask(friction.friction_joints, ref.block)
-        return s.ask(friction.given, ref) if known else NOUGHT
+        has_friction = ref in s.ask(friction.friction_joints, ref.block)
+        return s.ask(friction.friction_input, ref) if has_friction else NOUGHT
     solution = s.ask(friction_at, ref)
     return NOUGHT if solution is None else solution[0].t[solution[1]]
 
@@ -271,7 +273,7 @@ def reaction(s: Schedule, ref: JointRef) -> Value | None:
     else:  # given friction of pairs loads the links; that of a mesh goes from link to link
         meshes = s.structure.meshes if s.friction.method == friction.GIVEN else {}
         joints = s.ask(friction.friction_joints, ref.block)
-        rubs = [(unit, s.ask(friction.given, unit)) for unit in joints if unit in meshes]
+        rubs = [(unit, s.ask(friction.friction_input, unit)) for unit in joints if unit in meshes]
     for unit, t in rubs:
         total += mul(s.ask(influence, ref, unit, reactions), t)
     return s.line(total, f"{ref}_R")
@@ -305,8 +307,8 @@ def wrench(s: Schedule, ref: JointRef) -> tuple[Value, Value]:
     joint = s.structure.joint(ref)
     by_support = joint.driven and s.structure.contact_at(ref) is None  # not by another link
     effort = s.ask(effort_in, ref) if by_support else NOUGHT
-    along = s.sum((s.ask(resisting, ref), effort, s.ask(push, ref)), f"{ref}_along")
-    return statics(s, ref).back(s, ref, pair, along)
+    effort = s.sum((s.ask(resisting, ref), effort, s.ask(push, ref)), f"{ref}_along")
+    return statics(s, ref).back(s, ref, pair, effort)
 
 
 def meshing(s: Schedule, driver: str) -> Value:
@@ -327,8 +329,8 @@ def meshing(s: Schedule, driver: str) -> Value:
 def meshes_of(s: Schedule, driver: str) -> list[JointRef]:
     """The meshes by which a driver follows, where friction is solved."""
     joints = s.ask(friction.friction_joints, s.structure.driven[driver].block)
-    own = s.structure.meshes_of(driver)
-    return [ref for ref in joints if ref in own]
+    meshes = s.structure.meshes_of(driver)
+    return [ref for ref in joints if ref in meshes]
 
 
 def coupling_reading(s: Schedule, driver: str, read: Reading) -> Value:
@@ -376,7 +378,7 @@ def coupled(s: Schedule, link: LinkRef) -> Resultant:
         felt = s.ask(slope_effort, driver, s.ask(effort_in, ref), s.sum(lost, f"{driver}_lost"))
         minus = s.line(-felt, f"{driver}_minus_felt")
         if link == structure.later_link(leader):
-            total += statics(s, leader).along(s, leader, link, minus)
+            total += statics(s, leader).load_along(s, leader, link, minus)
             continue
         force, moment = statics(s, leader).back(s, leader, ZERO, minus)
         hold = s.ask(marker_arm, structure.feeds[leader])

@@ -15,14 +15,12 @@ from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.blocks.contract import BuiltIn
 from blockmech.couplings.contract import Meshing
-from blockmech.ground.plane import EPS, cross, expi, sign, sqrt
 from blockmech.ground.values import Marker
 from blockmech.model.meshing import coupling_numbers
-from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
-from blockmech.plan import values
+from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.passes.branches import followed
 from blockmech.plan.plan import Entry, Formula, Schedule
 from blockmech.plan.values import (
-    HALF,
     NOUGHT,
     ONE,
     UNIT,
@@ -32,7 +30,7 @@ from blockmech.plan.values import (
     imul,
     mul,
 )
-from blockmech.typing import Complex, Guide, LinkAcceleration, LinkVelocity, Real
+from blockmech.typing import Guide, LinkAcceleration, LinkVelocity
 
 ACTUAL = ""
 BIAS = "bias"
@@ -164,8 +162,8 @@ def _sum(s: Schedule, driver: str, terms: Terms, rule: Callable[..., Value], *mo
 def _counted(s: Schedule, driver: str, value: Value, carried: Value) -> Value:
     """A value of the driven pair, the carrier's share added, as its driver counts it."""
     meshes = s.structure.couplings[s.structure.followers[driver].coupling].meshes
-    whole = s.sum((value, carried), f"{driver}_whole")
-    return signed(s, driver, whole) if meshes else whole
+    total = s.sum((value, carried), f"{driver}_whole")
+    return signed(s, driver, total) if meshes else total
 
 
 # -- positions -----------------------------------------------------------------
@@ -257,10 +255,10 @@ def arm_of(s: Schedule, link: LinkRef, at: Formula, name: str) -> Value:
 
 def marker_place(s: Schedule, marker: MarkerRef) -> Value:
     """Place of a marker."""
-    return place(s, marker.on, s.ask(marker_arm, marker), f"{_name(marker)}_p")
+    return point_at(s, marker.on, s.ask(marker_arm, marker), f"{_name(marker)}_p")
 
 
-def place(s: Schedule, link: LinkRef, arm: Value, name: str) -> Value:
+def point_at(s: Schedule, link: LinkRef, arm: Value, name: str) -> Value:
     """The place at an arm from a link's origin."""
     return s.line(s.ask(link_position, link).vector + arm, name)
 
@@ -489,55 +487,3 @@ def guide_direction(s: Schedule, ref: JointRef) -> Value:
         ("guide direction", ref),
         str(ref),
     )
-
-
-# -- branches that follow the motion ------------------------------------------------------
-#
-# One factor +1 or -1 a change point: the side of it on which the driver is. For a crank
-# the side is the sign of sin((q - q_c)/2), which changes at q_c and one turn further on,
-# and so on: an odd number of change points a turn gives another mode on every other turn.
-#
-# At the distance d [rad] from a change point a place has lost eps/d, a rate eps/d^2, an
-# acceleration or a reaction eps/d^3 (measured on a rhombus: 3e-13, 3e-9 and 6e-7 at d = 1e-4,
-# 1e-4 and 1e-3), and dyads in a row pass on what they have lost. So nearer than eps^(1/4),
-# 1.2e-4 rad in double precision, there is no answer: the branch is NaN, and with it the dyad.
-#
-# Sources: Hunt, Kinematic Geometry of Mechanisms, 1978 (uncertainty configurations).
-
-
-def side_of(x: Real, scale: Real) -> Real:
-    """+1 or -1 by the sign of a distance; NaN where it is too small to tell anything."""
-    return sign(x) * sqrt(sign(abs(x) - scale * sqrt(sqrt(EPS))))
-
-
-def passed(branch: Real, half: Complex, point: Complex, scale: Real) -> Real:
-    """The branch on this side of a change point; ``half``, ``point`` at half the angles."""
-    return branch * side_of(cross(point, half), 0.5 * scale)
-
-
-def passed_slide(branch: Real, q: Real, point: Real, scale: Real) -> Real:
-    """The branch on this side of a change point of a slide; ``scale`` is a length of it [m]."""
-    return branch * side_of(q - point, scale)
-
-
-def followed(s: Schedule, block: str, numbers: Value) -> Value:
-    """The block's numbers with the branch that follows the motion."""
-    branch = s.ask(branch_along, s.structure.followed[block])
-    return s.line(numbers.replaced(branch=branch), f"P_{block}_here")
-
-
-def branch_along(s: Schedule, there: FollowedBranch) -> Value:
-    """The branch as a function of the driver; dyads that change together share it."""
-    branch = s.parameter(("branch", there.first), lambda *_: there.first, "branch")
-    if not there.points:
-        return branch
-    q = s.input("q", there.driver)
-    rotary = s.structure.driver_joint(there.driver).rotary
-    along = s.line(values.expi(HALF * q), "half_turned") if rotary else q
-    passing = passed if rotary else passed_slide
-    scale = s.parameter(("scale", there.scale), lambda *_: there.scale, "scale")
-    for point in there.points:
-        value = expi(0.5 * point) if rotary else point
-        slot = s.parameter(("change point", point), lambda *_, x=value: x, "change_point")
-        branch = s.emit(passing, branch, along, slot, scale, name="branch")
-    return branch

@@ -34,8 +34,8 @@ def friction_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     b = s.structure.blocks[block]
     if s.friction.method == "none" or not moves(s, block, ACTUAL) or not s.ask(active, block):
         return ()
-    own = (JointRef(block, n) for n in b.joints if n in b.friction and b.friction[n].acts)
-    return (*own, *(ref for ref in s.structure.meshes if ref.block == block))
+    joints = (JointRef(block, n) for n in b.joints if n in b.friction and b.friction[n].acts)
+    return (*joints, *(ref for ref in s.structure.meshes if ref.block == block))
 
 
 def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
@@ -58,14 +58,14 @@ def rubs(structure: Structure, ref: JointRef) -> bool:
     return lossy or not structure.joint(ref).driven or structure.contact_at(ref) is not None
 
 
-def given_joints(s: Schedule) -> tuple[JointRef, ...]:
+def input_joints(s: Schedule) -> tuple[JointRef, ...]:
     """Joints whose friction is an input of the program, method "given"."""
     return tuple(ref for block in s.structure.blocks for ref in s.ask(friction_joints, block))
 
 
-def given(s: Schedule, ref: JointRef) -> Value:
+def friction_input(s: Schedule, ref: JointRef) -> Value:
     """Input: the friction of a pair on its later link, couple [N m] or force [N]."""
-    return s.unknown(f"friction_{s.ask(given_joints).index(ref)}")
+    return s.unknown(f"friction_{s.ask(input_joints).index(ref)}")
 
 
 def contacts(structure: Structure, ref: JointRef) -> int:
@@ -97,7 +97,7 @@ def knows_existence(structure: Structure, block: str, joints: tuple[JointRef, ..
 def rate(s: Schedule, ref: JointRef) -> Value:
     """Relative rate [rad/s] or [m/s] at which a law is asked: its size, or with its sign."""
     if s.friction.method == GIVEN:
-        signed = s.unknown(f"slip_{s.ask(given_joints).index(ref)}")
+        signed = s.unknown(f"slip_{s.ask(input_joints).index(ref)}")
     else:
         signed = s.ask(slip, ref)
     if s.structure.friction_law(ref).remembers:
@@ -114,7 +114,7 @@ def terms(s: Schedule, ref: JointRef, load: Value | None = None) -> Value:
     if law.reads_load and load is None:
         if s.friction.method != GIVEN:
             return s.ask(terms_at_rest, ref)  # to which it tends as the load grows
-        load = s.unknown(f"load_{s.ask(given_joints).index(ref)}")
+        load = s.unknown(f"load_{s.ask(input_joints).index(ref)}")
     speed = [s.ask(rate, ref)] if law.reads_speed or law.remembers else []
     speed += [load] if load is not None and law.reads_load else []
     speed += [s.ask(deflection, ref)] if law.remembers else []
@@ -224,9 +224,9 @@ def size(s: Schedule, block: str) -> Value:
         )
     s.ask_first(size, block, s.structure.supports)
     pose, p = s.ask(position, block), s.ask(parameters, block)
-    own = s.emit(b.kernels.size, pose, p, name=f"{block}_size")
-    others = [s.ask(size, n) for n in s.structure.supports(block) if n != s.structure.frame]
-    return s.emit(largest, own, *others, name=f"{block}_size") if others else own
+    length = s.emit(b.kernels.size, pose, p, name=f"{block}_size")
+    supports = [s.ask(size, n) for n in s.structure.supports(block) if n != s.structure.frame]
+    return s.emit(largest, length, *supports, name=f"{block}_size") if supports else length
 
 
 def slip_speed(s: Schedule, ref: JointRef) -> Value:
@@ -248,8 +248,8 @@ def against_slip(
     if s.structure.signed(ref):
         return s.line(-getattr(s.ask(terms, ref), part), name)
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
-    said = s.ask(terms, ref, *at(s, ref, load))
-    args = (speed, top, getattr(said, part), s.ask(slip, ref), REST)
+    law = s.ask(terms, ref, *at(s, ref, load))
+    args = (speed, top, getattr(law, part), s.ask(slip, ref), REST)
     value = s.emit(resisting, *args, name=name)
     if not may_stick(s):
         return value
@@ -263,7 +263,7 @@ def may_stick(s: Schedule) -> bool:
 
 def sticks(s: Schedule, ref: JointRef) -> Value:
     """Input: 1 where a pair sticks, else 0."""
-    return s.unknown(f"sticks_{s.ask(given_joints).index(ref)}")
+    return s.unknown(f"sticks_{s.ask(input_joints).index(ref)}")
 
 
 def at(s: Schedule, ref: JointRef, load: Value | None) -> tuple[Value, ...]:
@@ -292,15 +292,15 @@ def drag(s: Schedule, ref: JointRef, load: Value | None = None) -> Value:
     Of one that sticks it is all that it takes.
     """
     drags = s.structure.friction_law(ref).drags
-    more = at(s, ref, load)
-    value = s.ask(against_slip, ref, "drag", f"{ref}_drag", *more) if drags else NOUGHT
+    args = ref, "drag", f"{ref}_drag", *at(s, ref, load)
+    value = s.ask(against_slip, *args) if drags else NOUGHT
     if not may_stick(s):
         return value
-    stuck = values.where(below(NOUGHT, s.ask(sticks, ref)), s.ask(given, ref), NOUGHT)
+    stuck = values.where(below(NOUGHT, s.ask(sticks, ref)), s.ask(friction_input, ref), NOUGHT)
     return s.line(value + s.line(stuck, f"{ref}_sticks"), f"{ref}_drag_or_held")
 
 
-def held(s: Schedule, ref: JointRef, load: Value) -> Value:
+def capacity(s: Schedule, ref: JointRef, load: Value) -> Value:
     """Largest friction [N m] or [N] that holds a pair at rest under a load [N]."""
     at_rest = s.ask(terms_at_rest, ref)
     drag = at_rest.drag if s.structure.friction_law(ref).drags else NOUGHT

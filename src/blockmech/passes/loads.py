@@ -100,15 +100,13 @@ def element_terms(s: Schedule, name: str) -> Value:
     return kernel_on(s, name, element.kernel(), *law, value=f"{name}_load")
 
 
-def kernel_on(
-    s: Schedule, name: str, kernel: Callable[..., Any], *more: Value, value: str
-) -> Value:
+def kernel_on(s: Schedule, name: str, kernel: Callable[..., Any], *law: Value, value: str) -> Value:
     """The call of one of an element's kernels on what it reads."""
     args = _readings(s, name, read_by(kernel))
     numbers = s.parameter(
         ("numbers", name), lambda st, _: st.elements[name].parameters(), f"P_{name}"
     )
-    return s.emit(kernel, *args, *more, numbers, name=value)
+    return s.emit(kernel, *args, *law, numbers, name=value)
 
 
 def law_value(s: Schedule, name: str) -> Value:
@@ -132,28 +130,28 @@ def _law(structure: Structure, name: str) -> Any:
 def _readings(s: Schedule, name: str, reads: Reads) -> list[Value]:
     """What an element reads, terminal after terminal."""
     return [
-        s.ask(terminal_reading, JointRef(name, terminal), what)
+        s.ask(terminal_reading, JointRef(name, terminal), quantity)
         for terminal, names in reads.items()
-        for what in names
+        for quantity in names
     ]
 
 
-def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> Value:
+def terminal_reading(s: Schedule, terminal: JointRef, quantity: str) -> Value:
     """What an element reads: p, v, e, om at a terminal, q, qd of its driver, t, a signal."""
-    if what == "t":
+    if quantity == "t":
         return s.time()
-    if what == "signal":
+    if quantity == "signal":
         return s.ask(signal, s.structure.signal_wires[terminal])
     element = s.structure.elements[terminal.block]
-    if isinstance(element, Following) and what in ("q", "qd"):
+    if isinstance(element, Following) and quantity in ("q", "qd"):
         assert element.driver is not None
-        return s.ask(coordinate_of if what == "q" else rate_of, element.driver)
+        return s.ask(coordinate_of if quantity == "q" else rate_of, element.driver)
     marker = s.structure.holds[terminal]
-    if what == "p":
+    if quantity == "p":
         return s.ask(marker_place, marker)
-    if what == "v":
+    if quantity == "v":
         return s.ask(marker_velocity, marker, ACTUAL)
-    rule = {"e": link_position, "om": link_velocity}[what]
+    rule = {"e": link_position, "om": link_velocity}[quantity]
     return s.ask(rule, marker.on).scalar
 
 

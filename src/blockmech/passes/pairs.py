@@ -31,7 +31,7 @@ from blockmech.passes.forward import (
     moves,
     numbers,
     parameters,
-    place,
+    point_at,
     position,
     touch,
     transmission,
@@ -68,11 +68,11 @@ class Statics(ABC):
     edges: bool = False
 
     @abstractmethod
-    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
-        """What it transmits onto its later link; ``own`` is what the kernel says of it."""
+    def transmitted(self, s: Schedule, ref: JointRef, answer: Value) -> Value:
+        """What it transmits onto its later link; ``answer`` is what the kernel says of it."""
 
     @abstractmethod
-    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
+    def load_along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
         """A load ``t`` [N m or N] along its coordinate on one of its block's links."""
 
     @abstractmethod
@@ -99,11 +99,11 @@ class Statics(ABC):
 class Revolute(Statics):
     """A force R through the pin, and couples along the coordinate."""
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
+    def transmitted(self, s: Schedule, ref: JointRef, answer: Value) -> Value:
         """The force R."""
-        return own
+        return answer
 
-    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
+    def load_along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
         """A couple."""
         return moment_of(t)
 
@@ -135,19 +135,19 @@ class Prismatic(Statics):
 
     edges = True
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
+    def transmitted(self, s: Schedule, ref: JointRef, answer: Value) -> Value:
         """N + i C, its couple moved from the origins of the block's links to S."""
         owner = _owner(s, ref)
         later = s.structure.later_link(ref)
-        couple = own.C if later == owner or owner.block != ref.block else own.C_i
+        couple = answer.C if later == owner or owner.block != ref.block else answer.C_i
         if owner.block != ref.block:
             arm = s.ask(slider_arm, ref, later)
-            couple -= own.N * dot(arm, s.ask(guide_direction, ref))
-        elif s.planned(along := _along(ref, owner)):
-            couple -= own.N * s.parameter(("along", ref), along, f"along_{ref}_S")
-        return s.line(planar(own.N, couple), f"{ref}_slide")
+            couple -= answer.N * dot(arm, s.ask(guide_direction, ref))
+        elif s.planned(offset := _slider_offset(ref, owner)):
+            couple -= answer.N * s.parameter(("along", ref), offset, f"along_{ref}_S")
+        return s.line(planar(answer.N, couple), f"{ref}_slide")
 
-    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
+    def load_along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
         """A force along the guide through S."""
         force = s.line(mul(s.ask(guide_direction, ref), t), f"{ref}_T")
         return at_arm(s, force, s.ask(slider_arm, ref, link), f"{ref}_T")
@@ -198,9 +198,9 @@ def _slider_moment(s: Schedule, ref: JointRef, force: Value) -> Value:
 class Mesh(Prismatic):
     """A mesh that loses power: what the leader feels without losses, and what it does feel."""
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
+    def transmitted(self, s: Schedule, ref: JointRef, answer: Value) -> Value:
         """Slope times the effort that drives the other side, twice."""
-        felt = s.ask(in_argument, s.structure.meshes[ref], own)
+        felt = s.ask(in_argument, s.structure.meshes[ref], answer)
         return s.line(planar(felt, felt), f"{ref}_felt")
 
     def measure(self, s: Schedule, ref: JointRef, pair: Value) -> Value:
@@ -224,10 +224,10 @@ class Apart(Mesh):
 
     edges = True
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
+    def transmitted(self, s: Schedule, ref: JointRef, answer: Value) -> Value:
         """The force that the effort stands for, with its sign."""
         unit = s.ask(apart, s.structure.meshes[ref])
-        return s.line(planar(hyp(unit.F) * own, NOUGHT), f"{ref}_of")
+        return s.line(planar(hyp(unit.F) * answer, NOUGHT), f"{ref}_of")
 
     def load(self, s: Schedule, driver: str, t: Value) -> Value:
         """Load on the driven link."""
@@ -243,10 +243,10 @@ class Apart(Mesh):
 class Rub(Mesh):
     """A contact whose links rub on each other: the normal force, by the effort."""
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
+    def transmitted(self, s: Schedule, ref: JointRef, answer: Value) -> Value:
         """The normal force without friction there."""
         at = s.ask(touch, s.structure.meshes[ref])
-        return s.line(planar(own / dot(at.n, at.motion), NOUGHT), f"{ref}_N")
+        return s.line(planar(answer / dot(at.n, at.motion), NOUGHT), f"{ref}_N")
 
     def load(self, s: Schedule, driver: str, t: Value) -> Value:
         """Load on the driven link."""
@@ -297,15 +297,15 @@ def transmitted(s: Schedule, ref: JointRef, reactions: Value, base: Value | None
     return statics(s, ref).relieved(s, ref, pair, load)
 
 
-def _along(ref: JointRef, owner: LinkRef) -> Formula:
+def _slider_offset(ref: JointRef, owner: LinkRef) -> Formula:
     """Way [m] of the slider's point along the guide, from the origin of the link that owns it."""
 
-    def along(structure: Structure, _: object) -> Any:
+    def offset(structure: Structure, _: object) -> Any:
         block = structure.blocks[ref.block]
         _, direction = block.guide_line(ref.name, owner.link)
         return plane.dot(block.slider_place(ref.name, owner.link), direction)
 
-    return along
+    return offset
 
 
 def slider_arm(s: Schedule, ref: JointRef, link: LinkRef) -> Value:
@@ -321,7 +321,7 @@ def slider_point(s: Schedule, ref: JointRef) -> Value:
     owner = _owner(s, ref)
     if owner.block != ref.block:
         return s.ask(marker_place, s.structure.feeds[ref])
-    return place(s, owner, s.ask(_arm_on_owner, ref), f"{ref}_S")
+    return point_at(s, owner, s.ask(_arm_on_owner, ref), f"{ref}_S")
 
 
 def position_along(s: Schedule, ref: JointRef) -> Value:
@@ -332,7 +332,7 @@ def position_along(s: Schedule, ref: JointRef) -> Value:
         def at(st: Structure, _: object) -> complex:
             return st.blocks[ref.block].slider_place(ref.name, link.link)
 
-        return place(s, link, arm_of(s, link, at, f"{ref}_P_{link.link}"), f"{ref}_P")
+        return point_at(s, link, arm_of(s, link, at, f"{ref}_P_{link.link}"), f"{ref}_P")
 
     earlier = s.structure.earlier_link(ref)
     outer = s.structure.joint(ref).outer
@@ -373,9 +373,9 @@ def contact(s: Schedule, driver: str, effort: Value, base: Value | None) -> Valu
     sense = UNIT
     if s.structure.couplings[name].sided:
         turned = s.friction.method != "none" and moves(s, ref.block, ACTUAL)
-        own = any(map(s.structure.separates, s.structure.meshes_of(driver)))
-        known = base is not None and not (turned and own)
-        sense = s.line(sign(getattr(base, field)), f"{name}_sense") if known else NOUGHT
+        apart_too = any(map(s.structure.separates, s.structure.meshes_of(driver)))
+        is_certain = base is not None and not (turned and apart_too)
+        sense = s.line(sign(getattr(base, field)), f"{name}_sense") if is_certain else NOUGHT
     return _contact(s, driver, effort, sense)
 
 
@@ -390,8 +390,8 @@ def _contact(s: Schedule, driver: str, effort: Value, sense: Value) -> Value:
 
 def apart(s: Schedule, driver: str) -> Value:
     """What a contact adds to a unit of effort, and as much to its opposite."""
-    one, other = (s.ask(_contact, driver, UNIT, sense) for sense in (UNIT, NOUGHT))
-    return s.emit(Load, one.F - other.F, one.M - other.M, name=f"{driver}_apart")
+    pushed, mean = (s.ask(_contact, driver, UNIT, sense) for sense in (UNIT, NOUGHT))
+    return s.emit(Load, pushed.F - mean.F, pushed.M - mean.M, name=f"{driver}_apart")
 
 
 def in_argument(s: Schedule, driver: str, effort: Value) -> Value:
@@ -417,7 +417,7 @@ def slope_effort(s: Schedule, driver: str, effort: Value, lost: Value) -> Value:
 def friction_on(s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
     """The load of friction ``t`` in a pair on one of its block's links; t is of the later one."""
     later = link.link == s.structure.joint(ref).later
-    return statics(s, ref).along(s, ref, link, t if later else -t)
+    return statics(s, ref).load_along(s, ref, link, t if later else -t)
 
 
 def touches(s: Schedule, ref: JointRef, link: LinkRef) -> bool:
@@ -443,8 +443,8 @@ def _response(s: Schedule, ref: JointRef, on: Loads) -> Value:
     b = s.structure.blocks[ref.block]
     loads = (on.get(n, NOTHING) for n in b.link_names)
     sums = [(*(load.forces or (ZERO,)), *(load.moments or (NOUGHT,))) for load in loads]
-    given = [s.emit(Load, *each, name="unit") for each in sums]
-    args = (s.ask(position, ref.block), *given, s.ask(parameters, ref.block))
+    units = [s.emit(Load, *terms, name="unit") for terms in sums]
+    args = (s.ask(position, ref.block), *units, s.ask(parameters, ref.block))
     return s.emit(b.kernels.reactions, *args, name=f"{ref.block}_response")
 
 

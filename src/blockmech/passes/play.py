@@ -28,9 +28,9 @@ def loose_pins(structure: Structure, block: str) -> tuple[JointRef, ...]:
     blocks = structure.ancestors(block)
     return tuple(
         JointRef(name, joint)
-        for name, found in structure.blocks.items()
+        for name, declared in structure.blocks.items()
         if name in blocks
-        for joint in found.clearance
+        for joint in declared.clearance
     )
 
 
@@ -63,7 +63,7 @@ def pressing(s: Schedule, ref: JointRef) -> Value:
 
 def unit_reactions(s: Schedule, ref: JointRef, marker: MarkerRef) -> tuple[Value, Value]:
     """Reactions of a pin to unit loads at a place, along x and along y."""
-    x, y = (s.ask(Schedule.under, UnitLoad(marker, along)) for along in ("x", "y"))
+    x, y = (s.ask(Schedule.under, UnitLoad(marker, axis)) for axis in ("x", "y"))
     return x.ask(forces.reaction, ref) or ZERO, y.ask(forces.reaction, ref) or ZERO
 
 

@@ -86,8 +86,8 @@ def share_of_load(s: Schedule, block: str, k: str) -> Value:
     return _share(s, block, k, terms, "tau_red")
 
 
-def _share(s: Schedule, block: str, k: str, terms: list[Value], what: str) -> Value:
-    total = s.sum(terms, f"{block}_{what}")
+def _share(s: Schedule, block: str, k: str, terms: list[Value], quantity: str) -> Value:
+    total = s.sum(terms, f"{block}_{quantity}")
     return total if total.zero else s.share(block, k, total)
 
 

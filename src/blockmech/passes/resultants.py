@@ -18,9 +18,9 @@ class Resultant(NamedTuple):
     forces: tuple[Value, ...]
     moments: tuple[Value, ...]
 
-    def __add__(self, other: object) -> Resultant:  # joins two resultants term by term
-        assert isinstance(other, Resultant)
-        return Resultant(self.forces + other.forces, self.moments + other.moments)
+    def __add__(self, terms: object) -> Resultant:  # joins two resultants term by term
+        assert isinstance(terms, Resultant)
+        return Resultant(self.forces + terms.forces, self.moments + terms.moments)
 
     def __bool__(self) -> bool:
         return bool(self.forces or self.moments)

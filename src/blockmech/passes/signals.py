@@ -45,8 +45,7 @@ def output(s: Schedule, name: str, port: str) -> Value:
         return s.ask(state, name, port)
     if block.discrete:
         return s.ask(state, name, HELD + port)
-    place = list(block.outputs).index(port)
-    return s.ask(outputs, name)[place]
+    return s.ask(outputs, name)[list(block.outputs).index(port)]
 
 
 def outputs(s: Schedule, name: str) -> Value:
@@ -91,7 +90,7 @@ def kinks(s: Schedule) -> list[Value]:
     return values
 
 
-def _call(s: Schedule, name: str, kernel: Kernel, what: str) -> Value:
+def _call(s: Schedule, name: str, kernel: Kernel, stage: str) -> Value:
     block = s.structure.signals[name]
 
     def value(argument: str) -> Value:
@@ -112,4 +111,4 @@ def _call(s: Schedule, name: str, kernel: Kernel, what: str) -> Value:
         ("signal", name), lambda structure, _: structure.signals[name].numbers(), f"P_{name}"
     )
     args = [value(argument) for argument in arguments(kernel)]
-    return s.emit(kernel, *args, numbers, name=f"{name}_{what}")
+    return s.emit(kernel, *args, numbers, name=f"{name}_{stage}")

@@ -115,17 +115,17 @@ class UnitLoad(NamedTuple):
     """A force of 1 N at a marker, along x or along y."""
 
     marker: MarkerRef
-    along: Literal["x", "y"]
+    axis: Literal["x", "y"]
 
     @property
     def force(self) -> Value:
         """The force in a program."""
-        return ONE if self.along == "x" else imul(ONE, UNIT)
+        return ONE if self.axis == "x" else imul(ONE, UNIT)
 
     @property
     def name(self) -> str:
         """Where it acts, and along what."""
-        return f"{self.marker}.{self.along}"
+        return f"{self.marker}.{self.axis}"
 
 
 @dataclass(frozen=True)
