@@ -190,7 +190,7 @@ def test_records_of_arrays():
     (fast,) = compiled(scaled=partial(scaled, of=of))
     a, by = rng.normal(size=of), rng.normal(size=4)
     one, other = (Table(a.copy(), by, np.zeros(1, np.int64)) for _ in range(2))
-    assert fast(loops.places_of(one)) == scaled(of, other) == 6
+    assert fast(loops.addresses_of(one)) == scaled(of, other) == 6
     np.testing.assert_array_equal(one.rows, other.rows)
     (fast,) = compiled(stacked=partial(stacked, of=of))
     rows, factors, done = rng.normal(size=(3, *of)), rng.normal(size=6), np.zeros(1, np.int64)
@@ -283,7 +283,7 @@ def arrays(room, of, most):
 
 def by_places(over, rates):
     """Machine code of steps that takes records."""
-    return lambda *given: over(*map(loops.places_of, given[:4]), given[4], rates.watched)
+    return lambda *given: over(*map(loops.addresses_of, given[:4]), given[4], rates.watched)
 
 
 def in_python(steps, of, fill, rates):

@@ -51,7 +51,7 @@ class PathCode(NamedTuple):
             code = machine_code(partial(loops.text, **functions), *kinds, key=PathCode.key())
         except MissingEngineError:
             return None
-        addresses = loops.places_of(nodes(of.n, of.k))
+        addresses = loops.addresses_of(nodes(of.n, of.k))
         return PathCode._make([*(partial(_by_place, f, addresses) for f in code), "llvm"])
 
     @staticmethod

@@ -136,7 +136,7 @@ class Equation:
             stepper = self.system.idle_steppers(self.method).pop()
         except IndexError:
             stepper = CompiledStepper(rates, REPORTED)
-        steppers[key] = stepper.given((0.0, 1.0, LEAST_INERTIA * self.typical, *self.sides))
+        steppers[key] = stepper.with_numbers((0.0, 1.0, LEAST_INERTIA * self.typical, *self.sides))
         return steppers[key]
 
     def took(self, states: int) -> None:

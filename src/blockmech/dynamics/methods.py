@@ -246,7 +246,7 @@ def automatic(system: System, request: SimulationRequest) -> Motion:
         why = "all loads depend on the driver's coordinate alone"
         routes = system.routes((request.until, *request.start))
         compiled = system.quick_states and system.compiled_states
-        if routes.along > 0 and routes.save_in_time(system.equation_program, compiled):
+        if routes.by_path > 0 and routes.save_in_time(system.equation_program, compiled):
             dearer = f"{why}, but its path goes by arrays, steps in time by machine code"
             motion = integrate(system, replace(request, why=dearer), "dop853", patient=False)
             good = motion.error <= (request.accuracy or TARGET)

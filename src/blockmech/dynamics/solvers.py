@@ -21,7 +21,7 @@ import numpy as np
 from blockmech.dynamics.rates import NEAR
 from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
-from blockmech.engines.radau import left_of, radau
+from blockmech.engines.radau import iteration_tolerance, radau
 from blockmech.engines.stages import THIRD, dop853, halved
 from blockmech.result.motion import Floats
 
@@ -155,7 +155,7 @@ class AdaptiveSolver(Solver):
             about = self.equation, self.t, self.y, self.bound
             if self.method == "radau":  # which takes one relative tolerance
                 solver = Radau(*about, rtol=rtol.max(), atol=atol, first_step=first)
-                solver.newton_tol = left_of(float(solver.rtol))
+                solver.newton_tol = iteration_tolerance(float(solver.rtol))
             else:
                 solver = DOP853(*about, rtol=rtol, atol=atol, first_step=first)
                 solver.E3 = math.sqrt(self.weight / THIRD) * solver.E3

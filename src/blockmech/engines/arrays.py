@@ -98,8 +98,8 @@ def primitives(xp: Any, dtype: Any) -> Data:
             going = array(state[-1])
             if not xp.any(going):
                 break
-            ahead = step(state, *data)
-            state = each_part(lambda new, old, w=going: where(w, new, old), ahead, state)
+            following = step(state, *data)
+            state = each_part(lambda new, old, w=going: where(w, new, old), following, state)
         return state
 
     def each(function: Any, *x: Any) -> Any:
@@ -126,10 +126,10 @@ def primitives(xp: Any, dtype: Any) -> Data:
         planar,
         one_by_one,
     )
-    given = (mul, imul, cross, dot, implicit, times)
-    named = {f.__name__: f for f in (*functions, *given)}
-    more = {"piecewise": partial(piecewise, xp), "spread": partial(spread, xp)}
-    return {**arithmetic, **systems, **named, **more, "EPS": float(xp.finfo(dtype).eps)}
+    kernels = (mul, imul, cross, dot, implicit, times)
+    named = {f.__name__: f for f in (*functions, *kernels)}
+    of_arrays = {"piecewise": partial(piecewise, xp), "spread": partial(spread, xp)}
+    return {**arithmetic, **systems, **named, **of_arrays, "EPS": float(xp.finfo(dtype).eps)}
 
 
 class Number(NDArrayOperatorsMixin):
@@ -139,7 +139,7 @@ class Number(NDArrayOperatorsMixin):
         self.xp, self.array = xp, array
         self.real, self.imag = self, 0.0
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *arguments: Any, **more: Any) -> Any:
+    def __array_ufunc__(self, ufunc: Any, method: str, *arguments: Any, **options: Any) -> Any:
         function = getattr(self.xp, STANDARD_NAMES.get(ufunc.__name__, ufunc.__name__))
         return Number(self.xp, function(*(getattr(x, "array", x) for x in arguments)))
 
@@ -189,10 +189,10 @@ class ArrayEngine:
     def read(self, output: Output, columns: tuple[Any, ...], shape: tuple[int, ...]) -> Any:
         """An output (...) of its values: real, or complex x + iy; NaN where it is not finite."""
         xp = self.xp
-        whole = each_part(lambda x: xp.broadcast_to(self.array(x), shape), columns)
+        columns = each_part(lambda x: xp.broadcast_to(self.array(x), shape), columns)
         if output.kind == "matrix":
-            return xp.stack(whole, axis=-1)
-        value = output.read(*each_part(lambda x: Number(xp, x), whole))
+            return xp.stack(columns, axis=-1)
+        value = output.read(*each_part(lambda x: Number(xp, x), columns))
         parts = [getattr(x, "array", x) for x in leaves(value)]
         good = xp.all(xp.stack(list(map(xp.isfinite, parts))), axis=0)
         parts = [xp.where(good, x, self.array(math.nan)) for x in parts]

@@ -240,7 +240,7 @@ class Text:
         """A loop in which each lane keeps its state from when it has stopped."""
         k, going = loop.scope, self._name(loop.state[-1])
         lines = [f"br label %test{k}", f"test{k}:"]
-        both = list(zip(loop.state, loop.first, loop.ahead, strict=True))
+        both = list(zip(loop.state, loop.first, loop.following, strict=True))
         for state, first, _ in both:
             name, kind = self._name(state), self._kind(state)
             at_first = self._name(first, is_truth(state))
@@ -257,9 +257,9 @@ class Text:
         ]
         for node in inside:
             lines += self._statement(node)
-        for state, _, ahead in both:
+        for state, _, following in both:
             name, kind = self._name(state), self._kind(state)
-            new = f"{kind} {self._name(ahead, is_truth(state))}"
+            new = f"{kind} {self._name(following, is_truth(state))}"
             lines.append(f"{name}.next = select {self.truths} {going}, {new}, {kind} {name}")
         return [*lines, f"%n{k}.next = add i64 %n{k}, 1", f"br label %test{k}", f"after{k}:"]
 
@@ -342,7 +342,7 @@ class Text:
         """What is done lane by lane: functions of two numbers, and numbers of a table."""
         me, before = self._name(node), "poison"
         kind = f"<{self.lanes} x i64>" if node.op == "piece" else self.reals
-        one = "i64" if node.op == "piece" else "double"
+        scalar = "i64" if node.op == "piece" else "double"
         if node.op == "piece":
             _, first, last = (x.args[0] for x in node.args)
             yield f"{me}.knots = getelementptr double, ptr %P, i64 {first}"
@@ -350,8 +350,8 @@ class Text:
             yield f"{me}.row = getelementptr double, ptr %P, i64 {node.args[1].args[0]}"
         for k in range(self.lanes):
             x = f"{me}.x{k}"
-            taken = f"<{self.lanes} x i64>" if node.op == "entry" else self.reals
-            yield f"{x} = extractelement {taken} {self._name(node.args[0])}, i32 {k}"
+            vector = f"<{self.lanes} x i64>" if node.op == "entry" else self.reals
+            yield f"{x} = extractelement {vector} {self._name(node.args[0])}, i32 {k}"
             if node.op == "piece":
                 n = last - first + 1
                 yield f"{me}.y{k} = call i64 @piece(ptr {me}.knots, i64 {n}, double {x})"
@@ -362,5 +362,5 @@ class Text:
                 yield f"{x}.b = extractelement {self.reals} {self._name(node.args[1])}, i32 {k}"
                 yield f"{me}.y{k} = call double @{node.op}(double {x}, double {x}.b)"
             after = me if k == self.lanes - 1 else f"{me}.{k}"
-            yield f"{after} = insertelement {kind} {before}, {one} {me}.y{k}, i32 {k}"
+            yield f"{after} = insertelement {kind} {before}, {scalar} {me}.y{k}, i32 {k}"
             before = after

@@ -26,11 +26,11 @@ class Binder:
     The package's own modules are bound once for each set of primitives.
     """
 
-    _kept: ClassVar[dict[int, tuple[Record, dict[str, Space]]]] = {}
+    _modules: ClassVar[dict[int, tuple[Record, dict[str, Space]]]] = {}
 
     def __init__(self, primitives: Record) -> None:
         self.primitives = primitives
-        _, self._own = self._kept.setdefault(id(primitives), (primitives, {}))
+        _, self._own = self._modules.setdefault(id(primitives), (primitives, {}))
         self._others: dict[str, Space] = {}
 
     def __call__(self, function: Any) -> Any:

@@ -84,8 +84,10 @@ def _read(path: Path, forbidden: int) -> bytes | None:
         stream = os.fdopen(os.open(path, os.O_RDONLY | NO_LINK), "rb")
         with stream:
             status = os.fstat(stream.fileno())
-            own = USER is None or (status.st_uid == USER() and not status.st_mode & forbidden)
-            if own and stat.S_ISREG(status.st_mode):
+            is_private = USER is None or (
+                status.st_uid == USER() and not status.st_mode & forbidden
+            )
+            if is_private and stat.S_ISREG(status.st_mode):
                 return stream.read(LARGEST)
     return None
 

@@ -46,7 +46,7 @@ KNOWN = 64  # states looked at last whose rows are kept
 class CompiledRhs:
     """A body of a program, as machine code for states and for steps.
 
-    Its inputs are the components of the state, the time, and ``more`` numbers that are given; its
+    Its inputs are the components of the state, the time, and more ``parameters``; its
     values their rates, and last what is ``watched``: two that may dip to zero, others, and one
     that need not be looked at.
     """
@@ -56,14 +56,14 @@ class CompiledRhs:
         program: Program,
         body: Body,
         dimension: int,
-        more: int,
+        parameters: int,
         watched: int,
         method: Method | None = None,
     ) -> None:
-        """Raises `Untraceable` for what is more than flat arithmetic, and
+        """Raises `Untraceable` for what is parameters than flat arithmetic, and
         `MissingEngineError` without llvmlite."""
         self.method = method or dop853()
-        self.dimension, self.inputs, self.watched = dimension, dimension + 1 + more, watched
+        self.dimension, self.inputs, self.watched = dimension, dimension + 1 + parameters, watched
         trace = Trace(program, body, self.inputs)
         if trace.asked:
             raise Untraceable(FOLLOWED)
@@ -80,9 +80,9 @@ class CompiledRhs:
     def _code(self, lanes: int, function: Callable[..., None]) -> Any:
         """The rows of so many states side by side as machine code, and a function that asks it."""
         fill: Any = "fill"  # by its name in the text
-        made = partial(function, of=self.sizes(lanes), fill=fill)
-        text = Text(lanes).fill(self.inputs, self.rows, loops={"over": made})
-        return machine_code(text, ("fill", FILL), ("over", loops.signature(made)))
+        loop = partial(function, of=self.sizes(lanes), fill=fill)
+        text = Text(lanes).fill(self.inputs, self.rows, loops={"over": loop})
+        return machine_code(text, ("fill", FILL), ("over", loops.signature(loop)))
 
     @cached_property
     def of_designs(self) -> Any:
@@ -92,40 +92,40 @@ class CompiledRhs:
     def fleet(
         self,
         slots: Floats,
-        given: Floats,
+        parameters: Floats,
         begin: tuple[Floats, Floats],
         control: Floats,
         tolerances: Floats,
-        most: int,
+        count: int,
         plan: Floats,
         planned: NDArray[np.int64],
     ) -> FleetSteps:
-        """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at most so many.
+        """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at count so many.
 
-        slots : (m, k) numbers of the program, given : (m, p) of the right-hand side
+        slots : (m, k) numbers of the program, parameters : (m, p) of the right-hand side
         control : (m, 6) of an `Integration`
         tolerances : (m, 2, n) relative and absolute ones
-        plan : (m, most + 2) [s] steps of a coarser run, planned : (m,) how many
+        plan : (m, count + 2) [s] steps of a coarser run, planned : (m,) how many
         """
         by, m, n, width = scheme(), len(slots), self.dimension, len(self.rows)
-        t, y = np.zeros((m, most + 1)), np.zeros((m, most + 1, n))
+        t, y = np.zeros((m, count + 1)), np.zeros((m, count + 1, n))
         t[:, 0], y[:, 0] = begin
-        K, series = np.empty((m, len(by.C), width)), np.empty((m, most, 8, n))
-        counts, turns = np.zeros(m, np.int64), np.zeros(most, np.int64)
+        K, series = np.empty((m, len(by.C), width)), np.empty((m, count, 8, n))
+        counts, turns = np.zeros(m, np.int64), np.zeros(count, np.int64)
         state = np.zeros(self.inputs)
-        slots, given, control, tolerances, plan = map(
-            np.ascontiguousarray, (slots, given, control, tolerances, plan)
+        slots, parameters, control, tolerances, plan = map(
+            np.ascontiguousarray, (slots, parameters, control, tolerances, plan)
         )
-        work = [np.zeros(shape, kind) for _, kind, shape in workspace(self.sizes(1), most)]
+        work = [np.zeros(shape, kind) for _, kind, shape in workspace(self.sizes(1), count)]
         x, (_, over) = addresses_of(state), self.of_designs
-        rhs = loops.places_of(Rhs(np.frombuffer(x), slots, K, state))
+        rhs = loops.addresses_of(Rhs(np.frombuffer(x), slots, K, state))
         planned = np.ascontiguousarray(planned)
         about = y, t, tolerances, control, series, turns, counts, plan, planned
-        run = loops.places_of(Integration(*about))
-        by_place = rhs, loops.places_of(by), run, loops.places_of(work), given.ctypes.data
-        over(slots.shape[1], given.shape[1], *by_place, most, self.watched, m)
-        made, h, tried = np.abs(counts), control[:, TRY], control[:, TRIED]
-        return FleetSteps(t, y, K, series, made, counts < 0, h, tried)
+        run = Integration(*about)
+        records = *map(loops.addresses_of, (by, run, work)), parameters.ctypes.data
+        over(slots.shape[1], parameters.shape[1], rhs, *records, count, self.watched, m)
+        number, h, tried = np.abs(counts), control[:, TRY], control[:, TRIED]
+        return FleetSteps(t, y, K, series, number, counts < 0, h, tried)
 
 
 class FleetSteps(NamedTuple):
@@ -135,7 +135,7 @@ class FleetSteps(NamedTuple):
     K : (m, stages, r) rows of the program at the stages of the last one, where something may
         happen in it; else the first is that of the end
     series : (m, s, 8, n) of each, see `blockmech.engines.dense`
-    made : (m,) how many steps, doubtful : (m,) whether something may happen in the last one
+    number : (m,) of steps, doubtful : (m,) whether something may happen in the last one
     h : (m,) [s] the step to try next, tried : (m,) how many were tried
     """
 
@@ -143,7 +143,7 @@ class FleetSteps(NamedTuple):
     y: Floats
     K: Floats
     series: Floats
-    made: NDArray[np.int64]
+    number: NDArray[np.int64]
     doubtful: NDArray[np.bool_]
     h: Floats
     tried: Floats
@@ -173,27 +173,27 @@ class Steps(NamedTuple):
 
 @cache
 def buffers(
-    workspace: Callable[[Sizes, int], Arrays], of: Sizes, inputs: int, most: int
+    workspace: Callable[[Sizes, int], Arrays], of: Sizes, inputs: int, count: int
 ) -> tuple[np.dtype[Any], tuple[int, ...]]:
     """Arrays of `Rhs`, `Integration` and workspace one behind the other; where each begins.
 
     But for the numbers of the program, which it has itself.
     """
-    n, lanes, real, count = of.state, of.lanes, np.float64, np.int64
+    n, lanes, real, integer = of.state, of.lanes, np.float64, np.int64
     arrays: Arrays = [
-        ("x", count, (inputs,)),
+        ("x", integer, (inputs,)),
         ("K", real, (of.stages, of.width, lanes)),
         ("state", real, (inputs, lanes)),
-        ("states", real, (lanes * (most + 1), n)),
-        ("times", real, (lanes * (most + 1),)),
+        ("states", real, (lanes * (count + 1), n)),
+        ("times", real, (lanes * (count + 1),)),
         ("tolerances", real, (2, n, lanes)),
         ("controls", real, (lanes, 6)),
-        ("series", real, (lanes * most, 8, n)),
-        ("turns", count, (lanes * most,)),
-        ("counts", count, (lanes,)),
-        ("plan", real, (most + 2,)),
-        ("planned", count, (1,)),
-        *workspace(of, most),
+        ("series", real, (lanes * count, 8, n)),
+        ("turns", integer, (lanes * count,)),
+        ("counts", integer, (lanes,)),
+        ("plan", real, (count + 2,)),
+        ("planned", integer, (1,)),
+        *workspace(of, count),
     ]
     sizes = (8 * math.prod(shape) for *_, shape in arrays)
     return np.dtype(arrays), tuple(accumulate(sizes, initial=0))[:-1]
@@ -205,30 +205,30 @@ class CompiledStepper:
     Of one run at a time.
     """
 
-    def __init__(self, rates: CompiledRhs, most: int) -> None:
+    def __init__(self, rates: CompiledRhs, limit: int) -> None:
         by = rates.method
-        kind, begins = buffers(by.workspace, rates.sizes(by.lanes), rates.inputs, most)
-        whole = np.empty((), kind)
-        parts = [whole[name] for name in kind.names or ()]
+        kind, begins = buffers(by.workspace, rates.sizes(by.lanes), rates.inputs, limit)
+        memory = np.empty((), kind)
+        parts = [memory[name] for name in kind.names or ()]
         inputs, self._rows, self._state, self._y, self._t, self._tolerances = parts[:6]
         self._control, self._series, self._turns, self._counts = parts[6:10]
         self._plan, self._planned, self._now = parts[10:13]
-        first, row = int(whole.ctypes.data), 8 * by.lanes
-        x, K, state, *more = (first + begin for begin in begins)
+        first, row = int(memory.ctypes.data), 8 * by.lanes
+        x, K, state, *rest = (first + begin for begin in begins)
         inputs[:] = range(state, state + row * rates.inputs, row)
-        records = x, rates.place, K, state, *more
-        self._kept = (ctypes.c_void_p * len(records))(*records), loops.places_of(by.scheme)
+        records = x, rates.place, K, state, *rest
+        self._kept = (ctypes.c_void_p * len(records))(*records), loops.addresses_of(by.scheme)
         rhs, scheme = map(ctypes.addressof, self._kept)
         run = rhs + 8 * len(Rhs._fields)
         self._rates, self._places = rates, (rhs, scheme, run, run + 8 * len(Integration._fields))
         self._end = by.ends - 1
         self._one = x, rates.place, K, by.lanes, by.lanes, 0, 1
-        self._known: dict[tuple[float, ...], list[float]] = {}
+        self._rows_of: dict[tuple[float, ...], list[float]] = {}
 
-    def given(self, numbers: Sequence[float]) -> CompiledStepper:
+    def with_numbers(self, numbers: Sequence[float]) -> CompiledStepper:
         """Itself, from now on with these numbers, and without what it knew."""
         self._state[-len(numbers) :].T[:], self._now[:] = numbers, math.nan
-        self._known.clear()
+        self._rows_of.clear()
         self._ahead: tuple[Any, Steps] | None = None
         return self
 
@@ -239,13 +239,13 @@ class CompiledStepper:
         bound: float,
         free_range: tuple[float, float],
         tolerances: Floats,
-        most: int,
+        limit: int,
         every: bool = True,
         finer: Floats | None = None,
         weight: float = THIRD,
         plan: Floats | tuple[()] = (),
     ) -> Steps:
-        """Steps from ``begin`` (t, y), so many at most.
+        """Steps from ``begin`` (t, y), so many at limit.
 
         h : [s] the first one to try, 0 for one that fits
         bound : [s] where they end
@@ -260,42 +260,42 @@ class CompiledStepper:
         """
         key = begin[0], begin[1].tobytes(), h, bound, free_range, every
         if self._ahead is not None and self._ahead[0] == (*key, tolerances.tobytes()):
-            (_, ahead), self._ahead = self._ahead, None
-            return ahead
-        self._t[: 2 + most : most + 1], self._y[: 2 + most : most + 1] = begin
+            (_, steps), self._ahead = self._ahead, None
+            return steps
+        self._t[: 2 + limit : limit + 1], self._y[: 2 + limit : limit + 1] = begin
         lanes = self._rates.method.lanes
         self._counts[:lanes] = BEGINS
         self._tolerances[:] = tolerances[..., None]
         self._control[:] = h, bound, 0.0, *free_range, weight
-        some = plan[: most + 2]
+        some = plan[: limit + 2]
         self._planned[0] = max(len(some) - 1, 0)
         self._plan[: len(some)] = some
         if finer is None:
             self._counts[1:lanes] = OVER
         else:
             self._tolerances[..., 1] = finer
-        self._rates.steps(*self._places, most, self._rates.watched - (not every))
+        self._rates.steps(*self._places, limit, self._rates.watched - (not every))
         if finer is not None:
-            self._ahead = (*key, finer.tobytes()), self._made(1, most)
-        return self._made(0, most)
+            self._ahead = (*key, finer.tobytes()), self._steps_of(1, limit)
+        return self._steps_of(0, limit)
 
-    def _made(self, lane: int, most: int) -> Steps:
-        """The steps of a lane, of so many at most."""
+    def _steps_of(self, lane: int, limit: int) -> Steps:
+        """The steps of a lane, of so many at limit."""
         count, (h, _, tried, *_) = int(self._counts[lane]), self._control[lane].tolist()
-        m, k, at = abs(count), lane * most, lane * (most + 1)
+        m, k, at = abs(count), lane * limit, lane * (limit + 1)
         states = self._t[at : at + m + 1], self._y[at : at + m + 1]
-        kept: Any = *states, self._series[k : k + m], self._turns[k : k + m]
+        arrays: Any = *states, self._series[k : k + m], self._turns[k : k + m]
         row: list[float] = self._rows[self._end if count < 0 else 0, :, lane].tolist()
-        return Steps._make([*(x.copy() for x in kept), h, int(tried), count < 0, row])
+        return Steps._make([*(x.copy() for x in arrays), h, int(tried), count < 0, row])
 
     def at(self, t: float, y: Any) -> list[float]:
         """What the program says of a state; many of an event ask for the same."""
         key = t, *y
-        if key not in self._known:
-            if len(self._known) == KNOWN:
-                self._known.clear()
+        if key not in self._rows_of:
+            if len(self._rows_of) == KNOWN:
+                self._rows_of.clear()
             n = self._rates.dimension
             self._state[:n].T[:], self._state[n] = y, t
             self._rates.fill(*self._one)
-            self._known[key] = self._rows[0, :, 0].tolist()
-        return self._known[key]
+            self._rows_of[key] = self._rows[0, :, 0].tolist()
+        return self._rows_of[key]

@@ -52,16 +52,16 @@ PANEL, STEP, IDLE = 20e-6, 0.3e-6, 4
 USUAL = 2_000  # states of a motion in time
 
 
-def loops_pay(saved: float, lines: int, is_kept: Callable[[], bool]) -> bool:
+def loops_pay(saved: float, lines: int, is_stored: Callable[[], bool]) -> bool:
     """Whether machine code of loops pays that would have saved so many seconds so far.
 
-    lines : of its text; is_kept : whether its code needs no compiling, which the compiler must say
+    lines : of its text; is_stored : whether its code needs no compiling, as the compiler says
     """
     loaded = "llvmlite.binding" in sys.modules
     budget = saved - (0.0 if loaded else COMPILER)
     if budget <= 0:
         return False
-    first, line = LOADING if is_kept() else COMPILING
+    first, line = LOADING if is_stored() else COMPILING
     return budget > first + line * lines
 
 
@@ -99,9 +99,9 @@ class Account:
         first, line = LOADING if self.kept else COMPILING
         return first + line * lines
 
-    def choice(self, program: Program, n: int, made: bool) -> str:
-        """The engine for n samples more; ``made`` where the program's machine code is there."""
-        if made:  # few samples of a short program would save a microsecond at most
+    def choice(self, program: Program, n: int, has_code: bool) -> str:
+        """The engine for n samples more; ``has_code`` where the program's machine code is there."""
+        if has_code:  # few samples of a short program would save a microsecond at most
             return "llvm"
         if n <= FEW and not self.samples:
             return "scalar"
@@ -180,9 +180,9 @@ def _length(code: CodeType, module: str) -> tuple[int, int]:
         waiting += [(part, module) for part in code.co_consts if isinstance(part, CodeType)]
         space = vars(sys.modules[module])
         for name in code.co_names:
-            other = space.get(name)
-            if isinstance(other, FunctionType) and other is not SCALAR_PRIMITIVES.get(name):
-                waiting.append((other.__code__, other.__module__))
+            callee = space.get(name)
+            if isinstance(callee, FunctionType) and callee is not SCALAR_PRIMITIVES.get(name):
+                waiting.append((callee.__code__, callee.__module__))
             systems += name in SYSTEMS
     return sum(reached.values()), systems
 
@@ -191,12 +191,12 @@ def _length(code: CodeType, module: str) -> tuple[int, int]:
 class Routes:
     """What a motion that is asked for again costs along its path by arrays, and in time.
 
-    along : [s] of the last time along the path; NaN before, and 0 of the first, which samples it
+    by_path : [s] of the last time along the path; NaN before, and 0 of the first, which samples it
     states : of the last time in time
     saved : [s] that those along the path would have taken less in time by machine code, so far
     """
 
-    along: float = math.nan
+    by_path: float = math.nan
     states: float = USUAL
     saved: float = 0.0
 
@@ -206,14 +206,14 @@ class Routes:
 
     def save_in_time(self, program: Program, compiled: bool) -> bool:
         """Whether it takes less in time by machine code that is there, or pays."""
-        saves = self.along > self.in_time(program)
+        saves = self.by_path > self.in_time(program)
         return saves and (compiled or account(program).pays(program, self.saved))
 
     def count_along(self, program: Program, cost: Cost) -> None:
         """Note one along the path; what machine code does, or is kept, has no samples."""
-        if math.isnan(self.along) or not cost.samples:
-            self.along = 0.0
+        if math.isnan(self.by_path) or not cost.samples:
+            self.by_path = 0.0
             return
         calls, samples = account(program).time(program, CALL), account(program).time(program, ARRAY)
-        self.along = cost.samples * (PANEL + samples) + cost.calls * calls
-        self.saved += max(self.along - self.in_time(program), 0.0)
+        self.by_path = cost.samples * (PANEL + samples) + cost.calls * calls
+        self.saved += max(self.by_path - self.in_time(program), 0.0)

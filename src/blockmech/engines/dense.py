@@ -64,25 +64,25 @@ def states(
 
 def crossings(
     series: Reals,
-    found: Reals,
+    shares: Reals,
     n: int,
     level: float,
     first: float,
     last: float,
-    way: int,
+    sense: int,
     parts: int,
 ) -> int:
     """How often a component passes a level in a step, and at which shares of it.
 
     It is looked at between equal parts, and known to be ``first`` and ``last`` above it at both
-    ends; ``way`` is the sign of the change that counts, 0 for both.
+    ends; ``sense`` is the sign of the change that counts, 0 for both.
     """
     count, before = 0, first
     for k in range(1, parts + 1):
         low, high = (k - 1.0) / parts, float(k) / parts
         now = last if k == parts else value(series, n, high) - level
-        rises = before < 0.0 and now >= 0.0 and way >= 0
-        if rises or (before > 0.0 and now <= 0.0 and way <= 0):
+        rises = before < 0.0 and now >= 0.0 and sense >= 0
+        if rises or (before > 0.0 and now <= 0.0 and sense <= 0):
             while now != 0.0:
                 middle = 0.5 * (low + high)
                 if middle <= low or middle >= high:
@@ -91,7 +91,7 @@ def crossings(
                     low = middle
                 else:
                     high = middle
-            found[count] = high
+            shares[count] = high
             count += 1
         before = now
     return count
@@ -107,8 +107,8 @@ def compiled() -> tuple[Any, Any]:
     """The same, for all mechanisms."""
     functions = {f.__name__: f for f in (states, crossings)}
     kinds = ((name, loops.signature(f)) for name, f in functions.items())
-    made: tuple[Any, Any] = machine_code(loops.text(**functions), *kinds)
-    return made
+    code_: tuple[Any, Any] = machine_code(loops.text(**functions), *kinds)
+    return code_
 
 
 @dataclass(frozen=True)
@@ -138,11 +138,11 @@ class Dense:
         """
         if len(pieces) == 1:
             return pieces[0]
-        kept = []
+        segments = []
         for piece, end in zip(pieces, times[1:], strict=True):
             m = max(int(piece.t.searchsorted(end)), 1)
-            kept.append((piece.t[:m], piece.h[:m], piece.series[:m]))
-        return cls(*map(np.concatenate, zip(*kept, strict=True)))
+            segments.append((piece.t[:m], piece.h[:m], piece.series[:m]))
+        return cls(*map(np.concatenate, zip(*segments, strict=True)))
 
     def part(self, first: int, end: int) -> Dense:
         """That of some steps."""
@@ -161,12 +161,12 @@ class Dense:
         return out
 
     def crossings(
-        self, i: int, level: float, ends: Sequence[float], way: int, parts: int
+        self, i: int, level: float, ends: Sequence[float], sense: int, parts: int
     ) -> list[float]:
         """Times [s] in the first step at which a component passes a level, see `crossings`."""
-        found, row = np.empty(parts), self.series[0].reshape(-1)[i:]
-        about = self.series.shape[2], level, *ends, way, parts
+        shares, row = np.empty(parts), self.series[0].reshape(-1)[i:]
+        about = self.series.shape[2], level, *ends, sense, parts
         by = code()
-        many = by[1](PLACE(row), PLACE(found), *about) if by else crossings(row, found, *about)
+        many = by[1](PLACE(row), PLACE(shares), *about) if by else crossings(row, shares, *about)
         begin, h = float(self.t[0]), float(self.h[0])
-        return [begin + x * h for x in found[:many].tolist()]
+        return [begin + x * h for x in shares[:many].tolist()]

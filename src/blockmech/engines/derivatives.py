@@ -102,14 +102,14 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
             total = total * s + row[k]
         return total
 
-    way = x - starts[k]
-    result = where(inside, piece(k, way), np.nan)
+    offset = x - starts[k]
+    result = where(inside, piece(k, offset), np.nan)
     corner = inside & np.equal(value(x), at[k])
-    if not (isinstance(way, Dual) and np.any(corner)):
+    if not (isinstance(offset, Dual) and np.any(corner)):
         return result
     before = np.where(k > 0, k - 1, last)  # of a table that repeats, the last piece
-    other = piece(before, Dual(at[before + 1] - at[before], way.d))
-    return Dual(result.x, np.where(corner & (way.d < 0.0), slope(other), result.d))
+    previous = piece(before, Dual(at[before + 1] - at[before], offset.d))
+    return Dual(result.x, np.where(corner & (offset.d < 0.0), slope(previous), result.d))
 
 
 def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
@@ -130,27 +130,27 @@ def each(function: Any, *x: Any) -> Any:
 
 
 def underivable(function: Any) -> RequestError:
-    """The error of a derivative by what a user's function is a function of."""
+    """The error of a derivative by message a user's function is a function of."""
     law = getattr(function, "__self__", function)
     name = getattr(getattr(law, "call", law), "__name__", "function")
-    what = "a load's function of Python has no known derivative"
-    return _no_derivative(name, what, "give the law as data: polynomial, table, fourier or dc")
+    message = "a load's function of Python has no known derivative"
+    return _no_derivative(name, message, "give the law as data: polynomial, table, fourier or dc")
 
 
 def each_by_difference(function: Any, *x: Any) -> Any:
     """A user's function with its tangents by fourth-order differences, good to some 1e-12."""
-    given = [np.asarray(value(v), float) for v in x]
-    y = plain.each(function, *given)
+    numbers = [np.asarray(value(v), float) for v in x]
+    y = plain.each(function, *numbers)
     if not any(isinstance(v, Dual) for v in x):
         return y
     total: Any = 0.0
     for i, v in enumerate(x):
         if not np.any(slope(v)):
             continue
-        step = EPS ** (1 / 5) * np.maximum(1.0, np.abs(given[i]))
+        step = EPS ** (1 / 5) * np.maximum(1.0, np.abs(numbers[i]))
 
         def moved(k: float, i: int = i, step: Any = step) -> Any:
-            return plain.each(function, *given[:i], given[i] + k * step, *given[i + 1 :])
+            return plain.each(function, *numbers[:i], numbers[i] + k * step, *numbers[i + 1 :])
 
         rise = moved(-2.0) - moved(2.0) + 8.0 * (moved(1.0) - moved(-1.0))
         total = total + rise / (12.0 * step) * slope(v)
@@ -184,7 +184,7 @@ def solve(a: Any, right: Any) -> tuple[Any, ...]:
     moved = (
         np.moveaxis((slope(a) @ change)[..., 0], -1, 0) if isinstance(a, Dual) else [0.0] * len(x)
     )
-    rest = [slope(v) - own for v, own in zip(right, moved, strict=True)]
+    rest = [slope(v) - x for v, x in zip(right, moved, strict=True)]
     return tuple(map(Dual, x, linear.solve(value(a), rest)))
 
 
@@ -230,31 +230,33 @@ def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
     return tuple(map(Dual, y, np.array(tangents).T[..., None]))
 
 
-def _linear(function: Any, at: Array, y: Array, way: Array) -> Array:
-    """Change of a function y along a straight way, if it is the same ahead and behind."""
-    if not way.any():
+def _linear(function: Any, at: Array, y: Array, direction: Array) -> Array:
+    """Change of a function y along a straight direction, if it is the same ahead and behind."""
+    if not direction.any():
         return np.zeros_like(y)
-    size = np.abs(at).max() / np.abs(way).max()
+    size = np.abs(at).max() / np.abs(direction).max()
     try:
-        ahead, behind = (np.array(function(*(at + side * size * way))) for side in (1.0, -1.0))
+        forward, backward = (
+            np.array(function(*(at + side * size * direction))) for side in (1.0, -1.0)
+        )
     except ValueError:  # no knots in order
-        ahead = behind = np.full_like(y, np.nan)
-    bend = np.abs(ahead + behind - 2.0 * y).max()
-    rounding = 1e3 * EPS * np.abs([ahead, behind]).max()  # of a spline's system, condition < 10
+        forward = backward = np.full_like(y, np.nan)
+    bend = np.abs(forward + backward - 2.0 * y).max()
+    rounding = 1e3 * EPS * np.abs([forward, backward]).max()  # of a spline's system, condition < 10
     if not bend <= rounding:
         raise underivable_table()
-    change: Array = (ahead - behind) / (2.0 * size)
+    change: Array = (forward - backward) / (2.0 * size)
     return change
 
 
 def underivable_table() -> RequestError:
-    """The error of a derivative by what a cubic table is a function of."""
-    what = "the arguments of a cubic table have no known derivative"
-    return _no_derivative("table", what, "name its values")
+    """The error of a derivative by message a cubic table is a function of."""
+    message = "the arguments of a cubic table have no known derivative"
+    return _no_derivative("table", message, "name its values")
 
 
-def _no_derivative(where: str, found: str, remedy: str) -> RequestError:
-    return refused(where, found, remedy, code="no-derivative")
+def _no_derivative(where: str, message: str, remedy: str) -> RequestError:
+    return refused(where, message, remedy, code="no-derivative")
 
 
 @primitives_of.register(Dual)
@@ -281,25 +283,25 @@ class DualEngine:
         (m, 1), in the order of the program's.
         """
         chunk = max(CHUNK // (m + 1), 1)
-        given = each_part(_double, tuple(parameters))
-        whole = [
+        numbers = each_part(_double, tuple(parameters))
+        arrays = [
             x if isinstance(x, Dual) else np.asarray(x)
             for x in map(inputs.get, self.program.inputs)
         ]
-        done = []
+        chunks = []
         with np.errstate(all="ignore"):
             for k in range(0, max(n, 1), chunk):
                 part = slice(k, min(k + chunk, n))
-                columns = (column[part] for column in whole)
-                values = self._program(*columns, given)
+                columns = (column[part] for column in arrays)
+                values = self._program(*columns, numbers)
                 size = part.stop - part.start
-                done.append(each_part(lambda x, size=size: _whole(x, m, size), values))
-        return tuple(each_part(_joined, *columns) for columns in zip(*done, strict=True))
+                chunks.append(each_part(lambda x, size=size: _of_samples(x, m, size), values))
+        return tuple(each_part(_joined, *columns) for columns in zip(*chunks, strict=True))
 
 
 def _by_value(function: Any) -> Any:
     """A function that is no kernel, such as a general group's path from home, asked by value."""
-    return lambda *given: function(*values(given))
+    return lambda *arguments: function(*values(arguments))
 
 
 def _double(x: Any) -> Any:
@@ -308,7 +310,7 @@ def _double(x: Any) -> Any:
     return x if isinstance(x, Dual) else np.float64(x)
 
 
-def _whole(x: Any, m: int, n: int) -> Dual:
+def _of_samples(x: Any, m: int, n: int) -> Dual:
     """A value as a dual number of n samples."""
     return Dual(np.broadcast_to(value(x), (n,)), np.broadcast_to(slope(x), (m, n)))
 

@@ -70,25 +70,25 @@ def implicit(step: Any, state: Any, *data: Any) -> Any:
     of_state = [i for i in numbers if i < len(jax.tree.leaves(state))]
     k, shape = len(of_state), shape_of(parts)
 
-    def whole(x: Any) -> Any:
+    def unflattened(x: Any) -> Any:
         filled_ = dict(enumerate(parts)) | dict(zip(numbers, x, strict=True))
         return jax.tree.unflatten(form, filled_.values())
 
     def rule(x: Any, changes: Any) -> Any:
-        here = solved(*x)
+        solution = solved(*x)
 
-        def ahead(*given: Any) -> Any:
-            state, data = whole((*here, *given))
+        def stepped(*parameters: Any) -> Any:
+            state, data = unflattened((*solution, *parameters))
             new = jax.tree.leaves(step(state, *data))
             return tuple(jnp.broadcast_to(new[i], shape) for i in of_state)
 
-        return here, jax.jvp(ahead, x[k:], changes[k:])[1]
+        return solution, jax.jvp(stepped, x[k:], changes[k:])[1]
 
     solved = jax.custom_jvp(lambda *x: x[:k])
     solved.defjvp(rule)
     wide = (jnp.broadcast_to(parts[i], shape) if i in of_state else parts[i] for i in numbers)
-    given = tuple(wide)
-    return whole((*solved(*given), *given[k:]))[0]
+    inputs = tuple(wide)
+    return unflattened((*solved(*inputs), *inputs[k:]))[0]
 
 
 def uniform(step: Any, state: Any, data: Any, dtype: Any) -> tuple[list[Any], Any, Any]:
@@ -102,10 +102,10 @@ def uniform(step: Any, state: Any, data: Any, dtype: Any) -> tuple[list[Any], An
     first = jax.tree.leaves(state)
     types = [bool if jnp.isdtype(jnp.result_type(x), "bool") else dtype for x in first]
 
-    def ahead(parts: Any) -> list[Any]:
+    def following(parts: Any) -> list[Any]:
         return same(jax.tree.leaves(step(jax.tree.unflatten(form, parts), *data)))
 
-    return same(first), ahead, form
+    return same(first), following, form
 
 
 def called(function: Any, x: Any, like: Any, dtype: Any) -> Any:
@@ -142,8 +142,8 @@ def primitives(dtype: Any) -> Record:
 
     def power(x: Any, y: Any) -> Any:
         good = x > 0.0
-        other = jnp.power(where(x == 0.0, 0.0, math.nan), lax.stop_gradient(y))
-        return where(good, jnp.power(where(good, x, 1.0), y), other)
+        at_zero = jnp.power(where(x == 0.0, 0.0, math.nan), lax.stop_gradient(y))
+        return where(good, jnp.power(where(good, x, 1.0), y), at_zero)
 
     def angle(a: Planar, b: Planar) -> Any:
         y, x = cross(a, b) + 0.0, dot(a, b)
@@ -155,10 +155,10 @@ def primitives(dtype: Any) -> Record:
 
     def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
         state, data = by_value((state, data))
-        first, ahead, form = uniform(step, state, data, dtype)
+        first, following, form = uniform(step, state, data, dtype)
 
         def stepped(at: Any) -> Any:
-            new = ahead(at[1])
+            new = following(at[1])
             return at[0] + 1, [jnp.where(at[1][-1], *x) for x in zip(new, at[1], strict=True)]
 
         def going(at: Any) -> Any:
@@ -169,8 +169,8 @@ def primitives(dtype: Any) -> Record:
         return jax.tree.unflatten(form, last)
 
     def times(step: Any, state: Any, count: int, *data: Any) -> Any:
-        first, ahead, form = uniform(step, state, data, dtype)
-        return jax.tree.unflatten(form, lax.fori_loop(0, count, lambda _, s: ahead(s), first))
+        first, following, form = uniform(step, state, data, dtype)
+        return jax.tree.unflatten(form, lax.fori_loop(0, count, lambda _, s: following(s), first))
 
     def each(function: Any, *x: Any) -> Any:
         def refuse(x: Any, changes: Any) -> Any:

@@ -52,7 +52,7 @@ class Traced(NamedTuple):
 
     inputs : of the program, and answers behind them
     rows : numbers that are worked out, shared : sines and cosines of inputs alone
-    asked : names of functions that answer, each with places of its arguments among the inputs
+    questions : names of functions that answer, each with places of its arguments among the inputs
     constants : numbers of the text among the values
     values : an expression for the values, by inputs ``x`` and the ``row`` of numbers and constants
     """
@@ -60,7 +60,7 @@ class Traced(NamedTuple):
     inputs: int
     rows: int
     shared: int
-    asked: tuple[tuple[Any, Any], ...]
+    questions: tuple[tuple[Any, Any], ...]
     constants: tuple[str, ...]
     values: str
 
@@ -128,12 +128,12 @@ def _traced(program: Program) -> tuple[Traced, str]:
     shared = of_inputs(needed([*rows, *summed]))
     inputs = len(program.inputs) + trace.answers
     names = {id(f): name for name, f in program.functions.items()}
-    asked = tuple((names.get(id(f), f), indices) for f, indices in trace.asked)
+    questions = tuple((names.get(id(f), f), indices) for f, indices in trace.asked)
     constants = dict.fromkeys(str(float(x)) for x in parts if not isinstance(x, Node))
     numbers: list[Node | str] = [*rows, *constants]
     row = {x: k for k, x in enumerate(numbers)}
     values = _expression(trace.values, row)
-    traced = Traced(inputs, len(rows), len(shared), asked, tuple(constants), values)
+    traced = Traced(inputs, len(rows), len(shared), questions, tuple(constants), values)
     return traced, assembly.Text().fill(inputs, rows, summed, shared)
 
 
@@ -165,7 +165,7 @@ class LlvmEngine:
         self.program = program
         self.code = code_of(program)
         traced = self.code.traced
-        self._asked = [(program.functions.get(f, f), indices) for f, indices in traced.asked]
+        self._asked = [(program.functions.get(f, f), indices) for f, indices in traced.questions]
         self._constants: list[float] = self.code.constants.tolist()
         self._numbers = row_of(program)
         self._parameters = self._numbers.ctypes.data

@@ -8,7 +8,7 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
                  a tuple ``of`` of them with names), the name of a function in the text. They
                  may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``, or
                  that it is one row: ``h: Annotated[Reals, ROW, "of.lanes"]``.
-                 A NamedTuple of arrays is a record, called with `places_of` it; made of arrays
+                 A NamedTuple of arrays is a record, called with `addresses_of` it; made of arrays
                  in a call, ``f(Table(rows, by))``
     statements   assignments (also of tuples, and ``+=``), ``if``, ``while``, ``for`` over a range,
                  ``break``, ``continue``, ``return``, calls
@@ -90,17 +90,17 @@ def text(**functions: Callable[..., Any]) -> str:
 
 def signature(function: Callable[..., Any]) -> Any:
     """How ctypes calls a function, or a partial of one: arrays by their places."""
-    whole, given = parts_of(function)
-    hints = get_type_hints(whole, include_extras=True)
+    target, bound = parts_of(function)
+    hints = get_type_hints(target, include_extras=True)
     answer = IN_C[meaning_of(hints.pop("return")).kind]
-    kinds = (IN_C[meaning_of(hint).kind] for name, hint in hints.items() if name not in given)
+    kinds = (IN_C[meaning_of(hint).kind] for name, hint in hints.items() if name not in bound)
     return ctypes.CFUNCTYPE(answer, *kinds)
 
 
-def places_of(record: Iterable[Reals | Counts]) -> Any:
+def addresses_of(record: Iterable[Reals | Counts]) -> Any:
     """Where each array of a record stands: what machine code takes for the record."""
-    places = [array.ctypes.data for array in record]
-    return (ctypes.c_void_p * len(places))(*places)
+    addresses = [array.ctypes.data for array in record]
+    return (ctypes.c_void_p * len(addresses))(*addresses)
 
 
 def larger(a: float, b: float) -> float:
@@ -125,11 +125,11 @@ class _Module:
 
     def add(self, function: Any, name: str = "") -> Value:
         """A function, and those that it calls; how it is called."""
-        whole, given = parts_of(function)
-        key = name, whole, *given.items()
+        target, bound = parts_of(function)
+        key = name, target, *bound.items()
         if key not in self.known:
-            name = name or f"{whole.__name__}.{len(self.known)}"
-            self.known[key], part = _Translation(self, whole, given, name).whole()
+            name = name or f"{target.__name__}.{len(self.known)}"
+            self.known[key], part = _Translation(self, target, bound, name).translate()
             self.parts.append(part)
         return self.known[key]
 
@@ -144,7 +144,7 @@ def _functions(file: str) -> dict[int, ast.FunctionDef]:
 class _Translation:
     """One function under way."""
 
-    def __init__(self, module: _Module, function: Any, given: Arguments, name: str) -> None:
+    def __init__(self, module: _Module, function: Any, bound: Arguments, name: str) -> None:
         code, self.module = function.__code__, module
         self.file, self.line = code.co_filename, code.co_firstlineno
         if self.line not in _functions(self.file):
@@ -154,27 +154,27 @@ class _Translation:
         self.loops = list[tuple[str, str]]()  # labels behind them, and of what is next
         hints = get_type_hints(function, include_extras=True)
         self.gives = meaning_of(hints.pop("return")).kind
-        self.given = {k: x for k, x in given.items() if not isinstance(x, str)}
+        self.given = {k: x for k, x in bound.items() if not isinstance(x, str)}
         self.meanings = function.__globals__ | self.given
         self.known, takes = dict[str, Value](), list[Value]()
         for k, hint in hints.items():
             if k in self.given:
                 continue
             value = meaning_of(hint, self.given)._replace(
-                text=f"@{given[k]}" if k in given else f"%{k}"
+                text=f"@{bound[k]}" if k in bound else f"%{k}"
             )
             for i, (part, array) in enumerate(value.parts):
-                place = self._new(f"getelementptr ptr, ptr {value.text}, i64 {i}", PLACE)
-                self.known[f"{k}.{part}"] = self._loaded(array._replace(text=place.text))
+                address = self._new(f"getelementptr ptr, ptr {value.text}, i64 {i}", PLACE)
+                self.known[f"{k}.{part}"] = self._loaded(array._replace(text=address.text))
             self.known[k] = value if value.gives or value.parts else self._slot(k, value)
-            takes += [] if k in given else [value]
+            takes += [] if k in bound else [value]
         kinds = tuple(x.kind for x in takes)
         self.value = Value(f"@{name}", PLACE, takes=kinds, gives=self.gives)
         arguments = ", ".join(f"{x.kind} {x.text}" for x in takes)
         scope = "internal " if "." in name else ""
         self.head = f"define {scope}{self.gives} @{name}({arguments}) {{"
 
-    def whole(self) -> tuple[Value, str]:
+    def translate(self) -> tuple[Value, str]:
         """How the function is called, and its text."""
         self._block(self.body)
         if self.gives != NOTHING and not isinstance(self.body[-1], ast.Return):
@@ -182,8 +182,8 @@ class _Translation:
         end = "ret void" if self.gives == NOTHING else "unreachable"
         return self.value, "\n".join([self.head, *self.slots, *self.lines, end, "}"])
 
-    def _refuse(self, what: str) -> NoReturn:
-        raise TypeError(f"{self.file}, line {self.line}: {what}")
+    def _refuse(self, reason: str) -> NoReturn:
+        raise TypeError(f"{self.file}, line {self.line}: {reason}")
 
     # -- the text ----------------------------------------------------------------------
 
@@ -253,7 +253,9 @@ class _Translation:
             case _:
                 self._refuse(f"no statement of this language: {ast.unparse(node)}")
 
-    def _while(self, test: ast.expr, body: list[ast.stmt], ahead: Iterable[ast.stmt] = ()) -> None:
+    def _while(
+        self, test: ast.expr, body: list[ast.stmt], increment: Iterable[ast.stmt] = ()
+    ) -> None:
         again, inside, following, after = self._labels(4)
         self.lines += [f"br label %{again}", f"{again}:"]
         truth = self._as(self._value(test), TRUTH).text
@@ -262,7 +264,7 @@ class _Translation:
         self._block(body)
         self.loops.pop()
         self.lines += [f"br label %{following}", f"{following}:"]
-        self._block(ahead)
+        self._block(increment)
         self.lines += [f"br label %{again}", f"{after}:"]
 
     def _for(self, name: str, ends: list[ast.expr], body: list[ast.stmt]) -> None:
@@ -277,8 +279,8 @@ class _Translation:
         for target, value in ((at, first), (last, end)):
             self._store(target, self._as(self._value(value), COUNT))
         test = ast.Compare(at, [ast.Lt() if below else ast.Gt()], [last])
-        own = ast.Assign([ast.Name(name)], at)
-        self._while(test, [own, *body], [ast.AugAssign(at, ast.Add(), step)])
+        start = ast.Assign([ast.Name(name)], at)
+        self._while(test, [start, *body], [ast.AugAssign(at, ast.Add(), step)])
 
     def _store(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):
@@ -329,8 +331,8 @@ class _Translation:
             case ast.Constant(value=bool() | int() | float() as x):
                 return number(x)
             case ast.Name(id=name) if name in self.known:
-                known = self.known[name]
-                return known if known.gives or known.parts else self._loaded(known)
+                slot = self.known[name]
+                return slot if slot.gives or slot.parts else self._loaded(slot)
             case ast.Attribute(value=ast.Name(id=name), attr=part) if name in self.known:
                 if f"{name}.{part}" not in self.known:
                     self._refuse(f"{name} has no {part}")
@@ -343,11 +345,9 @@ class _Translation:
                     self._refuse(f"{ast.unparse(node)} is no number")
                 return number(meaning)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                one = self._row(self._value(operand))
-                text = (
-                    f"fneg {one.type} {one.text}" if one.kind == REAL else f"sub i64 0, {one.text}"
-                )
-                return self._new(text, one.kind, lanes=one.lanes)
+                row = self._row(self._value(operand))
+                negation = f"fneg {row.type}" if row.kind == REAL else "sub i64 0,"
+                return self._new(f"{negation} {row.text}", row.kind, lanes=row.lanes)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return self._new(f"xor i1 {self._as(self._value(operand), TRUTH).text}, 1", TRUTH)
             case ast.BinOp(left=left, op=ast.MatMult(), right=right):
@@ -397,26 +397,26 @@ class _Translation:
         while first < columns:
             lanes = min(1 << (columns - first).bit_length() - 1, TOGETHER)
             total, M = (ast.Name(f"{name}.{next(self.count)}") for name in "sM")
-            some, there = (
+            block, target = (
                 self._new(f"getelementptr double, ptr {x.text}, i64 {first}", PLACE)
                 for x in (matrix, out)
             )
-            self.known[M.id] = self._slot(M.id, matrix._replace(text=some.text, row=lanes))
+            self.known[M.id] = self._slot(M.id, matrix._replace(text=block.text, row=lanes))
             self._store(total, self._as(number(0.0), REAL, lanes))
             term = ast.BinOp(ast.Subscript(x, j), ast.Mult(), ast.Subscript(M, j))
             self._for(j.id, [ast.Constant(row.row)], [ast.AugAssign(total, ast.Add(), term)])
             value = self._value(total)
-            self.lines.append(f"store {value.type} {value.text}, ptr {there.text}, align 8")
+            self.lines.append(f"store {value.type} {value.text}, ptr {target.text}, align 8")
             first += lanes
         return self._loaded(out)
 
     def _chosen(self, node: ast.BoolOp | ast.IfExp) -> Value:
-        """One of two values, of which the other is not worked out."""
-        one = ast.Name(f"chosen.{next(self.count)}")
+        """One of two values, of which the other is not computed."""
+        choice = ast.Name(f"chosen.{next(self.count)}")
 
         def put(x: ast.expr, kind: str = "") -> None:
             value = self._value(x)
-            self._store(one, self._as(value, kind) if kind else value)
+            self._store(choice, self._as(value, kind) if kind else value)
 
         if isinstance(node, ast.IfExp):
             test = self._as(self._value(node.test), TRUTH)
@@ -425,8 +425,8 @@ class _Translation:
             put(node.values[0], TRUTH)
             for x in node.values[1:]:
                 both = (lambda x=x: put(x, TRUTH)), (lambda: None)
-                self._if(self._value(one), *both[:: 1 if isinstance(node.op, ast.And) else -1])
-        return self._value(one)
+                self._if(self._value(choice), *both[:: 1 if isinstance(node.op, ast.And) else -1])
+        return self._value(choice)
 
     def _at(self, node: ast.Subscript) -> Value:
         """The place of a number of an array, or the array from there on."""
@@ -441,52 +441,52 @@ class _Translation:
                 self._refuse("a slice is array[first:]")
             case _:
                 indices = index.elts if isinstance(index, ast.Tuple) else [index]
-        left = len(array.shape) + 1 - len(indices)
-        if not array.of or left < 0:
+        rank = len(array.shape) + 1 - len(indices)
+        if not array.of or rank < 0:
             self._refuse(f"{len(indices)} indices of {ast.unparse(node.value)}")
         counts, at = [self._as(self._value(x), COUNT) for x in indices], number(0)
         for k, size in enumerate((0, *array.shape)):
             at = self._new(f"mul i64 {at.text}, {size}", COUNT)
             if k < len(counts):
                 at = self._new(f"add i64 {at.text}, {counts[k].text}", COUNT)
-        place = self._new(f"getelementptr {array.of}, ptr {array.text}, i64 {at.text}", PLACE)
-        if not left and not rest:
-            return place._replace(kind=array.of)
+        address = self._new(f"getelementptr {array.of}, ptr {array.text}, i64 {at.text}", PLACE)
+        if not rank and not rest:
+            return address._replace(kind=array.of)
         shape = array.shape if rest else array.shape[len(indices) :]
         row = (array.row or array.shape[-1]) if array.shape and not shape else 0
-        return place._replace(of=array.of, shape=shape, row=row)
+        return address._replace(of=array.of, shape=shape, row=row)
 
     def _called(self, node: ast.expr, arguments: list[ast.expr]) -> Value:
-        known = self.known.get(node.id) if isinstance(node, ast.Name) else None
-        function: Any = None if known else self._meaning(node)
+        callee = self.known.get(node.id) if isinstance(node, ast.Name) else None
+        function: Any = None if callee else self._meaning(node)
         if function is float and len(arguments) == 1:
             return self._as(self._value(arguments[0]), REAL)
         if function in LANEWISE:
             return self._lanewise(function, [self._row(self._value(x)) for x in arguments])
-        if known is None:
+        if callee is None:
             function = OWN.get(function, function)
             if hasattr(function, "_fields"):
                 return self._record(function, [self._value(x) for x in arguments])
             if not isinstance(function, FunctionType):
                 self._refuse(f"no function of this language: {ast.unparse(node)}")
             names = inspect.signature(function).parameters
-            given = {
+            bound = {
                 k: self.given[x.id]
                 for k, x in zip(names, arguments, strict=False)
                 if isinstance(x, ast.Name) and x.id in self.given
             }
-            known = self.module.add(partial(function, **given))
-            arguments = [x for k, x in zip(names, arguments, strict=False) if k not in given]
-        if len(arguments) != len(known.takes):
-            self._refuse(f"{ast.unparse(node)} takes {len(known.takes)} arguments")
+            callee = self.module.add(partial(function, **bound))
+            arguments = [x for k, x in zip(names, arguments, strict=False) if k not in bound]
+        if len(arguments) != len(callee.takes):
+            self._refuse(f"{ast.unparse(node)} takes {len(callee.takes)} arguments")
         values = [self._value(x) for x in arguments]
-        pairs = zip(values, known.takes, strict=True)
-        call = f"call {known.gives} {known.text}("
+        pairs = zip(values, callee.takes, strict=True)
+        call = f"call {callee.gives} {callee.text}("
         call += ", ".join(f"{kind} {self._as(x, kind).text}" for x, kind in pairs) + ")"
-        if known.gives == NOTHING:
+        if callee.gives == NOTHING:
             self.lines.append(call)
             return Value("", NOTHING)
-        return self._new(call, known.gives)
+        return self._new(call, callee.gives)
 
     def _record(self, kind: Any, arrays: list[Value]) -> Value:
         """A record on the stack."""
@@ -495,8 +495,8 @@ class _Translation:
         if [x.of for x in arrays] != [x.of for _, x in record.parts]:
             self._refuse(f"{kind.__name__} is made of its arrays")
         for i, array in enumerate(arrays):
-            place = self._new(f"getelementptr ptr, ptr {record.text}, i64 {i}", PLACE)
-            self.lines.append(f"store ptr {array.text}, ptr {place.text}, align 8")
+            address = self._new(f"getelementptr ptr, ptr {record.text}, i64 {i}", PLACE)
+            self.lines.append(f"store ptr {array.text}, ptr {address.text}, align 8")
         return record
 
     def _lanewise(self, function: Any, values: list[Value]) -> Value:
@@ -505,8 +505,8 @@ class _Translation:
         reduces = LANEWISE[function].startswith("vector.reduce")
         if function is np.where:
             test, a, b = (
-                self._as(x, wanted, lanes)
-                for x, wanted in zip(values, (TRUTH, REAL, REAL), strict=True)
+                self._as(x, part, lanes)
+                for x, part in zip(values, (TRUTH, REAL, REAL), strict=True)
             )
             text = f"select {test.type} {test.text}, {a.type} {a.text}, {b.type} {b.text}"
             return self._new(text, REAL, lanes=lanes)

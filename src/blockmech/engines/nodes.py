@@ -59,7 +59,7 @@ class Node:
     def __bool__(self) -> NoReturn:
         raise Untraceable("it branches on a number of the sample")
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *args: Any, **how: Any) -> Any:
+    def __array_ufunc__(self, ufunc: Any, method: str, *args: Any, **options: Any) -> Any:
         return self.trace.ufunc(ufunc.__name__, *args)
 
     __add__, __radd__ = _both("+")
@@ -91,28 +91,28 @@ class Loop:
         self.scope = SAMPLE + len(trace.loops)
         self.cap, self.first = cap, first
         self.state = [Node(trace, "state", (self, i), self.scope) for i in range(len(first))]
-        self.ahead: list[Any] = []
+        self.following: list[Any] = []
 
 
 def of_inputs(nodes: Iterable[Node]) -> list[Node]:
     """Sines and cosines of inputs alone, of nodes in their order: the same for all designs."""
     alone = set[Node]()
     for node in nodes:
-        given = node.op == "input" or (node.scope == SAMPLE and node.op in ELEMENTARY)
-        if given and all(x in alone for x in node.args if isinstance(x, Node)):
+        elementary = node.op == "input" or (node.scope == SAMPLE and node.op in ELEMENTARY)
+        if elementary and all(x in alone for x in node.args if isinstance(x, Node)):
             alone.add(node)
     return [node for node in nodes if node in alone and node.op in ("sin", "cos")]
 
 
-def needed(wanted: Iterable[Any]) -> list[Node]:
+def needed(results: Iterable[Any]) -> list[Node]:
     """The nodes that some nodes are made of, in order."""
-    waiting, reached = [x for x in wanted if isinstance(x, Node)], set[Node]()
+    waiting, reached = [x for x in results if isinstance(x, Node)], set[Node]()
     while waiting:
         node = waiting.pop()
         if node in reached:
             continue
         reached.add(node)
-        waiting += _made_of(node, loops=True)
+        waiting += _operands(node, loops=True)
     return sorted(reached, key=lambda n: n.number)
 
 
@@ -124,16 +124,16 @@ def by_depth(nodes: Iterable[Node]) -> list[Node]:
     """
     depth = dict[Node, int]()
     for node in nodes:
-        before = _made_of(node, loops=node.op == "after")
+        before = _operands(node, loops=node.op == "after")
         depth[node] = 1 + max((depth[x] for x in before), default=0)
     return sorted(depth, key=lambda node: (depth[node], node.number))
 
 
-def _made_of(node: Node, loops: bool) -> list[Node]:
+def _operands(node: Node, loops: bool) -> list[Node]:
     """The nodes that one is made of; of a state in a loop also what it is after a step."""
     if node.op in ("after", "state"):
         loop = node.args[0]
-        more = [*loop.first, *(loop.ahead if loops else ())]
+        operands = [*loop.first, *(loop.following if loops else ())]
     else:
-        more = list(node.args)
-    return [x for x in more if isinstance(x, Node)]
+        operands = list(node.args)
+    return [x for x in operands if isinstance(x, Node)]

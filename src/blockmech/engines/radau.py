@@ -80,7 +80,7 @@ class Workspace(NamedTuple):
     y : state where it begins, Z : (3, n) see above, off : (3 n,) what is left of the equations
     scale : (n,) tolerances, sizes : usual sizes of the components
     error : (n,) of the step, estimate : what Z says of it
-    J : (n, n) slopes of the rates, whole, real : the systems of the iteration and of the error
+    J : (n, n) slopes of the rates, system, real : matrices of the iteration and of the error
     pivots, exchanged : of both; past : (3, n) of the cubic of the last step
     """
 
@@ -101,19 +101,19 @@ class Workspace(NamedTuple):
     error: Reals
     sizes: Reals
     J: Vectors
-    whole: Reals
+    system: Reals
     real: Reals
     past: Vectors
     pivots: Counts
     exchanged: Counts
 
 
-def workspace(of: Sizes, most: int) -> Arrays:
+def workspace(of: Sizes, count: int) -> Arrays:
     """Arrays of a `Workspace`."""
     n = of.state
-    one, threes, square = (n,), (3, n), (n, n)
-    states = (n, 1), threes, (3 * n,), one, one, one, one, square, (9 * n * n,), (n * n,), threes
-    shapes = *[(1,)] * 9, *states, (3 * n,), one
+    row, threes, square = (n,), (3, n), (n, n)
+    states = (n, 1), threes, (3 * n,), row, row, row, row, square, (9 * n * n,), (n * n,), threes
+    shapes = *[(1,)] * 9, *states, (3 * n,), row
     kinds = *[np.float64] * 20, np.int64, np.int64
     return [*zip(Workspace._fields, kinds, shapes, strict=True)]
 
@@ -171,14 +171,16 @@ def factored(of: Sizes, by: Scheme, work: Workspace) -> None:
     n, h = of.state, work.h[0]
     for i in range(n):
         for j in range(n):
-            one, slope = 1.0 if i == j else 0.0, work.J[i, j]
-            work.real[i * n + j] = REAL / h * one - slope
+            identity, slope = 1.0 if i == j else 0.0, work.J[i, j]
+            work.real[i * n + j] = REAL / h * identity - slope
             for r in range(3):
                 for s in range(3):
-                    own = slope if r == s else 0.0
-                    work.whole[(r * n + i) * 3 * n + s * n + j] = by.back[r, s] / h * one - own
+                    local = slope if r == s else 0.0
+                    work.system[(r * n + i) * 3 * n + s * n + j] = (
+                        by.back[r, s] / h * identity - local
+                    )
     factor(work.real, work.exchanged, n)
-    factor(work.whole, work.pivots, 3 * n)
+    factor(work.system, work.pivots, 3 * n)
     work.factored[0] = h
 
 
@@ -194,8 +196,8 @@ def slopes(of: Sizes, fill: Fill, rhs: Rhs, control: Reals, work: Workspace) -> 
     for j in range(n):
         for i in range(n):
             state[i, 0] = y[i, 0]
-        far = STEP * max(abs(y[j, 0]), SMALL * work.sizes[j])
-        state[j, 0] = y[j, 0] + (-far if K[0, j, 0] < 0.0 else far)
+        change = STEP * max(abs(y[j, 0]), SMALL * work.sizes[j])
+        state[j, 0] = y[j, 0] + (-change if K[0, j, 0] < 0.0 else change)
         at_time(of, fill, rhs, work.time[0], 1)
         for i in range(n):
             work.J[i, j] = (K[1, i, 0] - K[0, i, 0]) / (state[j, 0] - y[j, 0])
@@ -228,13 +230,13 @@ def converged(of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, work: Workspace, allo
                     return -1 - k
                 back = by.back[s, 0] * Z[0, i] + by.back[s, 1] * Z[1, i] + by.back[s, 2] * Z[2, i]
                 off[s * n + i] = K[s + 1, i, 0] - back / h
-        solve(work.whole, work.pivots, off, 3 * n)
-        size, left = norm(of, off, work.scale, 3), 1.0
+        solve(work.system, work.pivots, off, 3 * n)
+        size, rest = norm(of, off, work.scale, 3), 1.0
         if k > 0:
             rate = size / before
             for _ in range(k, ITERATIONS):
-                left *= rate
-            if not rate < 1.0 or left / (1.0 - rate) * size > allowed:
+                rest *= rate
+            if not rate < 1.0 or rest / (1.0 - rate) * size > allowed:
                 return -1 - k
             work.rate[0] = rate
         for s in range(3):
@@ -272,7 +274,9 @@ def iterated(
     return took
 
 
-def ended(of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, work: Workspace, series: States) -> None:
+def finish_step(
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, work: Workspace, series: States
+) -> None:
     """The series of a step, see `blockmech.engines.dense`, the rates at its end and inside it."""
     n, Z, past, D, state, y = of.state, work.Z, work.past, by.D, rhs.state, work.y
     for i in range(n):
@@ -327,7 +331,7 @@ def growth(work: Workspace, off: float, took: int) -> float:
     return factor
 
 
-def left_of(loose: float) -> float:
+def iteration_tolerance(loose: float) -> float:
     """What an iteration may leave [-] of a relative tolerance, by that.
 
     The estimate is of order 3: of a step that has just this tolerance, order 5 leaves its root.
@@ -337,14 +341,14 @@ def left_of(loose: float) -> float:
     return max(10.0 * EPS / loose, ITERATED * min(0.03, sqrt(loose)))
 
 
-def left_allowed(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
+def iteration_limits(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
     """What an iteration may leave [-], in tolerances; and usual sizes of the components."""
     loose = EPS
     for i in range(of.state):
         loose = max(loose, tolerances[0, i, 0])
     for i in range(of.state):
         sizes[i] = tolerances[1, i, 0] / loose
-    return left_of(loose)
+    return iteration_tolerance(loose)
 
 
 def steps(
@@ -354,7 +358,7 @@ def steps(
     by: Scheme,
     run: Integration,
     work: Workspace,
-    most: int,
+    limit: int,
     watched: int,
 ) -> None:
     """Steps up to the bound, so many, or one in which something may happen: as `stages.steps`.
@@ -362,8 +366,8 @@ def steps(
     The third of the controls is how many states were asked for.
     """
     n, K, y, time, control = of.state, rhs.K, work.y, work.time, run.controls[0]
-    allowed, made, t, h = (
-        left_allowed(of, run.tolerances, work.sizes),
+    allowed, count, t, h = (
+        iteration_limits(of, run.tolerances, work.sizes),
         0,
         run.times[0],
         control[TRY],
@@ -381,7 +385,7 @@ def steps(
         h = halved(run.plan, run.planned[0], t, control[TRY])
         work.trial[0] = max(h, 10.0 * EPS * abs(t))
     h = work.trial[0]
-    while made < most and t < control[BOUND]:
+    while count < limit and t < control[BOUND]:
         later = min(t + h, control[BOUND])
         if not (h >= 10.0 * EPS * abs(t) and later > t):
             break
@@ -398,16 +402,16 @@ def steps(
         if not off <= 1.0:
             h, again = h * max(0.2, factor), True
             continue
-        ended(of, fill, rhs, by, work, run.series[made])
+        finish_step(of, fill, rhs, by, work, run.series[count])
         control[TRIED] += float(of.stages - of.ends + 1)
-        run.turns[made], calm = may_turn(of, K, 0), is_calm(of, K, watched, 0)
-        made += 1
+        run.turns[count], calm = may_turn(of, K, 0), is_calm(of, K, watched, 0)
+        count += 1
         for i in range(n):
             y[i, 0] += work.Z[2, i]
-            run.states[made, i] = y[i, 0]
+            run.states[count, i] = y[i, 0]
         for k in range(of.width):
             K[0, k, 0] = K[of.ends - 1, k, 0]
-        t, run.times[made], again = later, later, False
+        t, run.times[count], again = later, later, False
         time[0], work.fresh[0] = t, 0.0
         work.last_h[0], work.last_trial[0], work.last_off[0] = h, work.trial[0], max(off, TINY)
         slow = took > 2 and work.rate[0] > SLOW
@@ -419,6 +423,6 @@ def steps(
         work.trial[0] = h
         inside = control[LOW] < y[0, 0] and y[0, 0] < control[HIGH]
         if not (inside and calm):
-            made = -made
+            count = -count
             break
-    run.counts[0], control[TRY] = made, h
+    run.counts[0], control[TRY] = count, h

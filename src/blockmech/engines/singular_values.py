@@ -39,13 +39,13 @@ def spread(of: Lanes, a: Annotated[Reals, "of.lanes"]) -> None:
         mirrored(of, a, c * n + c, 1, n - c, n, n - 1 - c)
         if c < n - 2:
             mirrored(of, a, (c + 1) * n + c, n, n - 1 - c, 1, n - 1 - c)
-    whole = a[0] * a[0]
+    total = a[0] * a[0]
     for i in range(n):
         a[i * n + i] *= a[i * n + i]
         if i > 0:
             a[i * n + i - 1] *= a[i * n + i - 1]
-            whole += a[i * n + i] + a[i * n + i - 1]
-    a[1], a[2] = 0.0 * whole, whole
+            total += a[i * n + i] + a[i * n + i - 1]
+    a[1], a[2] = 0.0 * total, total
     extreme(of, a, 1, 1.0)
     extreme(of, a, 2, -1.0)
     a[0] = np.sqrt(a[1] / a[2])
@@ -85,7 +85,7 @@ def mirrored(
     step: int,
     count: int,
     apart: int,
-    others: int,
+    images: int,
 ) -> None:
     """Turn a row or column (every step-th entry) onto its first entry, and others with it."""
     total = a[first] * a[first]
@@ -96,12 +96,12 @@ def mirrored(
     half = total - edge * a[first]
     share = np.where(half > 0.0, 1.0 / half, 0.0)
     a[first] -= edge
-    for k in range(1, others + 1):
-        other = first + k * apart
-        factor = a[first] * a[other]
+    for k in range(1, images + 1):
+        entry = first + k * apart
+        factor = a[first] * a[entry]
         for i in range(1, count):
-            factor += a[first + i * step] * a[other + i * step]
+            factor += a[first + i * step] * a[entry + i * step]
         factor *= share
         for i in range(count):
-            a[other + i * step] -= factor * a[first + i * step]
+            a[entry + i * step] -= factor * a[first + i * step]
     a[first] = edge

@@ -190,7 +190,7 @@ class Workspace(NamedTuple):
     is_at: Counts
 
 
-def workspace(of: Sizes, most: int) -> Arrays:
+def workspace(of: Sizes, count: int) -> Arrays:
     """Arrays of a `Workspace`."""
     rows = {"y": (of.state, of.lanes), "highest": (4 * of.state, of.lanes)}
     kinds = {"is_at": np.int64}
@@ -243,8 +243,8 @@ def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, work: Workspac
         fifth, third = fifth / scale, third / scale
         fifths = fifths + fifth * fifth
         thirds = thirds + third * third
-    whole = fifths / np.sqrt((fifths + work.thirds * thirds) * float(of.state))
-    work.off[:] = h * np.where(fifths == 0.0, none, whole)
+    error = fifths / np.sqrt((fifths + work.thirds * thirds) * float(of.state))
+    work.off[:] = h * np.where(fifths == 0.0, none, error)
 
 
 def highest_terms(
@@ -278,8 +278,8 @@ def is_calm(of: Sizes, K: Rows, watched: int, lane: int) -> bool:
         end = K[of.ends - 1, of.first + w, lane]
         for s in range(of.stages):
             now = K[s, of.first + w, lane]
-            near = abs(now - end) * 3.0 < end or (now > FAR and end > FAR)
-            if not (near if w < 2 else now * end > 0.0 or now == 0.0):
+            is_clear = abs(now - end) * 3.0 < end or (now > FAR and end > FAR)
+            if not (is_clear if w < 2 else now * end > 0.0 or now == 0.0):
                 return False
     return True
 
@@ -309,13 +309,13 @@ def first_steps(
     """
     K, state, tolerances, controls = rhs.K, rhs.state, run.tolerances, run.controls
     for lane in range(of.lanes):
-        far, longest, fast[lane] = 0.0, controls[lane, BOUND] - time[lane], 0.0
+        size, longest, fast[lane] = 0.0, controls[lane, BOUND] - time[lane], 0.0
         for i in range(of.state):
             scale = tolerated(of, tolerances, i, lane, abs(y[i, lane]))
-            far += y[i, lane] / scale * (y[i, lane] / scale)
+            size += y[i, lane] / scale * (y[i, lane] / scale)
             fast[lane] += K[0, i, lane] / scale * (K[0, i, lane] / scale)
-        far, fast[lane] = sqrt(far / of.state), sqrt(fast[lane] / of.state)
-        h[lane] = 1e-6 if far < 1e-5 or fast[lane] < 1e-5 else 0.01 * far / fast[lane]
+        size, fast[lane] = sqrt(size / of.state), sqrt(fast[lane] / of.state)
+        h[lane] = 1e-6 if size < 1e-5 or fast[lane] < 1e-5 else 0.01 * size / fast[lane]
         h[lane] = min(h[lane], longest)
         for i in range(of.state):
             state[i, lane] = y[i, lane] + h[lane] * K[0, i, lane]
@@ -328,11 +328,11 @@ def first_steps(
             bend = (K[1, i, lane] - K[0, i, lane]) / scale
             bends += bend * bend
         quick = max(fast[lane], sqrt(bends / of.state) / h[lane])
-        fits = sqrt(sqrt(0.01 / quick)) if quick > 1e-15 else max(1e-6, 1e-3 * h[lane])
+        step = sqrt(sqrt(0.01 / quick)) if quick > 1e-15 else max(1e-6, 1e-3 * h[lane])
         if quick > 1e-15 and order == 8:
-            fits = sqrt(fits)
+            step = sqrt(step)
         if controls[lane, TRY] == 0.0:
-            controls[lane, TRY] = min(min(100.0 * h[lane], fits), longest)
+            controls[lane, TRY] = min(min(100.0 * h[lane], step), longest)
 
 
 def halved(plan: Reals, planned: int, t: float, h: float) -> float:
@@ -356,16 +356,16 @@ def tries(of: Sizes, run: Integration, work: Workspace, lane: int) -> int:
     """
     is_at, control = work.is_at, run.controls[lane]
     t, bound = work.time[lane], control[BOUND]
-    made = run.counts[0] if run.counts[0] > 0 else -run.counts[0]
+    count = run.counts[0] if run.counts[0] > 0 else -run.counts[0]
     if is_at[lane] == WAITS:
         is_at[lane] = BEGINS
-    if lane > 0 and is_at[lane] == BEGINS and t >= run.times[made]:
+    if lane > 0 and is_at[lane] == BEGINS and t >= run.times[count]:
         is_at[lane] = OVER if is_at[0] == OVER else WAITS
     shortest = max(abs(t) * EPS * 10.0, SHORTEST)
     if is_at[lane] == BEGINS:
         h = control[TRY]
         if lane > 0:
-            h = halved(run.times, made, t, h)
+            h = halved(run.times, count, t, h)
         else:
             h = halved(run.plan, run.planned[0], t, h)
         work.free[lane], work.grows[lane] = max(h, shortest), 10.0
@@ -384,7 +384,7 @@ def steps(
     by: Scheme,
     run: Integration,
     work: Workspace,
-    most: int,
+    limit: int,
     watched: int,
 ) -> None:
     """Steps of each lane, up to its bound, so many, or one in which something may happen.
@@ -396,20 +396,20 @@ def steps(
     controls, counts = run.controls, run.counts
     time, h, off, y, is_at = work.time, work.h, work.off, work.y, work.is_at
     for lane in range(of.lanes):
-        is_at[lane], counts[lane], time[lane] = counts[lane], 0, times[lane * (most + 1)]
+        is_at[lane], counts[lane], time[lane] = counts[lane], 0, times[lane * (limit + 1)]
         for i in range(of.state):
-            y[i, lane] = states[lane * (most + 1), i]
+            y[i, lane] = states[lane * (limit + 1), i]
             state[i, lane] = y[i, lane]
         state[of.state, lane] = time[lane]
         work.thirds[lane] = controls[lane, WEIGHT]
     evaluate(of, fill, rhs, 0)
-    if controls[0, TRY] == 0.0 and most > 0:
+    if controls[0, TRY] == 0.0 and limit > 0:
         first_steps(of, fill, rhs, run, y, time, h, off, 8)
     while True:
-        going, taken = 0, False
+        going, accepted = 0, False
         for lane in range(of.lanes):
-            ended = not (time[lane] < controls[lane, BOUND] and counts[lane] < most)
-            if is_at[lane] == BEGINS and ended:
+            at_end = not (time[lane] < controls[lane, BOUND] and counts[lane] < limit)
+            if is_at[lane] == BEGINS and at_end:
                 is_at[lane] = OVER
             going += tries(of, run, work, lane)
         if going == 0:
@@ -425,19 +425,19 @@ def steps(
                 is_at[lane] = AGAIN
                 work.free[lane], work.grows[lane] = h[lane] * max(0.2, factor), 1.0
             else:
-                is_at[lane], taken = TAKEN, True
+                is_at[lane], accepted = TAKEN, True
                 controls[lane, TRY] = h[lane] * min(factor, work.grows[lane])
                 counts[lane] += 1
-                at = lane * (most + 1) + counts[lane]
+                at = lane * (limit + 1) + counts[lane]
                 times[at] = work.later[lane]
                 for i in range(of.state):
                     states[at, i] = state[i, lane]
-        if taken:
+        if accepted:
             rates_at(of, fill, rhs, by, work, of.ends, of.stages)
             highest_terms(of, K, by.D, h, work.highest)
         for lane in range(of.lanes):
             if is_at[lane] == TAKEN:
-                at, m = lane * (most + 1) + counts[lane], lane * most + counts[lane] - 1
+                at, m = lane * (limit + 1) + counts[lane], lane * limit + counts[lane] - 1
                 new = states[at]
                 series_of(of, K, y, new, h[lane], work.highest, run.series[m], lane)
                 run.turns[m] = may_turn(of, K, lane)
@@ -453,22 +453,22 @@ def steps(
 
 
 def fleet(
-    of: Sizes, fill: Fill, slots: int, more: int, rhs: Rhs, by: Scheme, run: Integration,
-    work: Workspace, given: Reals, most: int, watched: int, designs: int,
+    of: Sizes, fill: Fill, slots: int, extra: int, rhs: Rhs, by: Scheme, run: Integration,
+    work: Workspace, parameters: Reals, limit: int, watched: int, designs: int,
 ) -> None:  # fmt: skip
     """Steps of each design, from its first state and time: one lane after the other."""
     for d in range(designs):
-        first = d * (most + 1)
-        for k in range(more):
-            rhs.state[of.state + 1 + k, 0] = given[d * more + k]
+        first = d * (limit + 1)
+        for k in range(extra):
+            rhs.state[of.state + 1 + k, 0] = parameters[d * extra + k]
         run.counts[d] = BEGINS
         steps(
             of, fill,
             Rhs(rhs.x, rhs.numbers[d * slots :], rhs.K[d * of.stages :], rhs.state), by,
             Integration(
                 run.states[first:], run.times[first:], run.tolerances[2 * d :], run.controls[d:],
-                run.series[d * most :], run.turns, run.counts[d:],
-                run.plan[d * (most + 2) :], run.planned[d:],
+                run.series[d * limit :], run.turns, run.counts[d:],
+                run.plan[d * (limit + 2) :], run.planned[d:],
             ),
-            work, most, watched,
+            work, limit, watched,
         )  # fmt: skip

@@ -131,7 +131,7 @@ class Trace:
         loop = Loop(self, cap, leaves(state))
         inside = iter(loop.state)
         self._open = True
-        loop.ahead = leaves(step(filled(state, lambda: next(inside)), *data))
+        loop.following = leaves(step(filled(state, lambda: next(inside)), *data))
         self._open = False
         after = (Node(self, "after", (loop, i), SAMPLE) for i in range(len(loop.state)))
         return filled(state, lambda: next(after))

@@ -73,7 +73,7 @@ class FollowedBranch(NamedTuple):
 
     driver : the one driver that moves the dyad
     points : change points [rad or m], rising; of a crank those of one turn
-    first : the branch where every factor of `blockmech.passes.branches.passed` is +1
+    first : the branch where every factor of `blockmech.blocks.modes.passed` is +1
     scale : 1 rad, or a length [m] by which distances along a slide are judged
     """
 

@@ -10,26 +10,19 @@ Sources: [R10] Fig. 3, [D14] Fig. 2 and section 2 (i).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.blocks.contract import BuiltIn
+from blockmech.blocks.modes import passed, passed_slide
 from blockmech.couplings.contract import Meshing
+from blockmech.ground.plane import expi
 from blockmech.ground.values import Marker
 from blockmech.model.meshing import coupling_numbers
-from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
-from blockmech.passes.branches import followed
+from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
+from blockmech.plan import values
 from blockmech.plan.plan import Entry, Formula, Schedule
-from blockmech.plan.values import (
-    NOUGHT,
-    ONE,
-    UNIT,
-    ZERO,
-    Value,
-    dot,
-    imul,
-    mul,
-)
+from blockmech.plan.values import HALF, NOUGHT, ONE, UNIT, ZERO, Value, dot, imul, mul
 from blockmech.typing import Guide, LinkAcceleration, LinkVelocity
 
 ACTUAL = ""
@@ -76,7 +69,7 @@ def coordinate_of(s: Schedule, driver: str) -> Value:
     if driver not in s.structure.followers:
         return s.input("q", driver)
     q = s.ask(transmission, driver).q
-    return _counted(s, driver, q, _carried(s, driver, coordinate_of))
+    return _counted(s, driver, q, coordinate_of)
 
 
 def rate_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
@@ -87,7 +80,7 @@ def rate_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
         return UNIT if mode == driver else NOUGHT
     x = s.ask(argument, driver, rate_of, mode)
     rate = s.line(s.ask(transmission, driver).slope * x, f"{driver}_rate")
-    return _counted(s, driver, rate, _carried(s, driver, rate_of, mode))
+    return _counted(s, driver, rate, rate_of, mode)
 
 
 def acceleration_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
@@ -97,7 +90,7 @@ def acceleration_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
     x, rate = s.ask(argument, driver, acceleration_of, mode), s.ask(argument, driver, rate_of, mode)
     F = s.ask(transmission, driver)
     value = s.line(F.slope * x + F.curve * rate * rate, f"{driver}_acceleration")
-    return _counted(s, driver, value, _carried(s, driver, acceleration_of, mode))
+    return _counted(s, driver, value, acceleration_of, mode)
 
 
 # -- by a coupling -------------------------------------------------------------------
@@ -143,11 +136,6 @@ def numbers(s: Schedule, coupling: str) -> Value:
     )
 
 
-def _carried(s: Schedule, driver: str, rule: Callable[..., Value], *mode: str) -> Value:
-    """What the carrier's motion adds to a coupled one."""
-    return _sum(s, driver, s.structure.followers[driver].added, rule, *mode)
-
-
 def _sum(s: Schedule, driver: str, terms: Terms, rule: Callable[..., Value], *mode: str) -> Value:
     """The sum of terms with their signs, and with the senses in which drivers count."""
     structure, total = s.structure, NOUGHT
@@ -159,11 +147,14 @@ def _sum(s: Schedule, driver: str, terms: Terms, rule: Callable[..., Value], *mo
     return s.line(total, f"{driver}_x")
 
 
-def _counted(s: Schedule, driver: str, value: Value, carried: Value) -> Value:
-    """A value of the driven pair, the carrier's share added, as its driver counts it."""
-    meshes = s.structure.couplings[s.structure.followers[driver].coupling].meshes
+def _counted(
+    s: Schedule, driver: str, value: Value, rule: Callable[..., Value], *mode: str
+) -> Value:
+    """A value of the driven pair, the carrier's motion added, as its driver counts it."""
+    follower = s.structure.followers[driver]
+    carried = _sum(s, driver, follower.added, rule, *mode)
     total = s.sum((value, carried), f"{driver}_whole")
-    return signed(s, driver, total) if meshes else total
+    return signed(s, driver, total) if s.structure.couplings[follower.coupling].meshes else total
 
 
 # -- positions -----------------------------------------------------------------
@@ -187,10 +178,10 @@ def position(s: Schedule, block: str) -> Value:
     return s.kernel(Entry(block, "position"), b.kernels.position, *args, name=f"{block}_pose")
 
 
-def _read(s: Schedule, block: str, reading: Callable[..., Value], *mode: str) -> list[Value]:
+def _read(s: Schedule, block: str, reading: Callable[..., Value], *stage: Hashable) -> list[Value]:
     """What the outer joints of a block read at a stage."""
     joints = s.structure.blocks[block].joints.values()
-    return [s.ask(reading, JointRef(block, j.name), *mode) for j in joints if j.outer]
+    return [s.ask(reading, JointRef(block, j.name), *stage) for j in joints if j.outer]
 
 
 def margin(s: Schedule, block: str) -> Value:
@@ -301,10 +292,9 @@ def velocity(s: Schedule, block: str, mode: str = ACTUAL) -> Value | None:
     if mode == BIAS:
         return s.ask(velocity, block, ACTUAL)
     s.ask_first(velocity, block, s.structure.sources, mode)
-    args = [s.ask(position, block), *_read(s, block, joint_velocity, mode)]
-    args += [
-        signed(s, driver, s.ask(rate_of, driver, mode)) for driver in s.structure.drivers_of(block)
-    ]
+    drivers = s.structure.drivers_of(block)
+    args = [s.ask(position, block), *_read(s, block, joint_motion, mode, LinkVelocity)]
+    args += [signed(s, driver, s.ask(rate_of, driver, mode)) for driver in drivers]
     return _motion(s, block, mode, "velocity", args)
 
 
@@ -316,7 +306,7 @@ def acceleration(s: Schedule, block: str, mode: str = ACTUAL) -> Value | None:
     vel = s.ask(velocity, block, mode)
     assert vel is not None  # the block moves in this mode
     drivers = s.structure.drivers_of(block)
-    args = [s.ask(position, block), vel, *_read(s, block, joint_acceleration, mode)]
+    args = [s.ask(position, block), vel, *_read(s, block, joint_motion, mode, LinkAcceleration)]
     args += [signed(s, driver, s.ask(acceleration_of, driver, mode)) for driver in drivers]
     return _motion(s, block, mode, "acceleration", args)
 
@@ -329,30 +319,17 @@ def _motion(s: Schedule, block: str, mode: str, stage: str, args: list[Value]) -
     return s.kernel(entry, kernel, *args, s.ask(parameters, block), name=name)
 
 
-def joint_velocity(s: Schedule, ref: JointRef, mode: str) -> Value:
-    """What an outer joint reads at the velocity stage."""
-    return _read_motion(s, ref, mode, marker_velocity, link_velocity, LinkVelocity)
-
-
-def joint_acceleration(s: Schedule, ref: JointRef, mode: str) -> Value:
-    """What an outer joint reads at the acceleration stage."""
-    return _read_motion(s, ref, mode, marker_acceleration, link_acceleration, LinkAcceleration)
-
-
-def _read_motion(
-    s: Schedule,
-    ref: JointRef,
-    mode: str,
-    of_marker: Callable[..., Value],
-    of_link: Callable[..., Moved],
-    record: type[LinkVelocity | LinkAcceleration],
+def joint_motion(
+    s: Schedule, ref: JointRef, mode: str, record: type[LinkVelocity | LinkAcceleration]
 ) -> Value:
-    marker = s.structure.feeds[ref]
-    vector = s.ask(of_marker, marker, mode)
+    """What an outer joint reads at the stage of velocities or accelerations."""
+    is_velocity, marker = record is LinkVelocity, s.structure.feeds[ref]
+    vector = s.ask(marker_velocity if is_velocity else marker_acceleration, marker, mode)
     if s.structure.joint(ref).reads == "point":
         return vector
-    turning = s.ask(of_link, marker.on, mode).scalar
-    return s.emit(record, vector, turning, name=f"{_name(marker)}_guide_{record._fields[0]}")
+    motion = s.ask(link_velocity if is_velocity else link_acceleration, marker.on, mode)
+    name = f"{_name(marker)}_guide_{record._fields[0]}"
+    return s.emit(record, vector, motion.scalar, name=name)
 
 
 def link_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Moved:
@@ -487,3 +464,29 @@ def guide_direction(s: Schedule, ref: JointRef) -> Value:
         ("guide direction", ref),
         str(ref),
     )
+
+
+# -- branches that follow the motion ------------------------------------------------------
+
+
+def followed(s: Schedule, block: str, numbers: Value) -> Value:
+    """The block's numbers with the branch that follows the motion."""
+    branch = s.ask(branch_along, s.structure.followed[block])
+    return s.line(numbers.replaced(branch=branch), f"P_{block}_here")
+
+
+def branch_along(s: Schedule, change: FollowedBranch) -> Value:
+    """The branch as a function of the driver; dyads that change together share it."""
+    branch = s.parameter(("branch", change.first), lambda *_: change.first, "branch")
+    if not change.points:
+        return branch
+    q = s.input("q", change.driver)
+    rotary = s.structure.driver_joint(change.driver).rotary
+    coordinate = s.line(values.expi(HALF * q), "half_turned") if rotary else q
+    passing = passed if rotary else passed_slide
+    scale = s.parameter(("scale", change.scale), lambda *_: change.scale, "scale")
+    for point in change.points:
+        value = expi(0.5 * point) if rotary else point
+        slot = s.parameter(("change point", point), lambda *_, x=value: x, "change_point")
+        branch = s.emit(passing, branch, coordinate, slot, scale, name="branch")
+    return branch

@@ -19,37 +19,23 @@ import re
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain
 from types import CodeType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import SCALAR_PRIMITIVES
+from blockmech.ground.runnable import LazyMethod
 from blockmech.model.scene import Scene
 from blockmech.model.structure import MarkerRef, Structure
 from blockmech.plan.quantities import QUANTITIES
 from blockmech.plan.values import NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
 from blockmech.typing import Record
 
-if TYPE_CHECKING:
-    import networkx as nx
-
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 NO_LETTER = re.compile(r"\W", re.ASCII)
-NAMES = re.compile(r"\.?[A-Za-z_]\w*", re.ASCII)  # in an expression; fields keep their dot
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
-TRAVELS = {  # stage -> what it hands on
-    "position": "place",
-    "velocity": "velocity",
-    "unit velocity": "velocity",
-    "acceleration": "acceleration",
-    "unit acceleration": "acceleration",
-    "force": "force and moment",
-    "reduction": "reduced inertia and effort",
-}
 REPORTS = ("margin", "path", "friction", "existence", "rest", "pressing", "push")
-BACK = ("force and moment", "reduced inertia and effort")
 
 T = TypeVar("T")
 NO_ANSWER: Any = object()  # that of a question which was not asked
@@ -445,10 +431,6 @@ def _identifier(name: str) -> str:
     return f"_{word}" if not word or word[0].isdigit() else word
 
 
-def _counted(n: int, noun: str) -> str:
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
-
-
 @dataclass(frozen=True, repr=False)
 class Plan:
     """What is computed for a request, and the program that does it.
@@ -490,53 +472,5 @@ class Plan:
         """Number of kernel calls of one stage."""
         return sum(e.stage == stage for e in self.entries)
 
-    def graph(self) -> nx.DiGraph:
-        """The calls and what travels between them, as a directed graph without cycles.
-
-        Nodes are calls: (block, stage), of the stages at unit rate (block, stage, driver), in
-        the program's order; the stage "reduction" are a block's shares of the reduced inertia
-        and effort. An edge goes from a call to one that needs what it gives, ``kind`` says
-        what that is ("place", "velocity", "acceleration", "force and moment", "reduced inertia
-        and effort"), and ``way`` whether it travels "forward" from the drivers or "back".
-        """
-        import networkx as nx
-
-        graph = nx.DiGraph()
-        behind: dict[str, tuple[Node, ...]] = {}  # value -> the calls that it comes from
-
-        def add(call: Node, needed: Iterable[Node]) -> None:
-            graph.add_node(call, block=call[0], stage=call[1])
-            for source in needed:
-                if source != call:
-                    kind = TRAVELS[source[1]]
-                    direction = "back" if kind in BACK else "forward"
-                    graph.add_edge(source, call, kind=kind, way=direction)
-
-        lines, calls = self.steps
-        start = 0
-        for call, value, line, head in calls:
-            for name, text in lines[start:line]:
-                parts = (behind.get(part, ()) for part in NAMES.findall(text))
-                behind[name] = tuple(dict.fromkeys(chain.from_iterable(parts)))
-            start = line
-            add(call, behind.get(value, ()))
-            if head:
-                add((head, *call[1:]), (call,))
-            else:
-                behind[value] = (call,)
-        return graph
-
-    def explain(self) -> str:
-        """The schedule as text: per stage the blocks in order, and the kernel calls."""
-        calls, outputs = _counted(self.calls, "kernel call"), _counted(len(self.want), "output")
-        rows = [f"{calls} for {outputs}"]
-        for stage in STAGES:
-            unit = "unit load at" if stage == "force" else "unit rate of"
-            blocks = [
-                e.block + (f" ({unit} {e.driver})" if e.driver else "")
-                for e in self.entries
-                if e.stage == stage
-            ]
-            if blocks:
-                rows.append(f"  {stage:<18}{len(blocks):>4}  {', '.join(blocks)}")
-        return "\n".join(rows)
+    graph = LazyMethod("blockmech.plan.calls")
+    explain = LazyMethod("blockmech.plan.calls")

@@ -235,7 +235,13 @@ class FirstSwings(NamedTuple):
         places = [a.ctypes.data for a in given], [a.ctypes.data for a in own]
         fill = ctypes.cast(self.rates.of_designs[0], ctypes.c_void_p)
         self.code(
-            fill, slots.shape[1], x, *places[0], loops.places_of(nodes(FINE, COARSE)), *places[1], m
+            fill,
+            slots.shape[1],
+            x,
+            *places[0],
+            loops.addresses_of(nodes(FINE, COARSE)),
+            *places[1],
+            m,
         )
         apart, rounding, *_, t, q, late, good = found.T
         error, nothing = apart + rounding, np.zeros(m)

@@ -407,10 +407,10 @@ def arctangent(y: Form, x: Form) -> Form:
     at = math.atan2(y.at + 0.0, x.at)
     base = math.atan2(y.at, x.at) if y.at == y.at and x.at == x.at else 0.0
     cos, sin = (affine(v, v, [], ULP * abs(v) + 2.0**-100) for v in cosine_and_sine(base))
-    along = x * cos + y * sin
-    if not along.low > 0.0:
+    cosine = x * cos + y * sin
+    if not cosine.low > 0.0:
         return Form(at, -PI, PI)
-    tangent = (y * cos - x * sin) / along
+    tangent = (y * cos - x * sin) / cosine
     c, width = tangent.c, tangent.magnitude
     low, high = min(tangent.low, 0.0), max(tangent.high, 0.0)
     turn = Form(at, low, high)

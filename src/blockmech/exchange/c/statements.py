@@ -164,13 +164,13 @@ class Statements:
         for node in self._needed:
             if node.scope == loop.scope:
                 yield from self._statement(node, "        ")
-        buffered = {i for i in states if _is_state(loop.ahead[i])}  # all states change at once
+        buffered = {i for i in states if _is_state(loop.following[i])}  # all states change at once
         for i in buffered:
             kind = "int" if is_truth(loop.state[i]) else "real"
-            now = self.name(loop.ahead[i])
+            now = self.name(loop.following[i])
             yield f"        {self.language.constant[kind]} {_state(loop, i)}_ = {now};"
         for i in states:
-            update = f"{_state(loop, i)}_" if i in buffered else self.name(loop.ahead[i])
+            update = f"{_state(loop, i)}_" if i in buffered else self.name(loop.following[i])
             yield f"        {_state(loop, i)} = {update};"
         yield "    }"
 
@@ -197,7 +197,7 @@ def _reachable(results: Iterable[Any]) -> tuple[list[Node], dict[Loop, list[int]
         if node.op in ("after", "state"):
             loop, i = node.args
             of_loops.setdefault(loop, {len(loop.first) - 1}).add(i)
-            arguments = [x[k] for k in (i, -1) for x in (loop.first, loop.ahead)]
+            arguments = [x[k] for k in (i, -1) for x in (loop.first, loop.following)]
         waiting += [x for x in arguments if isinstance(x, Node)]
     order = sorted(reached, key=lambda n: n.number)
     return order, {loop: sorted(states) for loop, states in of_loops.items()}
