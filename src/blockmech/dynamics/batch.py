@@ -309,9 +309,9 @@ class _Run:
         bound = np.full(len(which), min(self.request.start.t + self.request.span, 1 / EPS))
         steps = self._steps(which, bound, self.h[which], TOGETHER)
         self.spent[which] += steps.tried * len(scheme().C)
-        last = np.maximum(steps.made - 1, 0)
+        last = np.maximum(steps.number - 1, 0)
         row = np.arange(len(which))
-        alone = (steps.made == 0) | (self.spent[which] > EVALUATIONS)
+        alone = (steps.number == 0) | (self.spent[which] > EVALUATIONS)
         series = _series(steps)
         K, y0, y1 = steps.K, steps.y[row, last], steps.y[row, last + 1]
         watched = K[:, :, -self.rates.watched :]
@@ -325,13 +325,13 @@ class _Run:
             step = np.ascontiguousarray(steps.series[d, last[d], :, :2])
             share[d], kind[d] = self._event(step, y0[d], y1[d])
         alone |= kind == SEVERAL
-        alone |= ~np.isfinite(steps.y[row, steps.made]).all(axis=1)
+        alone |= ~np.isfinite(steps.y[row, steps.number]).all(axis=1)
         self.alone[which] |= alone
         at_rest = (kind == STANDS) & ~alone
         self.standstills[which] += at_rest
         ends_step = self.rubs or self.request.standstills < math.inf
         hit = (at_rest & ends_step) | ((kind >= ARRIVES) & ~alone)
-        keep = np.where(hit, last, steps.made)
+        keep = np.where(hit, last, steps.number)
         keep[alone] = 0
         self._keep(which, steps, series, keep)
         self.h[which] = steps.h
@@ -367,7 +367,7 @@ class _Run:
         to, at_rest = share * h, kind == STANDS
         bound = self.t[which] + to
         steps = self._steps(which, bound, to, TOGETHER // 4)
-        row, counts = np.arange(len(which)), steps.made
+        row, counts = np.arange(len(which)), steps.number
         reached = (counts > 0) & (steps.t[row, counts] >= bound)
         self.alone[which] |= ~reached
         series = _series(steps)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ast
 import ctypes
+import linecache
 import math
 import struct
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias, get_args, get_origin, get_type_hints
 
@@ -108,3 +109,23 @@ def number(x: float) -> Value:
     if isinstance(x, int):
         return Value(str(int(x)), TRUTH if isinstance(x, bool) else COUNT)
     return Value(f"0x{struct.pack('>d', x).hex().upper()}", REAL)
+
+
+def larger(a: float, b: float) -> float:
+    """As max says it."""
+    return b if b > a else a
+
+
+def smaller(a: float, b: float) -> float:
+    """As min says it."""
+    return b if b < a else a
+
+
+TRANSLATED: dict[Any, Any] = {max: larger, min: smaller}
+
+
+@cache
+def functions_by_line(file: str) -> dict[int, ast.FunctionDef]:
+    """Functions of a module by their lines."""
+    body = ast.parse("".join(linecache.getlines(file))).body
+    return {x.lineno: x for x in body if isinstance(x, ast.FunctionDef)}

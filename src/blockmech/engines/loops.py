@@ -45,9 +45,8 @@ import ast
 import ctypes
 import inspect
 import itertools
-import linecache
 from collections.abc import Callable, Iterable
-from functools import cache, partial
+from functools import partial
 from types import FunctionType
 from typing import Any, NoReturn, get_type_hints
 
@@ -62,10 +61,12 @@ from blockmech.engines.kinds import (
     OPERATIONS,
     PLACE,
     REAL,
+    TRANSLATED,
     TRUTH,
     Counts,
     Reals,
     Value,
+    functions_by_line,
     meaning_of,
     number,
     parts_of,
@@ -103,19 +104,6 @@ def addresses_of(record: Iterable[Reals | Counts]) -> Any:
     return (ctypes.c_void_p * len(addresses))(*addresses)
 
 
-def larger(a: float, b: float) -> float:
-    """As max says it."""
-    return b if b > a else a
-
-
-def smaller(a: float, b: float) -> float:
-    """As min says it."""
-    return b if b < a else a
-
-
-OWN: dict[Any, Any] = {max: larger, min: smaller}
-
-
 class _Module:
     """Functions translated so far, each once."""
 
@@ -134,22 +122,15 @@ class _Module:
         return self.known[key]
 
 
-@cache
-def _functions(file: str) -> dict[int, ast.FunctionDef]:
-    """Functions of a module by their lines."""
-    body = ast.parse("".join(linecache.getlines(file))).body
-    return {x.lineno: x for x in body if isinstance(x, ast.FunctionDef)}
-
-
 class _Translation:
     """One function under way."""
 
     def __init__(self, module: _Module, function: Any, bound: Arguments, name: str) -> None:
         code, self.module = function.__code__, module
         self.file, self.line = code.co_filename, code.co_firstlineno
-        if self.line not in _functions(self.file):
+        if self.line not in functions_by_line(self.file):
             raise Untraceable(f"no source of {function.__name__}")
-        self.body = _functions(self.file)[self.line].body
+        self.body = functions_by_line(self.file)[self.line].body
         self.lines, self.slots, self.count = list[str](), list[str](), itertools.count()
         self.loops = list[tuple[str, str]]()  # labels behind them, and of what is next
         hints = get_type_hints(function, include_extras=True)
@@ -464,7 +445,7 @@ class _Translation:
         if function in LANEWISE:
             return self._lanewise(function, [self._row(self._value(x)) for x in arguments])
         if callee is None:
-            function = OWN.get(function, function)
+            function = TRANSLATED.get(function, function)
             if hasattr(function, "_fields"):
                 return self._record(function, [self._value(x) for x in arguments])
             if not isinstance(function, FunctionType):
