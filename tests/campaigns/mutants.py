@@ -130,9 +130,9 @@ def seen(mutant: Mutant) -> str:
     space = dict(vars(inspect.getmodule(mutant.target)))
     flags = __future__.annotations.compiler_flag
     exec(compile(mutant.text, "<mutant>", "exec", flags), space)
-    right, bound = mutant.target.__code__, Binder._kept
+    right, bound = mutant.target.__code__, Binder._modules
     try:
-        mutant.target.__code__, Binder._kept = space[mutant.target.__name__].__code__, {}
+        mutant.target.__code__, Binder._modules = space[mutant.target.__name__].__code__, {}
     except (KeyError, ValueError):
         return "not made"
     try:
@@ -144,7 +144,7 @@ def seen(mutant: Mutant) -> str:
         return f"raises {type(error).__name__}"
     finally:
         signal.alarm(0)
-        mutant.target.__code__, Binder._kept = right, bound
+        mutant.target.__code__, Binder._modules = right, bound
 
 
 def checked(names: tuple[str, ...]) -> str:

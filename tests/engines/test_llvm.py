@@ -244,8 +244,8 @@ def test_the_engine_is_the_one_that_costs_least(fresh, n):
     costs = cost.account(program)
     interpreted, name = costs.by_interpreter(program, n)
     code = costs.by_machine_code(program, n) + costs.making(program)
-    assert costs.choice(program, n, made=False) == ("llvm" if code < interpreted else name)
-    assert costs.choice(program, n, made=True) == "llvm"
+    assert costs.choice(program, n, has_code=False) == ("llvm" if code < interpreted else name)
+    assert costs.choice(program, n, has_code=True) == "llvm"
 
 
 def test_a_study_of_many_designs_is_compiled(fresh, monkeypatch):

@@ -48,13 +48,13 @@ def made(mutation: Mutation) -> Iterator[None]:
     flags = __future__.annotations.compiler_flag
     space = dict(vars(module))
     exec(compile(text.replace(mutation.right, mutation.wrong), function, "exec", flags), space)
-    right, bound = target.__code__, Binder._kept
-    target.__code__, Binder._kept = plain(space[function]).__code__, {}
+    right, bound = target.__code__, Binder._modules
+    target.__code__, Binder._modules = plain(space[function]).__code__, {}
     try:
         with without_kept_code():
             yield
     finally:
-        target.__code__, Binder._kept = right, bound
+        target.__code__, Binder._modules = right, bound
 
 
 def table() -> Iterator[Mutation]:
