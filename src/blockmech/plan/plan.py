@@ -472,5 +472,5 @@ class Plan:
         """Number of kernel calls of one stage."""
         return sum(e.stage == stage for e in self.entries)
 
-    graph = LazyMethod("blockmech.plan.calls")
-    explain = LazyMethod("blockmech.plan.calls")
+    graph = LazyMethod("blockmech.plan.calls.graph")
+    explain = LazyMethod("blockmech.plan.calls.explain")
