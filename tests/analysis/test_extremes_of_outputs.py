@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import random
+import time
 
 import numpy as np
 import pytest
@@ -350,3 +351,39 @@ def test_an_extreme_is_at_a_place_that_the_mechanism_reaches():
     law = bm.motion.ConstantRate(rate=1.0, start=0.6, end=3.0)
     result = extremes(slider_crank(crank=2.0, rod=1.0, law=law).compile(), "dyad.j.angle")
     assert result.minimum.at["crank.q"] >= math.pi - math.asin(0.5)
+
+
+# -- beside change points ----------------------------------------------------------------------
+
+
+def test_extremes_at_a_toggle_are_its_limits_and_soon_told():
+    """The press of Norton's chapter 6: a rod as long as the crank, which works one way only.
+
+    x = 2 r cos q, so its speed at the rate -1 is 2 r sin q, and the work takes F v.
+    """
+    mechanism = bm.Linkage.load("graphs/exercises/ch06_toggle.json").compile()
+    start = time.process_time()
+    drive, speed = mechanism.extremes("driver.motor.drive"), mechanism.extremes("joint.R.v")
+    assert time.process_time() - start < 60  # thousands of turns of rounding took minutes
+    assert drive.minimum.value == pytest.approx(-2000, rel=1e-9)
+    assert drive.maximum.value == pytest.approx(2000, rel=1e-9)
+    assert speed["x"].maximum.value == pytest.approx(0.4, rel=1e-9)
+    assert speed["x"].minimum.value == pytest.approx(-0.4, rel=1e-9)
+    assert speed["y"].maximum.value == speed["y"].minimum.value == 0
+    assert abs(speed.minimum.value) < 1e-11  # half of the turn the ram rests
+    assert len(drive.turns) < 10
+
+
+@pytest.mark.parametrize("length", [0.2, 0.35, 1.1])
+def test_speeds_of_a_rod_as_long_as_its_crank(length):
+    g = bm.Graph("toggle")
+    g.add("frame", bm.Frame(markers={"A": (0, 0), "G": {"at": (0, 0), "angle": 0.0}}))
+    g.add("crank", bm.Crank(length=length))
+    g.add("rod", bm.RRP(l=length))
+    for ends in ("frame.A crank.A", "crank.B rod.B", "frame.G rod.S"):
+        g.connect(*ends.split())
+    g.drive("crank", bm.motion.ConstantRate(rate=1.0))
+    speeds = g.compile().extremes("rod.C.v")
+    assert speeds["x"].maximum.value == pytest.approx(2 * length, rel=1e-9)
+    assert speeds["x"].minimum.value == pytest.approx(-2 * length, rel=1e-9)
+    assert speeds["y"].maximum.value == 0

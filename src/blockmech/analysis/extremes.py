@@ -8,6 +8,7 @@ friction moment that changes its sign) minimisation takes over.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -16,6 +17,7 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turning_points import Turn, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
+from blockmech.functions.series import EPS
 from blockmech.ground.errors import held, listed, refused, shown
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.typing import Data, FrictionMethod
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from blockmech.result.result import Result
 
 PARTS = ("x", "y", "magnitude")
+NOISE = 4096 * EPS  # of the largest value of any part: what is smaller is zero
 
 Kind = Literal["minimum", "maximum"]
 
@@ -158,16 +161,18 @@ def extremes(
     settings = {"friction": friction}
     cycle = cycle_of(source, **settings, static=static)
     output, parts = parts_of(cycle.mechanism, name)
-    ranges = {}
-    for part in parts:
-        signal = signal_of(cycle, output, part)
-        turns = turns_of(cycle, signal)
-        ranges["" if len(parts) == 1 else part] = Range(
+    turns = {part: turns_of(cycle, signal_of(cycle, output, part)) for part in parts}
+    sizes = [abs(end.value) for t in turns.values() for end in (t.low, t.high)]
+    noise = NOISE * max(filter(math.isfinite, sizes), default=0.0)
+    ranges = {
+        "" if len(parts) == 1 else part: Range(
             part,
-            extreme_at(cycle, turns.low),
-            extreme_at(cycle, turns.high),
-            tuple(extreme_at(cycle, t) for t in turns.inner),
+            extreme_at(cycle, t.low, noise),
+            extreme_at(cycle, t.high, noise),
+            tuple(extreme_at(cycle, turn, noise) for turn in t.inner),
         )
+        for part, t in turns.items()
+    }
     return Extremes(name, cycle.mechanism.outputs[output].unit, ranges)
 
 
@@ -191,9 +196,10 @@ def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
     return output, (part,) if part or kind == "real" else PARTS
 
 
-def extreme_at(cycle: Cycle, turn: Turn) -> Extreme:
-    """A turn with the driver coordinates at its place."""
+def extreme_at(cycle: Cycle, turn: Turn, noise: float = 0.0) -> Extreme:
+    """A turn with the driver coordinates at its place; a value within noise is zero."""
     at, time = cycle.at(turn.s)
     kind: Kind = "maximum" if turn.sign > 0 else "minimum"
     units = {d: cycle.mechanism.outputs[d].unit for d in at}
-    return Extreme(kind, turn.value + 0.0, at, units, time, turn.end)  # no -0
+    value = turn.value if abs(turn.value) > noise else 0.0
+    return Extreme(kind, value, at, units, time, turn.end)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
-from blockmech.analysis.turning_points import Signal, Turn, Turns, signal_of, turns_of
+from blockmech.analysis.turning_points import Turn, Turns, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import EPS, Floats, fit, panels
 from blockmech.ground.errors import refused
@@ -162,7 +162,8 @@ def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:
     def along(s: Floats) -> Floats:
         return np.asarray(((read(s) - middle) * u.conjugate()).real)
 
-    turns = turns_of(cycle, Signal(output, along, along)) if straight else _curve(cycle, output)
+    signal = signal_of(cycle, output, "magnitude")._replace(value=along, smooth=along)
+    turns = turns_of(cycle, signal) if straight else _curve(cycle, output)
     chord = float(abs(np.diff(read(np.array([turns.low.s, turns.high.s])))[0]))
     high = turns.high._replace(value=chord) if straight else turns.high
     path: Path = "straight" if straight else "curved"

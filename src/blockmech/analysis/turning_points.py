@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,8 @@ from blockmech.result.failures import without_gaps
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
 NOISY = 1e-4  # of its range, mean change near by above which a signal is rounding only
+STEEP = 1e3  # times by which a margin falls, for a hundredth of the distance, at a change point
+BEFORE = np.array([6.0, -15.0, 20.0, -15.0, 6.0, -1.0])  # extrapolates from equal steps
 BESIDE = np.geomspace(1e-7, 1.0, 8)  # of the way to the next place: looked at around an extremum
 
 
@@ -29,12 +32,13 @@ class Signal(NamedTuple):
     """A real quantity along a cycle.
 
     ``value`` gives it at places (n,); ``smooth`` something that turns at the same places,
-    without a kink.
+    without a kink; ``margin`` is the least one of what is computed there.
     """
 
     name: str
     value: Callable[[Floats], Floats]
     smooth: Callable[[Floats], Floats]
+    margin: Callable[[Floats], Floats]
 
 
 def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
@@ -46,14 +50,21 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
         values[[*result.quality.gaps]] = np.nan  # a slider's angle is known where it cannot be
         return values
 
+    margin = partial(_margin, cycle, output)
     if part == "magnitude":
-        return Signal(output, lambda s: np.abs(read(s)), lambda s: np.abs(read(s)) ** 2)
+        return Signal(output, lambda s: np.abs(read(s)), lambda s: np.abs(read(s)) ** 2, margin)
     parts: dict[str, Callable[[Floats], Any]] = {
         "x": lambda s: read(s).real,
         "y": lambda s: read(s).imag,
         "": _continued(cycle, read) if output.endswith(".angle") else read,
     }
-    return Signal(output, parts[part], parts[part])
+    return Signal(output, parts[part], parts[part], margin)
+
+
+def _margin(cycle: Cycle, output: str, s: Floats) -> Floats:
+    """The least margin (n,) at places of what an output stands on, above rounding."""
+    margins = cycle.run(s, output).quality.margin.values()
+    return np.asarray(np.min([np.ones(len(s)), *margins], axis=0).clip(EPS))
 
 
 def _continued(cycle: Cycle, read: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
@@ -118,9 +129,11 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
             for i in (values.argmax(), values.argmin())
         ]
     else:
+        # Times the margin: near a pole the largest value says nothing about the rest.
+        floor = ROUNDING * float(np.nanmax(np.abs(values) * signal.margin(coordinates)))
         for low, high in cycle.stretches(signal.value):
             aside = ASIDE * closed
-            inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed))
+            inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed), floor)
             if not closed:
                 ends += [_end(cycle, signal, edge) for edge in (low, high)]
     minimum = min([*inner, *ends], key=lambda t: t.value)
@@ -134,15 +147,17 @@ def _is_noise(signal: Signal, samples: Floats, values: Floats) -> bool:
     return bool(np.mean(np.abs(neighbours - values[:-1])) > NOISY * np.ptp(values))
 
 
-def _inner(cycle: Cycle, signal: Signal, span: Span) -> list[Turn]:
-    """Extrema inside a stretch, in order."""
+def _inner(cycle: Cycle, signal: Signal, span: Span, floor: float) -> list[Turn]:
+    """Extrema inside a stretch, in order; rounding at the margin 1 is a floor for all of them."""
     part = (span.high - span.low) / (cycle.high - cycle.low)
     edges = panels(0.0, 1.0, max(2, math.ceil(part * cycle.panels)))
     curve = scan(signal.smooth, span, edges, signal.value)
     good = np.isfinite(curve.y)
     x, y = curve.x[good], curve.y[good]
     turns = []
-    for i, sign in _turning(y, span.turn):
+    for i, sign in _turning(
+        y, np.maximum(ROUNDING * np.abs(y), floor / signal.margin(x)), span.turn
+    ):
         s = float(x[i])
         if 0 < i < len(x) - 1:
             s = _cornered(signal, s, min(s - float(x[i - 1]), float(x[i + 1]) - s), sign)
@@ -169,16 +184,14 @@ def _at(signal: Signal, s: float) -> float:
     return float(signal.value(np.array([s]))[0])
 
 
-def _turning(y: Floats, closed: bool) -> list[tuple[int, int]]:
-    """Numbers and kinds of the extrema among values, apart from rounding.
+def _turning(y: Floats, noise: Floats, closed: bool) -> list[tuple[int, int]]:
+    """Numbers and kinds of the extrema among values, apart from noise.
 
-    Values that are alike within rounding count as one.
+    Values that are alike within noise count as one.
     """
-    # Not the largest value: near a pole of the output that says nothing about the rest.
-    size = np.maximum(np.abs(y), np.median(np.abs(y)))
     groups = [[0]]
     for i in range(1, len(y)):
-        if abs(y[i] - y[groups[-1][-1]]) <= ROUNDING * size[i]:
+        if abs(y[i] - y[groups[-1][-1]]) <= noise[i]:
             groups[-1].append(i)
         else:
             groups.append([i])
@@ -198,14 +211,19 @@ def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:
     """The value at the end of a stretch: a limit, or without bound at a dead centre.
 
     Steps towards it shrink by 100 each: the value then settles, or it grows like
-    1/sqrt(distance), each time by 10 times more.
+    1/sqrt(distance), each time by 10 times more. At a change point, where margins fall by the
+    square of the distance, the value is that of the polynomial through places before it.
     """
     at = _at(signal, edge)
     if edge in (cycle.low, cycle.high):
         return Turn(edge, at, 1, True)
     inward = (cycle.high - cycle.low) / cycle.steps
     inward = inward if math.isfinite(_at(signal, edge + 1e-6 * inward)) else -inward
-    first, second, third = (_at(signal, edge + inward * x) for x in (1e-2, 1e-4, 1e-6))
-    if abs(third - second) > 2 * abs(second - first) + ROUNDING * abs(second):
+    steps = edge + inward * np.array([1e-2, 1e-4, 1e-6])
+    first, second, third = signal.value(steps).tolist()
+    margins = signal.margin(steps)
+    if margins[1] < margins[0] / STEEP:
+        at = float(BEFORE @ signal.value(edge + inward * np.arange(1.0, len(BEFORE) + 1.0)))
+    elif abs(third - second) > 2 * abs(second - first) + ROUNDING * abs(second):
         at = math.copysign(math.inf, third - second)
     return Turn(edge, at, 1, True)
