@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.builders import opened
 from blockmech.draw.animation import rests
-from blockmech.draw.simulation import energy_panels, motion_panels, phase_plots, simulation_pictures
+from blockmech.draw.simulation import (
+    _smooth,
+    energy_panels,
+    motion_panels,
+    phase_plots,
+    simulation_pictures,
+)
 from blockmech.figures.panels import Abscissa, Panel, draw_panels
 from tests.gallery import GRAPHS
 
@@ -88,3 +95,25 @@ def test_a_mechanism_rests_where_nothing_moves_after_an_event_that_says_so(time,
 def test_a_motion_of_no_duration_has_no_pictures(tmp_path):
     mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
     assert simulation_pictures(mech.simulate("time=0"), tmp_path) == []
+
+
+def test_curves_have_their_corners():
+    """A hammer's rate jumps within a picture's curve as it does in the motion."""
+    motion = bm.Graph.load(GRAPHS / "hammer.json").compile().simulate("time=1.5")
+    fine, _ = _smooth(motion, motion.motion, ())
+    first = motion.motion.impacts[0]
+    k = int(np.searchsorted(fine.time, first.t))
+    assert fine.time[k] == first.t
+    name = next(name for name in fine if name.endswith(".rate"))
+    assert fine[name][k - 1 : k + 1] == pytest.approx([*first.before, *first.after], rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["hammer", "stribeck_slider_crank", "joints/rack_gripper"])
+def test_tables_have_the_corners_of_a_motion(name):
+    result = opened(GRAPHS / f"{name}.json").compile().simulate("time=1.5")
+    corners = {x.t for x in (*result.motion.events, *result.motion.impacts)}
+    assert {0.0, 0.75, 1.5, *(x.t for x in result.motion.impacts[:3])} <= set(result.time.tolist())
+    behind = [t - result.time[result.time <= t][-1] for t in corners]
+    assert max(behind) <= (0.25 * 0.0075 if name == "hammer" else 0.0)  # bounces pile up
+    assert len(result.to_csv().splitlines()) == 1 + result.n > 202
+    assert (np.diff(result.time) > 0).all()

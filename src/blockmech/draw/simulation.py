@@ -90,7 +90,7 @@ def _smooth(result: Result, motion: Motion, names: Iterable[str]) -> tuple[Resul
     """Coordinates, rates and further outputs at times of a picture's own, and these times."""
     mechanism = result.mechanism
     states = [mechanism._of_driver(d, state) for d in mechanism.drivers for state in ("q", "rate")]
-    t = motion.times(CURVE)
+    t = motion.curve_times(CURVE)
     marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
     fine = result_along(mechanism, motion, t, [*states, *names])
     return fine, Abscissa("time [s]", t, events=marked)

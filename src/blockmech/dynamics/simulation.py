@@ -91,7 +91,7 @@ def simulate(
     method : "auto", "energy", "dop853", "radau", "rk4" or "euler_q", see `METHODS`; or a
         `FixedStep`
     accuracy : target [rad or m] of the driver coordinate at all times
-    times : (n,) output times [s]; by default 201 over the whole run
+    times : (n,) output times [s]; by default 201 over the whole run, and those of events
     start : driver -> (q [rad or m], rate); by default the scene's ``initial``
     stops : driver, or the coordinate of a pair such as ``"rod.S.coordinate"`` -> (lowest,
         highest) [rad or m]; by default the scene's
@@ -219,7 +219,7 @@ def _at_times(
 ) -> SimulationResult:
     """The result at some times, those after the end left out."""
     if times is None:
-        times = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
+        times = motion.curve_times(OUTPUTS if motion.t_end > motion.t_start else 1)
     reached = motion.reached_times(times)
     inside = ~np.isnan(reached)
     late = len(reached) - np.count_nonzero(inside)

@@ -54,7 +54,7 @@ def _draw(axes: Any, y: int, bar: Bar, span: tuple[float, float], scale: float) 
     axes.plot([q * scale for q in bar.marks], [y] * len(bar.marks), "|", color=ink.ALARM)
     axes.plot([q * scale for q in bar.chosen], [y] * len(bar.chosen), "o", ms=3, color=ink.INK)
     axes.annotate(
-        f"{bar.name}: {' to '.join(bar.ends)}", (0, y - THICK / 4), (2, 1),
+        f"{bar.name}: {' to '.join(map(shown_name, bar.ends))}", (0, y - THICK / 4), (2, 1),
         xycoords=("axes fraction", "data"), textcoords="offset points", va="bottom",
         fontsize=ink.SMALL,
     )  # fmt: skip

@@ -324,6 +324,19 @@ class Motion(Facts, Report):
         """That many times, equally spaced over the run [s]."""
         return np.linspace(self.t_start, self.t_end, count)
 
+    def curve_times(self, count: int) -> Floats:
+        """Times of a curve [s]: that many, equally spaced, with the corners between them.
+
+        Corners are events and impacts, these also just before. One within a tenth of the spacing
+        behind another is left out: bounces may pile up.
+        """
+        even, impacts = self.times(count), [impact.t for impact in self.impacts]
+        corners = np.unique([event.t for event in self.events] + impacts)
+        spacing = (self.t_end - self.t_start) / max(count - 1, 1)
+        corners = corners[np.diff(corners, prepend=-math.inf) > spacing / 10]
+        before = np.nextafter(corners[np.isin(corners, impacts)], -math.inf)
+        return np.union1d(even, np.clip([*corners, *before], self.t_start, self.t_end))
+
     def fluctuation(self, start: float, end: float) -> float:
         """How uneven the speed is between two times [s]: (w_max - w_min) / w_mean [-].
 
