@@ -99,9 +99,9 @@ class Subject:
     @cached_property
     def numbers(self) -> dict[str, float]:
         """A few numbers of the design that are not 0, lengths first."""
-        known = [p for p in self.mechanism.parameters().values() if p.value]
-        known.sort(key=lambda p: p.unit != "m")
-        return {p.address: p.value for p in known[:FEW]}
+        parameters = [p for p in self.mechanism.parameters().values() if p.value]
+        parameters.sort(key=lambda p: p.unit != "m")
+        return {p.address: p.value for p in parameters[:FEW]}
 
     @cached_property
     def result(self) -> Result:
@@ -161,7 +161,10 @@ def _modes_shown(s: Subject) -> Any:
 
 def _study(s: Subject, **options: Any) -> Any:
     vary = {address: np.array([1.0, 1.001]) * x for address, x in islice(s.numbers.items(), 1)}
-    want = [f"{how}({s.output})" for how in ("max_abs", "min", "max", "range", "mean", "rms")]
+    want = [
+        f"{reduction}({s.output})"
+        for reduction in ("max_abs", "min", "max", "range", "mean", "rms")
+    ]
     return s.mechanism.study(vary, want=want, **s.places, **options)
 
 
@@ -182,14 +185,16 @@ def _tolerance(s: Subject) -> Any:
 
 
 def _enclose(s: Subject) -> Any:
-    given = {address: 1e-6 * abs(x) for address, x in s.numbers.items()}
-    return s.mechanism.enclose(**s.places, tolerance=given, want=s.output)
+    tolerances = {address: 1e-6 * abs(x) for address, x in s.numbers.items()}
+    return s.mechanism.enclose(**s.places, tolerance=tolerances, want=s.output)
 
 
 def _function(s: Subject) -> Any:
     inputs = {s.mechanism._of_driver(d, "q"): q for d, q in s.pose.items()}
     rates = {
-        s.mechanism._of_driver(d, what): 0.0 for d in s.pose for what in ("rate", "acceleration")
+        s.mechanism._of_driver(d, quantity): 0.0
+        for d in s.pose
+        for quantity in ("rate", "acceleration")
     }
     inputs = {**inputs, **rates, "time": 0.0}
     f = s.mechanism.function(inputs, s.output, [*s.numbers], library="numpy")
@@ -374,22 +379,22 @@ def _commands() -> dict[str, Call]:
         "balance": ["{number}"],
         "identify": [],
     }
-    left = {"studio", "new", "import_", "blocks", "schema", "identify", "test"}
-    names = [function.__name__ for function in COMMANDS if function.__name__ not in left]
+    apart = {"studio", "new", "import_", "blocks", "schema", "identify", "test"}
+    names = [function.__name__ for function in COMMANDS if function.__name__ not in apart]
     return {f"blockmech {name}": partial(_commanded, name, lines.get(name, [])) for name in names}
 
 
-def _commanded(name: str, more: list[str], s: Subject) -> None:
+def _commanded(name: str, options: list[str], s: Subject) -> None:
     from blockmech.cli import main
     from blockmech.cli.terminal import FAULT
 
     with tempfile.TemporaryDirectory() as home:
         number, value = next(iter(s.numbers.items()), ("", 0.0))
-        said = {"home": home, "output": s.output, "number": number, "value": repr(value)}
-        words = [name, s.document.file, *(word.format(**said) for word in more)]
+        values = {"home": home, "output": s.output, "number": number, "value": repr(value)}
+        arguments = [name, s.document.file, *(word.format(**values) for word in options)]
         out, err = StringIO(), StringIO()
         with redirect_stdout(out), redirect_stderr(err):
-            code = main(words)
+            code = main(arguments)
         if code == FAULT:
             raise RuntimeError(err.getvalue())
         assert "Traceback" not in err.getvalue()
@@ -471,9 +476,9 @@ def _words(text: str) -> list[str]:
 def silent(result: Result) -> Iterator[str]:
     """Outputs that hold a number that is none in a sample with an answer."""
     good = np.array([status == OK for status in result.quality.status])
-    known = {flag.where for flag in result.quality.flags if flag.code == "infinite"}
+    infinite = {flag.where for flag in result.quality.flags if flag.code == "infinite"}
     for name in result:
-        if result.output(name).kind == "number" or name in known:
+        if result.output(name).kind == "number" or name in infinite:
             continue
         values = np.asarray(result[name])
         if len(values) == len(good) and not np.isfinite(values[good]).all():

@@ -88,11 +88,11 @@ Call = Callable[..., Said]
 def call(capsys: pytest.CaptureFixture[str]) -> Call:
     """``call("run", file)``: exit code, standard output and standard error of the command."""
 
-    def calling(*words: str | os.PathLike[str]) -> Said:
+    def calling(*arguments: str | os.PathLike[str]) -> Said:
         from blockmech.cli import main
 
         capsys.readouterr()
-        code = main([os.fspath(word) for word in words])
+        code = main([os.fspath(word) for word in arguments])
         return Said(code, *capsys.readouterr())
 
     return calling

@@ -61,8 +61,8 @@ class Twins:
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def _names(said: str) -> dict[str, str]:
-    return dict(item.split("=") for item in said.split())
+def _names(pairs: str) -> dict[str, str]:
+    return dict(item.split("=") for item in pairs.split())
 
 
 def _twins(links: str, joints: str, drivers: str, points: str = "", **turns: complex) -> Twins:

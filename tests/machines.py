@@ -211,10 +211,10 @@ def watt(
     """
 
     def rod(mass: float, length: float, inertia: float, **markers: complex) -> bm.Link:
-        places = {name: Marker(at=at) for name, at in markers.items()}
+        points = {name: Marker(at=at) for name, at in markers.items()}
         if not massive:
-            return bm.Link(markers=places)
-        return bm.Link(mass=mass, inertia=inertia, cm=(length / 2, 0.0), markers=places)
+            return bm.Link(markers=points)
+        return bm.Link(mass=mass, inertia=inertia, cm=(length / 2, 0.0), markers=points)
 
     law = bm.friction.Coulomb(coefficient=0.2, radius=0.02)
     g = Graph("watt_sixbar", gravity=(0.0, -9.81) if gravity else (0.0, 0.0))

@@ -54,7 +54,7 @@ NEEDED_IN = {
 def imports(name, late):
     """Names of the modules that a module imports when it is loaded, or, ``late``, ever."""
     loaded = statements(trees()[name].body)  # for types it may look anywhere
-    for node in (x for one in loaded for x in ast.walk(one)) if late else loaded:
+    for node in (x for tree in loaded for x in ast.walk(tree)) if late else loaded:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -87,8 +87,8 @@ def room(module):
 @cache
 def files():
     """What imports what; read when a test asks for it, not by all who collect tests."""
-    known = set(MODULES)
-    result = nx.DiGraph((a, b) for a in known for b in set(imports(a, late=True)) & known - {a})
+    modules = set(MODULES)
+    result = nx.DiGraph((a, b) for a in modules for b in set(imports(a, late=True)) & modules - {a})
     result.remove_nodes_from(["blockmech"])  # the public names, which nothing inside needs
     return result
 
@@ -138,7 +138,7 @@ def test_heavy_packages_are_loaded_late():
     early = {
         (name, package)
         for name in MODULES
-        for package in {other.split(".")[0] for other in imports(name, late=False)} & LATE
+        for package in {imported.split(".")[0] for imported in imports(name, late=False)} & LATE
         if NEEDED_IN.get(package) not in (room(name), name)
     }
     assert early == set()
@@ -153,13 +153,13 @@ def test_importing_blockmech_loads_no_heavy_package(module, needed):
     assert (LATE | {"networkx"}) & set(result.stdout.split()) == needed
 
 
-@pytest.mark.parametrize("how", ["", ", method='dop853', engine='llvm'"])
-def test_a_motion_along_the_path_or_by_machine_code_loads_no_scipy(how):
-    if how:
+@pytest.mark.parametrize("options", ["", ", method='dop853', engine='llvm'"])
+def test_a_motion_along_the_path_or_by_machine_code_loads_no_scipy(options):
+    if options:
         pytest.importorskip("llvmlite", reason="machine code needs the extra fast")
     code = (
         "import sys, blockmech as bm; bm.Graph.load('graphs/watt_sixbar.json').compile()"
-        f".simulate('standstill'{how}); print('scipy' in sys.modules)"
+        f".simulate('standstill'{options}); print('scipy' in sys.modules)"
     )
     result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -168,7 +168,7 @@ def test_a_motion_along_the_path_or_by_machine_code_loads_no_scipy(how):
 
 
 def test_private_names_stay_in_their_room():
-    taken = [
+    borrowed = [
         f"{name} takes {alias.name} from {node.module}"
         for name, tree in trees().items()
         for node in ast.walk(tree)
@@ -176,7 +176,7 @@ def test_private_names_stay_in_their_room():
         for alias in node.names
         if re.match("_[^_]", alias.name) and room(str(node.module)) != room(name)
     ]
-    assert taken == []
+    assert borrowed == []
 
 
 # ---- kernels -----------------------------------------------------------------------------
@@ -192,7 +192,7 @@ def kernels(own_form):
             yield pytest.param(cls, id=name)
 
 
-def written_in(module, seen=()):
+def written_in(module, visited=()):
     """Functions and records of a module of kernels, and of those that it takes them from."""
     tree = ast.parse(Path(sys.modules[module].__file__).read_text(encoding="utf-8"))
     functions = {n.name: n for n in tree.body if isinstance(n, ast.FunctionDef)}
@@ -200,29 +200,29 @@ def written_in(module, seen=()):
     for n in (n for n in tree.body if isinstance(n, ast.ImportFrom)):
         if n.module == "blockmech.typing":
             records |= {alias.asname or alias.name for alias in n.names}
-        elif n.module.startswith("blockmech.blocks.") and n.module not in seen:
-            more, others = written_in(n.module, (*seen, module))
-            functions = {**more, **functions}
-            records |= others
+        elif n.module.startswith("blockmech.blocks.") and n.module not in visited:
+            inherited, inherited_records = written_in(n.module, (*visited, module))
+            functions = {**inherited, **functions}
+            records |= inherited_records
     return functions, records
 
 
 @pytest.mark.parametrize("cls", list(kernels(own_form=False)))
 def test_kernels_are_straight_formulas_over_the_primitives(cls):
     functions, records = written_in(cls.__module__)
-    known = {*SCALAR_PRIMITIVES, *records, *functions, "abs"}
+    allowed = {*SCALAR_PRIMITIVES, *records, *functions, "abs"}
     waiting = [k.__name__ for k in vars(cls.kernels).values() if k is not None]
-    seen = set()
+    visited = set()
     while waiting:
         name = waiting.pop()
-        if name in seen:
+        if name in visited:
             continue
-        seen.add(name)
+        visited.add(name)
         for node in (x for statement in functions[name].body for x in ast.walk(statement)):
             assert not isinstance(node, FORBIDDEN), f"{name}: {ast.unparse(node)}"
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 called = node.func.id
-                assert called in known, f"{name} calls {called}"
+                assert called in allowed, f"{name} calls {called}"
                 if called in functions:
                     waiting.append(called)
 

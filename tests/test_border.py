@@ -42,17 +42,17 @@ def test_a_name_alone_is_not_spelled_letter_by_letter(tmp_path: Any) -> None:
         bm.Linkage().add_joint("J", "R", "frame", point=0j)
 
 
-@pytest.mark.parametrize("odd", [3, None, ["crank.drive", 3], 2.5])
-def test_what_is_no_name_is_refused_where_names_are_asked(odd: Any) -> None:
+@pytest.mark.parametrize("value", [3, None, ["crank.drive", 3], 2.5])
+def test_what_is_no_name_is_refused_where_names_are_asked(value: Any) -> None:
     mechanism = RUIZ.compile()
     for ask in (
-        lambda: mechanism.run(at=1.0, want=odd),
-        lambda: mechanism.explain(odd),
-        lambda: mechanism.extremes(odd),
-        lambda: mechanism.sensitivity(odd),
-        lambda: mechanism.limits(blocks=odd or 3),
-        lambda: mechanism.modes(groups=odd or 3),
-        lambda: bm.Linkage().add_joint("J", "R", odd, point=0j),
+        lambda: mechanism.run(at=1.0, want=value),
+        lambda: mechanism.explain(value),
+        lambda: mechanism.extremes(value),
+        lambda: mechanism.sensitivity(value),
+        lambda: mechanism.limits(blocks=value or 3),
+        lambda: mechanism.modes(groups=value or 3),
+        lambda: bm.Linkage().add_joint("J", "R", value, point=0j),
     ):
         with pytest.raises(bm.RequestError, match=r"give a name, or several|name one output"):
             ask()
@@ -133,10 +133,10 @@ def test_mappings_of_blocks_and_scenes_do_not_change() -> None:
     ):
         with pytest.raises(bm.GraphError, match="frozen"):
             change()
-    for made in (pickle.loads(pickle.dumps(dyad)), copy.deepcopy(dyad)):
-        assert made == dyad
+    for duplicate in (pickle.loads(pickle.dumps(dyad)), copy.deepcopy(dyad)):
+        assert duplicate == dyad
         with pytest.raises(bm.GraphError, match="frozen"):
-            made.links.clear()
+            duplicate.links.clear()
 
 
 @pytest.mark.parametrize("name", ["stephenson_3_triad", "stephenson_2_class_4"])
@@ -149,13 +149,17 @@ def test_eight_threads_that_share_a_mechanism_find_what_one_finds(name: str) -> 
     want = [f"{driver}.drive"]
 
     def found(mechanism: Any, at: Any) -> Any:
-        how = {"friction": "none", "on_gap": "mark", "engine": "numpy"}  # of one engine: same bits
-        return mechanism.run(at=at, want=want, **how)[want[0]]
+        options = {
+            "friction": "none",
+            "on_gap": "mark",
+            "engine": "numpy",
+        }  # of one engine: same bits
+        return mechanism.run(at=at, want=want, **options)[want[0]]
 
     expected = [found(alone, at) for at in ways]
     for _ in range(2):
         shared = graph.compile()  # cold: all its knots are still to be laid
         with ThreadPoolExecutor(8) as pool:
-            told = list(pool.map(lambda at, m=shared: found(m, at), ways))
-        for one, other in zip(told, expected, strict=True):
-            np.testing.assert_array_equal(one, other)
+            results = list(pool.map(lambda at, m=shared: found(m, at), ways))
+        for result, other in zip(results, expected, strict=True):
+            np.testing.assert_array_equal(result, other)

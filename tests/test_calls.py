@@ -55,5 +55,5 @@ def test_some_calls_on_every_file(number, file):
 
 @pytest.fixture(scope="module")
 def subjects():
-    made = {}
-    return lambda file: made.setdefault(file, Subject.of(GRAPHS / file))
+    cache = {}
+    return lambda file: cache.setdefault(file, Subject.of(GRAPHS / file))

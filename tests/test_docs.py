@@ -201,9 +201,11 @@ def test_a_page_runs_prints_the_numbers_it_says_and_draws_its_pictures(page, tmp
         pytest.importorskip(package, reason="the page of JAX needs the extra judges")
     with workplace(tmp_path):
         run(text, page.name)
-    drawn = {*re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text)}
-    kept = {name for name in drawn if (page.parent / name).exists()}  # of the studio: test_views
-    assert [name for name in drawn - kept if not (tmp_path / name).stat().st_size] == []
+    pictures = {*re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text)}
+    stored = {
+        name for name in pictures if (page.parent / name).exists()
+    }  # of the studio: test_views
+    assert [name for name in pictures - stored if not (tmp_path / name).stat().st_size] == []
 
 
 @pytest.mark.parametrize(
@@ -257,8 +259,8 @@ def test_a_citation_names_the_version_of_the_package():
 def test_files_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
     for path in re.findall(r"\]\(([\w./-]+)\)", text):
-        drawn = page.parent != ROOT and path.endswith((".svg", ".png", ".gif", ".html"))
-        assert drawn or (page.parent / path).exists(), path
+        is_picture = page.parent != ROOT and path.endswith((".svg", ".png", ".gif", ".html"))
+        assert is_picture or (page.parent / path).exists(), path
     for path in re.findall(r"\bgraphs/[\w/]+\.json", text):
         assert (ROOT / path).exists(), path
 
@@ -266,19 +268,19 @@ def test_files_that_a_page_names_exist(page):
 @pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.stem)
 def test_commands_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
-    known = {function.__name__ for function in COMMANDS}
-    assert set(re.findall(r"[`/]blockmech (\w+)", text)) <= known
+    commands = {function.__name__ for function in COMMANDS}
+    assert set(re.findall(r"[`/]blockmech (\w+)", text)) <= commands
 
 
 def test_on_a_package_index_the_readme_links_to_nothing_that_is_not_there():
     build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]
-    shown = README
+    page = README
     for change in build["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
-        shown = re.sub(change["pattern"], change["replacement"], shown)
-    matches = re.findall(r"\]\(([^)]*)\)", shown)
+        page = re.sub(change["pattern"], change["replacement"], page)
+    matches = re.findall(r"\]\(([^)]*)\)", page)
     assert [target for target in matches if not target.startswith("https://")] == []
-    assert "walking leg" not in shown  # a picture's text without the picture
-    assert "`CITATION.cff`" in shown
+    assert "walking leg" not in page  # a picture's text without the picture
+    assert "`CITATION.cff`" in page
 
 
 def test_readme_has_its_two_one_line_commands_for_both_systems():
@@ -302,7 +304,7 @@ def test_the_names_of_the_architecture_page_exist():
 
 
 def test_the_gallery_page_has_every_mechanism():
-    shown = set(
+    names = set(
         re.findall(r"\]\(tile_(\w+)\.svg\)", (ROOT / "docs" / "gallery.md").read_text("utf-8"))
     )
-    assert shown == {path.stem for path in (ROOT / "graphs").glob("*.json")}
+    assert names == {path.stem for path in (ROOT / "graphs").glob("*.json")}

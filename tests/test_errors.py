@@ -214,9 +214,9 @@ def test_every_code_in_the_source_is_declared():
 LONG = LARGEST // 2
 
 
-def flooded(place, flood):
+def flooded(anchor, flood):
     """The four-bar with something put in after a place."""
-    return GOOD.replace(place, place + flood, 1)
+    return GOOD.replace(anchor, anchor + flood, 1)
 
 
 FLOODS = {

@@ -126,10 +126,10 @@ def test_the_schema_refuses_what_is_no_result(turn):
 
 def test_the_schema_tells_the_units_of_a_motions_facts():
     facts = result_schema()["$defs"]["motion"]["properties"]["facts"]
-    said = {name: fact["description"] for name, fact in facts["properties"].items()}
-    assert said["period"] == "[s]"
-    assert said["work_per_period"] == "[J]"
-    assert said["mean_speed"] == "[rad/s or m/s]"
+    descriptions = {name: fact["description"] for name, fact in facts["properties"].items()}
+    assert descriptions["period"] == "[s]"
+    assert descriptions["work_per_period"] == "[J]"
+    assert descriptions["mean_speed"] == "[rad/s or m/s]"
 
 
 @pytest.mark.parametrize(
@@ -154,9 +154,9 @@ def test_csv_reads_back_to_the_last_bit(turn):
     assert column["dyad.B.reaction.x [N]"] == turn["dyad.B.reaction"].real.tolist()
     assert column["dyad.B.reaction.y [N]"] == turn["dyad.B.reaction"].imag.tolist()
     assert column["dyad.margin [-]"] == turn["dyad.margin"].tolist()
-    whole = turn["mechanism.friction_efficiency"]  # one number of the run
-    assert column["mechanism.friction_efficiency [-]"] == [whole] * 25
-    assert turn.to_dict()["outputs"]["mechanism.friction_efficiency"]["values"] == [whole]
+    efficiency = turn["mechanism.friction_efficiency"]  # one number of the run
+    assert column["mechanism.friction_efficiency [-]"] == [efficiency] * 25
+    assert turn.to_dict()["outputs"]["mechanism.friction_efficiency"]["values"] == [efficiency]
 
 
 def test_csv_leaves_cells_without_an_answer_empty(gappy):
@@ -291,11 +291,11 @@ def test_the_table_fits_a_terminal_and_starts_with_what_matters():
 
 
 def test_the_table_says_how_many_outputs_it_leaves_out(turn):
-    shown = len(set(re.findall(r"[\w.]+", table(turn).splitlines()[2])))
+    columns = len(set(re.findall(r"[\w.]+", table(turn).splitlines()[2])))
     match = re.search(r"(\d+) more outputs: crank", table(turn))
     assert match
     assert 0 < int(match[1]) < len(turn)
-    assert shown > 1
+    assert columns > 1
 
 
 def test_the_table_shows_what_is_wanted_and_nothing_else():
@@ -405,20 +405,20 @@ def test_a_folder_keeps_other_files_and_replaces_its_own(tmp_path):
 
 
 def test_a_failed_folder_leaves_nothing(tmp_path):
-    def fail(place: Path) -> None:
-        with folder(place) as draft:
+    def fail(target: Path) -> None:
+        with folder(target) as draft:
             (draft / "one.txt").write_text("1", encoding="utf-8")
             raise ZeroDivisionError
 
-    for place in (tmp_path / "new", tmp_path):
+    for target in (tmp_path / "new", tmp_path):
         with pytest.raises(ZeroDivisionError):
-            fail(place)
+            fail(target)
     assert os.listdir(tmp_path) == []
 
 
 def test_a_directory_in_the_way_stops_a_folder_before_anything_moves(tmp_path):
-    def fill(place: Path) -> None:
-        with folder(place) as draft:
+    def fill(target: Path) -> None:
+        with folder(target) as draft:
             (draft / "a.txt").write_text("new", encoding="utf-8")
             (draft / "b.txt").write_text("new", encoding="utf-8")
 
@@ -429,8 +429,8 @@ def test_a_directory_in_the_way_stops_a_folder_before_anything_moves(tmp_path):
 
 
 def test_a_file_in_the_place_of_a_folder_is_refused(tmp_path):
-    def fill(place: Path) -> None:
-        with folder(place):
+    def fill(target: Path) -> None:
+        with folder(target):
             pass
 
     (tmp_path / "file").write_text("old", encoding="utf-8")
@@ -446,30 +446,30 @@ def test_every_table_opens_where_numbers_have_a_comma():
         mechanism.study({"dyad.l_i": [5.9, 6.0]}, want="max(crank.drive)", samples=3),
         mechanism.sensitivity("crank.drive", to="dyad.l_*", at=1.0),
     )
-    for found in tables:
-        point = list(csv.reader(io.StringIO(found.to_csv())))
-        told = found.to_csv(separator=";", decimal=",")
-        comma = list(csv.reader(io.StringIO(told), delimiter=";"))
+    for answer in tables:
+        point = list(csv.reader(io.StringIO(answer.to_csv())))
+        text = answer.to_csv(separator=";", decimal=",")
+        comma = list(csv.reader(io.StringIO(text), delimiter=";"))
         assert comma[0] == point[0]
         assert comma[1:] != point[1:]
         assert [[x.replace(",", ".") for x in row] for row in comma[1:]] == point[1:]
         with pytest.raises(bm.RequestError, match='use separator=";" with decimal=","'):
-            found.to_csv(decimal=",")
+            answer.to_csv(decimal=",")
 
 
 def test_a_result_is_shown_in_other_units_and_keeps_its_numbers(turn):
-    shown = turn.to("deg", "rpm", "mm", "kN m")
-    heads = rows_of(shown.to_csv())[0]
+    converted = turn.to("deg", "rpm", "mm", "kN m")
+    heads = rows_of(converted.to_csv())[0]
     assert {"crank.q [deg]", "crank.rate [rpm]", "dyad.C.p.x [mm]", "crank.drive [kN m]"} <= {
         *heads
     }
     assert "dyad.C.v.x [m/s]" in heads  # no unit of its kind is named
     frame = turn.to("mm").to_dataframe()
     assert frame["dyad.C.p.x"].to_numpy() == pytest.approx(1000 * turn["dyad.C.p"].real)
-    assert np.array_equal(shown["dyad.C.p"], turn["dyad.C.p"])
-    assert shown.to_dict() == turn.to_dict()
-    assert shown.plan is turn.plan
-    figure = shown.plot(names=["dyad.C.p", "crank.rate"])
+    assert np.array_equal(converted["dyad.C.p"], turn["dyad.C.p"])
+    assert converted.to_dict() == turn.to_dict()
+    assert converted.plan is turn.plan
+    figure = converted.plot(names=["dyad.C.p", "crank.rate"])
     assert [axes.get_ylabel() for axes in figure.axes] == ["p [mm]", "rate [rpm]"]
     with pytest.raises(bm.RequestError, match='no unit "furlong"'):
         turn.to("furlong")

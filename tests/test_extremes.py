@@ -133,8 +133,8 @@ def test_beside_change_points_and_coincident_joints_it_is_right_or_refused(
 def test_a_motion_is_as_good_as_it_says_or_says_that_it_is_none(case: Motion) -> None:
     cell = moved(case)
     assert cell.error <= cell.estimate if cell.is_answer else "failed" in cell.told
-    known = cell.estimate < 1e-6 * max(1.0, cell.way) or not cell.is_answer
-    assert known or "accuracy not reached" in cell.told
+    honest = cell.estimate < 1e-6 * max(1.0, cell.way) or not cell.is_answer
+    assert honest or "accuracy not reached" in cell.told
 
 
 @pytest.mark.parametrize("kind", ["extended", "folded", "oblique"])
@@ -165,8 +165,8 @@ def test_dead_centre_itself_is_refused_by_name() -> None:
 def test_factored_kernels_keep_six_digits_in_single_precision_at_a_gap_of_1e_4() -> None:
     for scene, precision in SCENES:
         if precision == "complex64" and scene.name.endswith("gap 1e-04"):
-            place = next(r for r in measure(scene, precision) if r.kind == "p")
-            assert place.error < max(1e-6, place.forced), scene.name
+            position = next(r for r in measure(scene, precision) if r.kind == "p")
+            assert position.error < max(1e-6, position.forced), scene.name
 
 
 @pytest.mark.parametrize("gap", ["1e-08", "1e-10", "1e-12", "3e-15"])
@@ -174,14 +174,14 @@ def test_gap_below_single_precision_is_flagged_or_refused_by_name(gap: str) -> N
     for scene in (s for s in all_scenes() if s.name.endswith(f"gap {gap}")):
         request = {"at": scene.at, "rates": scene.rates, "want": scene.want}
         run = scene.graph.compile().run(**request, precision="complex64", on_gap="mark")
-        near = {f.code for f in run.quality.flags} & {"near-dead-centre", "dead-centre"}
+        flags = {f.code for f in run.quality.flags} & {"near-dead-centre", "dead-centre"}
         refused = run.quality.blame == {0: "dyad"}
         finite = all(np.isfinite(run[name]).all() for name in run)
-        assert refused or (near and finite), scene.name
+        assert refused or (flags and finite), scene.name
 
 
 def test_map_in_the_repository_has_a_row_for_every_scene() -> None:
     rows = (Path(__file__).parent / "extremes" / "MAP.md").read_text(encoding="utf-8").splitlines()
-    kept = [[cell.strip() for cell in row.split("|")[1:3]] for row in rows if " | complex" in row]
+    stored = [[cell.strip() for cell in row.split("|")[1:3]] for row in rows if " | complex" in row]
     pressed = [[case.name, precision] for case in RUBBING for precision in BOTH]
-    assert kept == [[s.name, p] for s, p in SCENES] + pressed
+    assert stored == [[s.name, p] for s, p in SCENES] + pressed

@@ -73,7 +73,7 @@ def request(name):
 
 def free_drivers(name):
     """Driver of the joint-based form -> that of the graph, without those that are coupled."""
-    led = {said["driven"] for said in data_of(name, JOINTS).get("couplings", {}).values()}
+    led = {coupling["driven"] for coupling in data_of(name, JOINTS).get("couplings", {}).values()}
     return {mine: graph for mine, graph in TWINS[name].drivers.items() if mine not in led}
 
 
@@ -93,18 +93,18 @@ def renamed(name, ask):
 def conditions(name, ask):
     """Condition of the judge's Jacobian at each sample, and the mechanism's size [m]."""
     document = data_of(name, JOINTS)
-    moving = {name: said for name, said in document["links"].items() if name != "frame"}
+    moving = {name: body for name, body in document["links"].items() if name != "frame"}
     bare = {
         n: {k: x for k, x in j.items() if k != "friction"} for n, j in document["joints"].items()
     }
     system = judged(document | {"links": moving, "joints": bare, "loads": {}})
     run = joined(name).run(**renamed(name, ask), want=["link.*.p", "link.*.angle"])
-    found = []
+    conditionings = []
     for k in range(SAMPLES):
         rows = [(run[f"link.{n}.p"][k], run[f"link.{n}.angle"][k]) for n in system.links]
         poses = np.array([(p.real, p.imag, angle) for p, angle in rows])
-        found.append(mb.conditioning(system, poses))
-    return np.array(found), float(mb.Instant(system, poses).size)
+        conditionings.append(mb.conditioning(system, poses))
+    return np.array(conditionings), float(mb.Instant(system, poses).size)
 
 
 def pairs_of(name, form, graph, size):
@@ -191,9 +191,9 @@ def test_general_groups_in_place_of_dyads_give_the_same_outputs(name, general):
 def test_every_link_joint_and_driver_of_the_document_is_compared(name):
     document, twins = data_of(name, JOINTS), TWINS[name]
     joints = {
-        joint if len(said["links"]) == 2 else f"{joint}.{link}"
-        for joint, said in document["joints"].items()
-        for link in said["links"][1:]
+        joint if len(data["links"]) == 2 else f"{joint}.{link}"
+        for joint, data in document["joints"].items()
+        for link in data["links"][1:]
     }
     assert set(twins.links) == set(document["links"]) - {"frame"}
     assert set(twins.joints) == joints
@@ -239,10 +239,10 @@ def by_the_judge(document, at):
     start = mb.assemble(
         system, system.home, [float(home.coordinate(d).value) for d in system.drivers.values()]
     )
-    found = {}
+    results = {}
 
     def add(output, value):
-        found.setdefault(output, []).append(value)
+        results.setdefault(output, []).append(value)
 
     for k in range(len(next(iter(at.values())))):
         q = [at[driver][k] for driver in drivers]
@@ -256,8 +256,10 @@ def by_the_judge(document, at):
             for part, rows in (("omega", rates), ("alpha", accelerations)):
                 add(f"link.{link}.{part}", rows[i, 2])
             markers = document["links"][link].get("markers", {})
-            places = {"": (0.0, 0.0)} | {f".{m}": said["at"] for m, said in markers.items()}
-            for marker, at_link in places.items():
+            points = {"": (0.0, 0.0)} | {
+                f".{m}": marker_data["at"] for m, marker_data in markers.items()
+            }
+            for marker, at_link in points.items():
                 point = instant.point(link, at_link)
                 add(f"link.{link}{marker}.p", point.place)
                 add(f"link.{link}{marker}.v", point.gradient @ rates.ravel())
@@ -269,7 +271,7 @@ def by_the_judge(document, at):
                 add(f"joint.{name}.{part}", getattr(joint, part))
         for name, effort in forces.drivers.items():
             add(f"driver.{name}.drive", effort)
-    return found
+    return results
 
 
 @pytest.mark.parametrize("name", BY_THE_JUDGE)

@@ -132,9 +132,9 @@ def file(tmp_path: Path) -> Path:
 def test_the_outside_block_runs_is_listed_and_in_the_schema_and_keeps_the_contract(
     installed: Path, file: Path
 ) -> None:
-    there = importlib.util.find_spec("starlette") is not None
+    has_studio = importlib.util.find_spec("starlette") is not None
     result = subprocess.run(
-        [sys.executable, "-c", ASKED, file, *["studio"] * there],
+        [sys.executable, "-c", ASKED, file, *["studio"] * has_studio],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(installed), *sys.path])},
         capture_output=True,
         text=True,

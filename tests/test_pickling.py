@@ -44,13 +44,13 @@ def compiled(name):
 def test_a_copied_mechanism_and_a_copied_result_have_the_same_bits_and_say_the_same(name):
     mechanism = compiled(name)
     result = mechanism.run(samples=7, on_gap="mark")  # its plans are compiled by now
-    other, again = copied(mechanism), copied(result)
-    assert repr(other) == repr(mechanism)
-    assert other.drivers == mechanism.drivers
-    assert list(other.outputs) == list(mechanism.outputs)
+    duplicate, again = copied(mechanism), copied(result)
+    assert repr(duplicate) == repr(mechanism)
+    assert duplicate.drivers == mechanism.drivers
+    assert list(duplicate.outputs) == list(mechanism.outputs)
     assert list(again) == list(result)
-    for found in (again, other.run(samples=7, on_gap="mark")):
-        assert same_bits(result, found) == []
+    for run in (again, duplicate.run(samples=7, on_gap="mark")):
+        assert same_bits(result, run) == []
     assert again.quality.status == result.quality.status
     assert again.to_dict() == result.to_dict()
     assert str(again) == str(result)
@@ -102,8 +102,8 @@ def test_another_process_reads_and_computes_the_same_bits(name):
         cwd=ROOT,
         env={**os.environ, "PYTHONHASHSEED": "7"},  # sets there have another order
     )
-    for found in pickle.loads(read.stdout):
-        assert same_bits(result, found) == []
+    for answer in pickle.loads(read.stdout):
+        assert same_bits(result, answer) == []
 
 
 def test_numbers_in_another_order_are_refused_and_not_read_as_if_they_were_not():

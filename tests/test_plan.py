@@ -136,8 +136,8 @@ def test_no_wish_costs_nothing():
 def test_block_without_load_is_a_structural_zero():
     r = watt(**WEIGHTLESS, force=True, friction=True).run(at=[0.3, 1.0, 2.0])
     for joint in "BCD":
-        for what in ("reaction", "friction", "friction_power"):
-            assert np.all(r[f"last.{joint}.{what}"] == 0)
+        for quantity in ("reaction", "friction", "friction_power"):
+            assert np.all(r[f"last.{joint}.{quantity}"] == 0)
     assert np.all(r["first.B.reaction"] != 0)
 
 
@@ -194,13 +194,13 @@ def test_static_and_friction_settings_do_not_leak_into_each_other():
 def test_order_of_blocks_and_wires_changes_no_bit(name, seed):
     make, request = SUBJECTS[name]
     graph = make()
-    other = rewired(graph, random.Random(seed))
-    one, two = graph.compile(), other.compile()
+    shuffled = rewired(graph, random.Random(seed))
+    first, second = graph.compile(), shuffled.compile()
     assert (
-        one.plan("crank.*" if name != "toggle" else "ram.*").program
-        == two.plan("crank.*" if name != "toggle" else "ram.*").program
+        first.plan("crank.*" if name != "toggle" else "ram.*").program
+        == second.plan("crank.*" if name != "toggle" else "ram.*").program
     )
-    assert same_bits(one.run(**request), two.run(**request)) == []
+    assert same_bits(first.run(**request), second.run(**request)) == []
 
 
 # ---- explain -----------------------------------------------------------------------------
@@ -223,12 +223,12 @@ def test_the_program_is_a_topological_order_of_its_graph():
     for g in (ruiz(), watt(spring=3.0, friction=True), toggle()):
         plan = g.compile().plan("*")
         graph = plan.graph()
-        place = {call: i for i, call in enumerate(graph)}
-        made = [e.node for e in plan.entries]
+        order_of = {call: i for i, call in enumerate(graph)}
+        entries = [e.node for e in plan.entries]
         assert nx.is_directed_acyclic_graph(graph)
-        assert set(made) <= set(graph)
-        kernels = graph.subgraph(made)
-        order = nx.lexicographical_topological_sort(kernels, key=place.get)
+        assert set(entries) <= set(graph)
+        kernels = graph.subgraph(entries)
+        order = nx.lexicographical_topological_sort(kernels, key=order_of.get)
         assert list(order) == [call for call in graph if call in kernels]
         assert all("kind" in data and "way" in data for *_, data in graph.edges(data=True))
 
@@ -286,20 +286,20 @@ NAMES = [
 def test_any_name_of_a_block_gives_the_same_answer(names):
     graph = ruiz()
     expected = graph.run(at=1.3)
-    other = bm.Graph("renamed")
+    renamed = bm.Graph("renamed")
     for name, block in graph.blocks.items():
-        other.add(names.get(name, name), block)
+        renamed.add(names.get(name, name), block)
     for wire in graph.wires:
         ends = [end.split(".") for end in (wire.source, wire.target)]
-        other.connect(*(f"{names.get(block, block)}.{port}" for block, port in ends))
-    other.drive(names.get("crank", "crank"), graph.scene.drive["crank"])
+        renamed.connect(*(f"{names.get(block, block)}.{port}" for block, port in ends))
+    renamed.drive(names.get("crank", "crank"), graph.scene.drive["crank"])
     for engine in ("scalar", "numpy"):
-        result = other.run(at=1.3, engine=engine)
+        result = renamed.run(at=1.3, engine=engine)
         assert result.quality.status == ("ok",)
         crank, dyad = names.get("crank", "crank"), names.get("dyad", "dyad")
-        for what in ("B.reaction", "C.friction", "transmission_angle", "J_red"):
-            assert result[f"{dyad}.{what}"][0] == pytest.approx(
-                expected[f"dyad.{what}"][0], rel=1e-12
+        for quantity in ("B.reaction", "C.friction", "transmission_angle", "J_red"):
+            assert result[f"{dyad}.{quantity}"][0] == pytest.approx(
+                expected[f"dyad.{quantity}"][0], rel=1e-12
             )
         assert result[f"{crank}.drive"][0] == pytest.approx(expected["crank.drive"][0], rel=1e-12)
 

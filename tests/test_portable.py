@@ -48,13 +48,13 @@ NAMES_OF_POSIX |= {"signal.SIGALRM", "signal.SIGHUP", "signal.SIGKILL", "signal.
 
 
 def test_the_package_takes_nothing_that_windows_lacks():
-    taken = set()
+    used = set()
     for path in (p for p in FILES if "tests" not in p.relative_to(ROOT).parts):
         for node in nodes(path, MODULES_OF_POSIX | {name.split(".")[1] for name in NAMES_OF_POSIX}):
             if isinstance(node, ast.Import):
-                taken |= {alias.name for alias in node.names}
+                used |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
-                taken |= {str(node.module)} | {f"{node.module}.{a.name}" for a in node.names}
+                used |= {str(node.module)} | {f"{node.module}.{a.name}" for a in node.names}
             elif isinstance(node, ast.Attribute):
-                taken.add(ast.unparse(node))
-    assert taken & (MODULES_OF_POSIX | NAMES_OF_POSIX) == set()
+                used.add(ast.unparse(node))
+    assert used & (MODULES_OF_POSIX | NAMES_OF_POSIX) == set()

@@ -65,5 +65,5 @@ def test_designs_leave_with_their_graphs():
 @pytest.mark.parametrize("name", ["joints/engine", "joints/ruiz_fourbar"])
 def test_real_eigenvalues_of_an_equilibrium_are_pairs_as_complex_ones(name):
     mechanism = bm.Linkage.load(GRAPHS / f"{name}.json").compile()
-    for one in mechanism.equilibria().to_dict()["equilibria"]:
-        assert all(len(pair) == 2 for pair in one["values"])
+    for equilibrium in mechanism.equilibria().to_dict()["equilibria"]:
+        assert all(len(pair) == 2 for pair in equilibrium["values"])

@@ -107,7 +107,7 @@ def test_several_drivers_have_a_mass_matrix():
 def test_result_is_a_mapping_of_what_was_wanted():
     r = ruiz().run(at=1.0, want=["dyad.C.*", "crank.drive"])
     of_pin = ("p", "v", "a", "reaction", "friction", "coordinate", "slip", "friction_power")
-    assert list(r) == [*(f"dyad.C.{what}" for what in of_pin), "crank.drive"]
+    assert list(r) == [*(f"dyad.C.{quantity}" for quantity in of_pin), "crank.drive"]
     assert len(r) == 9
     assert "dyad.B.reaction" not in r
     assert r.get("dyad.B.reaction") is None
@@ -130,11 +130,11 @@ def test_missing_output_is_a_key_error_that_helps():
 
 def test_one_sample_and_many_read_alike():
     mech = ruiz().compile()
-    one, many = mech.run(at=1.0), mech.run(at=[1.0, 2.0])
-    for name in one:
+    single, many = mech.run(at=1.0), mech.run(at=[1.0, 2.0])
+    for name in single:
         if np.ndim(many[name]):
-            assert one[name].shape == (1,)
-            assert one[name][0] == many[name][0]
+            assert single[name].shape == (1,)
+            assert single[name][0] == many[name][0]
 
 
 def test_what_a_result_is_is_one_line():
@@ -217,10 +217,10 @@ def test_shares_of_blocks_add_up_to_what_is_reduced_to_the_driver():
     g = ruiz()
     r = g.run(at=[0.4, 2.0, 5.0])
     crank, dyad = r.wire("frame.A -> crank.A"), r.wire("crank.B -> dyad.B")
-    for what in ("J_red", "tau_red"):
-        assert np.array_equal(dyad[what], r[f"dyad.{what}"])
-        whole = r[f"crank.{what}"]
-        assert crank[what] + dyad[what] == pytest.approx(whole, rel=1e-14)
+    for quantity in ("J_red", "tau_red"):
+        assert np.array_equal(dyad[quantity], r[f"dyad.{quantity}"])
+        total = r[f"crank.{quantity}"]
+        assert crank[quantity] + dyad[quantity] == pytest.approx(total, rel=1e-14)
     link = g.blocks["crank"].links["crank"]  # turns about A: its share is J + m cm^2
     about_A = link.inertia + link.mass * abs(link.cm.z) ** 2
     assert crank["J_red"] == pytest.approx(np.full(3, about_A), rel=1e-12)
@@ -344,10 +344,10 @@ EFFICIENCY = 100.0 / 101.0
 @EACH_ENGINE
 @pytest.mark.parametrize("rate", [3.0, -3.0])
 @pytest.mark.parametrize(
-    "how", [{"samples": 7}, {"times": [0.0, 0.5, 1.5]}, {"at": [0.0, 1.0, 4.0]}]
+    "samples", [{"samples": 7}, {"times": [0.0, 0.5, 1.5]}, {"at": [0.0, 1.0, 4.0]}]
 )
-def test_efficiency_is_useful_work_over_drive_work(how, rate, engine):
-    r = winch(rate).run(**how, engine=engine)
+def test_efficiency_is_useful_work_over_drive_work(samples, rate, engine):
+    r = winch(rate).run(**samples, engine=engine)
     assert r["mechanism.efficiency"] == pytest.approx(EFFICIENCY, rel=10 * EPS)
     assert r["mechanism.friction_efficiency"] == pytest.approx(EFFICIENCY, rel=10 * EPS)
     assert np.allclose(np.abs(r["crank.drive"]), 101.0, rtol=10 * EPS, atol=0)
@@ -460,13 +460,13 @@ def test_what_is_said_of_ordinary_sizes_is_nothing():
 
 @pytest.mark.skipif(not WIDER, reason="this machine has no numbers longer than double")
 def test_digits_that_coordinates_swallow_are_told_with_their_error():
-    home, far = origin_moved(0.0), origin_moved(1e10)
-    told = {flag.where: flag.value for flag in far.digits_lost}
+    home, moved = origin_moved(0.0), origin_moved(1e10)
+    flags = {flag.where: flag.value for flag in moved.digits_lost}
     for name in ("driver.motor.drive", "load.power", "mechanism.shaking_moment"):
-        assert told[name] == pytest.approx(off(far[name], home[name]), rel=0.01)
-    assert any(note.startswith("digits lost to rounding: ") for note in far.notes())
-    written = [f for f in far.to_dict()["quality"]["flags"] if f["code"] == "digits-lost"]
-    assert {flag["where"] for flag in written} == set(told)
+        assert flags[name] == pytest.approx(off(moved[name], home[name]), rel=0.01)
+    assert any(note.startswith("digits lost to rounding: ") for note in moved.notes())
+    written = [f for f in moved.to_dict()["quality"]["flags"] if f["code"] == "digits-lost"]
+    assert {flag["where"] for flag in written} == set(flags)
 
 
 def test_a_motion_is_told_of_its_digits_without_accelerations_that_nobody_asked_for():
@@ -489,7 +489,7 @@ def test_iterations_of_friction_that_are_cut_short_say_how_far_off_they_are():
     assert "friction error [-]" in run.to_csv().partition("\n")[0]
     assert "friction error" not in exact.to_csv().partition("\n")[0]
     assert max(run.to_dict()["quality"]["friction_error"]["dyad"]) == run.friction_error.max()
-    how = {"start": {"crank": (1.0, 10.0)}, "times": [0.0, 0.1], "want": "crank.q"}
-    moved = mech.simulate("time=0.1", friction="single", **how)
+    options = {"start": {"crank": (1.0, 10.0)}, "times": [0.0, 0.1], "want": "crank.q"}
+    moved = mech.simulate("time=0.1", friction="single", **options)
     assert moved.friction_error[0] == moved.motion.facts["friction_misfit"] > 1e-6
     assert f"{moved.friction_error[0]:.1e}" in str(moved)

@@ -49,15 +49,15 @@ def own_error(found, wanted):
 def test_links_move_as_in_the_reference(engine):
     r = run(engine)
     largest = {"p": max(np.abs(vectors("poses", link)).max() for link in LINKS)}
-    for what in ("omega", "alpha"):
-        largest[what] = max(np.abs(column(what, link)).max() for link in LINKS)
+    for quantity in ("omega", "alpha"):
+        largest[quantity] = max(np.abs(column(quantity, link)).max() for link in LINKS)
     for link, name in LINKS.items():
         assert off(r[f"{name}.p"], vectors("poses", link), largest["p"]) <= MOTION
         # Angles count turns in the reference, ours are in (-pi, pi]: compare directions.
         expected = np.exp(1j * column("poses", link)[:, 2])
         assert off(np.exp(1j * r[f"{name}.angle"]), expected) <= MOTION
-        for what in ("omega", "alpha"):
-            assert off(r[f"{name}.{what}"], column(what, link), largest[what]) <= MOTION
+        for quantity in ("omega", "alpha"):
+            assert off(r[f"{name}.{quantity}"], column(quantity, link), largest[quantity]) <= MOTION
 
 
 def test_coupler_point_moves_as_its_link_does():

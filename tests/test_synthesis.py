@@ -52,8 +52,8 @@ def test_an_odd_number_of_links_is_refused():
 def passed(design):
     """Places of the coupler point by the whole machinery, at the positions and in between."""
     mech = design.graph.compile()
-    way = np.linspace(design.at[0], design.at[-1], 721)
-    margin = mech.run(at=way, want="dyad.margin")["dyad.margin"]
+    grid = np.linspace(design.at[0], design.at[-1], 721)
+    margin = mech.run(at=grid, want="dyad.margin")["dyad.margin"]
     return mech.run(at=design.at, want="dyad.P.p")["dyad.P.p"], margin
 
 
@@ -61,8 +61,8 @@ def test_a_path_through_six_points_is_met():
     designs = path_generator(POINTS, starts=4096)
     assert designs[0].miss < 1e-6
     for design in designs:
-        places, margin = passed(design)
-        assert np.abs(places - POINTS) == pytest.approx(design.errors, abs=1e-9)
+        positions, margin = passed(design)
+        assert np.abs(positions - POINTS) == pytest.approx(design.errors, abs=1e-9)
         assert margin.min() > 0  # no change of circuit or branch on the way
         assert margin.min() == pytest.approx(design.margin, rel=1e-3)
         steps = np.diff(design.at)
@@ -73,7 +73,7 @@ def test_a_path_through_six_points_is_met():
 def test_derivatives_of_the_pose_are_those_of_differences():
     shape = np.array([[1.1, 0.3, 0.9, 1.0, 1.0, 1.2], [1.2, 1.3, 0.8, 0.7, -1.0, 0.2]])
     theta, branch, h = np.array([[0.1, 1.3], [2.0, 2.9]]), np.array([1, -1]), 1e-6
-    here = pose(shape, theta, branch)
+    base = pose(shape, theta, branch)
     for k in range(7):
         a, b = (
             pose(shape + s * h * (np.arange(6) == k), theta + s * h * (k == 6), branch)
@@ -81,7 +81,7 @@ def test_derivatives_of_the_pose_are_those_of_differences():
         )
         for name, by in (("point", "by_point"), ("coupler", "by_coupler"), ("rocker", "by_rocker")):
             slope = (getattr(a, name) - getattr(b, name)) / (2 * h)
-            assert getattr(here, by)[..., k] == pytest.approx(slope, abs=1e-8)
+            assert getattr(base, by)[..., k] == pytest.approx(slope, abs=1e-8)
 
 
 def test_a_closed_path_takes_a_full_turn():
@@ -174,7 +174,7 @@ def test_positions_on_a_line_have_no_pivot():
 
 
 @pytest.mark.parametrize(
-    ("points", "angles", "words"),
+    ("points", "angles", "message"),
     [
         ([1.0, 2.0], None, "three points or more"),
         ("abc", None, "points"),
@@ -182,8 +182,8 @@ def test_positions_on_a_line_have_no_pivot():
         ([0.0, 1.0, 2j], [0.0, 1.0], "one for each position"),
     ],
 )
-def test_what_is_no_path_is_refused(points, angles, words):
-    with pytest.raises(bm.RequestError, match=words):
+def test_what_is_no_path_is_refused(points, angles, message):
+    with pytest.raises(bm.RequestError, match=message):
         path_generator(points, angles)
 
 

@@ -53,8 +53,8 @@ def test_a_table_over_structures(tmp_path):
         at = c.design.at
         run = c.graph.run(at=at, want=c.design.output)[c.design.output]
         assert np.abs(run - POINTS) == pytest.approx(c.design.errors, abs=1e-9)
-        way = np.linspace(at[0], at[-1], 721)
-        run = c.graph.run(at=way, rates=3.0, accelerations=0.0, want=["*.margin", "crank.drive"])
+        grid = np.linspace(at[0], at[-1], 721)
+        run = c.graph.run(at=grid, rates=3.0, accelerations=0.0, want=["*.margin", "crank.drive"])
         assert min(run[m].min() for m in run if m.endswith("margin")) > 0
         assert np.abs(run["crank.drive"]).max() == pytest.approx(c.moment, rel=0.05)
         assert c.design.at == pytest.approx(ANGLES)
@@ -72,5 +72,7 @@ def test_a_table_over_structures(tmp_path):
     assert all(bm.Graph.load(f).check() == [] for f in files)
     again = path_over_structures(POINTS, ANGLES, **settings, budget=0.0, out=tmp_path)
     assert str(again) == str(candidates)
-    other = path_over_structures(POINTS, ANGLES, **settings | {"seed": 1}, budget=0.0, out=tmp_path)
-    assert len(other.unfinished) == 1
+    stopped = path_over_structures(
+        POINTS, ANGLES, **settings | {"seed": 1}, budget=0.0, out=tmp_path
+    )
+    assert len(stopped.unfinished) == 1

@@ -83,23 +83,23 @@ def test_programs_of_the_readme_pass_and_slips_do_not(tmp_path: Path) -> None:
     made.write_text(CONSTRUCTORS, "utf-8")
     bad.write_text("\n".join([BEGIN, *WRONG]), "utf-8")
     cache = ROOT / ".mypy_cache"  # of a check of src, which would take seconds again
-    kept = cache if cache.exists() else tmp_path / "cache"
+    cache_folder = cache if cache.exists() else tmp_path / "cache"
     result = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", f"--cache-dir={kept}", good, made, bad],
+        [sys.executable, "-m", "mypy", "--strict", f"--cache-dir={cache_folder}", good, made, bad],
         capture_output=True,
         text=True,
         cwd=ROOT,
         env={**os.environ, "MYPYPATH": str(ROOT / "src")},
     )
     assert not re.search(r"(good|made)\.py:\d+: error", result.stdout), result.stdout
-    told = {int(n) for n in re.findall(r"bad\.py:(\d+): error", result.stdout)}
+    refused = {int(n) for n in re.findall(r"bad\.py:(\d+): error", result.stdout)}
     first = BEGIN.count("\n") + 2
-    assert told == set(range(first, first + len(WRONG))), result.stdout
+    assert refused == set(range(first, first + len(WRONG))), result.stdout
     assert (ROOT / "src" / "blockmech" / "py.typed").exists()  # so are installed packages read
 
 
 @pytest.mark.parametrize(
-    ("method", "told"),
+    ("method", "expected"),
     [
         (bm.Graph.run, ("friction", "accuracy", "[rad or m]", "RequestError")),
         (bm.Linkage.run, ("friction", "on_gap")),
@@ -113,11 +113,11 @@ def test_programs_of_the_readme_pass_and_slips_do_not(tmp_path: Path) -> None:
         (bm.Linkage.add_joint, ("slider", "[rad]")),
     ],
 )
-def test_help_names_and_explains_every_argument(method: object, told: tuple[str, ...]) -> None:
+def test_help_names_and_explains_every_argument(method: object, expected: tuple[str, ...]) -> None:
     signature = inspect.signature(method)  # type: ignore[arg-type]
     text = inspect.getdoc(method) or ""
     kinds = {p.kind for p in signature.parameters.values()}
     assert not kinds & {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}
     names = [n for n in signature.parameters if n not in ("self", "mechanism", "name")]
     assert [n for n in names if not re.search(rf"\b{n}\b", text)] == []
-    assert [word for word in told if word not in text] == []
+    assert [word for word in expected if word not in text] == []

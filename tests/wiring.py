@@ -30,11 +30,11 @@ def recorded(name: str) -> Any:
     return json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def off(found: Any, wanted: Any, scale: float | None = None) -> float:
+def off(values: Any, expected: Any, scale: float | None = None) -> float:
     """Largest difference, relative to the largest wanted number or to a scale."""
-    found, wanted = np.asarray(found), np.asarray(wanted)
-    size = float(np.abs(wanted).max()) if scale is None else scale
-    return float(np.abs(found - wanted).max()) / (size or 1.0)
+    values, expected = np.asarray(values), np.asarray(expected)
+    size = float(np.abs(expected).max()) if scale is None else scale
+    return float(np.abs(values - expected).max()) / (size or 1.0)
 
 
 def amplification(run: Any) -> float:
@@ -43,16 +43,16 @@ def amplification(run: Any) -> float:
     good = np.array([s == "ok" for s in run.quality.status])
     result = {structure.frame: np.ones(run.n)}
     for block in structure.blocks:
-        own = np.max([result[s] for s in (structure.frame, *structure.supports(block))], axis=0)
+        largest = np.max([result[s] for s in (structure.frame, *structure.supports(block))], axis=0)
         with np.errstate(all="ignore"):
-            result[block] = own / np.sqrt(margins[block]) if block in margins else own
+            result[block] = largest / np.sqrt(margins[block]) if block in margins else largest
     return max((float(c[good].max(initial=1.0)) for c in result.values()), default=1.0)
 
 
 def continue_from_zero(k, edges, base, rows):
     """The end of a group's path from zero friction."""
-    given = k, edges, base, rows
-    return end_of(course_from_zero(True, *given), *given)
+    arguments = k, edges, base, rows
+    return end_of(course_from_zero(True, *arguments), *arguments)
 
 
 def rewired(graph: Graph, order: random.Random | None = None, **changes: Any) -> Graph:
@@ -137,8 +137,8 @@ def scaled(graph: Graph, length: float, force: float) -> Graph:
 
 def _scaled_law(law: bm.friction.Coulomb, length: float) -> bm.friction.Coulomb:
     sizes = {n: getattr(law, n) for n in ("radius", "guide_length")}
-    given = {n: x * length for n, x in sizes.items() if x is not None}
-    return bm.friction.Coulomb(coefficient=law.coefficient, **given)
+    lengths = {n: x * length for n, x in sizes.items() if x is not None}
+    return bm.friction.Coulomb(coefficient=law.coefficient, **lengths)
 
 
 def _seen(block: Any, place: Any, link: Any, **updates: Any) -> Block:
@@ -178,6 +178,6 @@ def swept(case: Case, samples: int, seed: int = 0) -> dict[str, Any]:
     return {**case.request, "at": at, "on_gap": "mark"}
 
 
-def same_bits(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+def same_bits(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[str]:
     """Outputs whose arrays differ in any bit but for the sort of NaN."""
-    return [k for k in one if not np.array_equal(one[k], other[k], equal_nan=True)]
+    return [k for k in first if not np.array_equal(first[k], second[k], equal_nan=True)]

@@ -48,8 +48,8 @@ def turning_guide(turn: float = 0.0) -> Graph:
     g = Graph("turning_guide")
     fixed = bm.Marker(at=(0.0, 1.0), angle=turn)
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": fixed}))
-    own = bm.Link(markers={"U": bm.Marker(at=(0.0, 0.0), angle=0.0)})
-    g.add("crank", bm.Crank(links={"crank": own}))
+    body = bm.Link(markers={"U": bm.Marker(at=(0.0, 0.0), angle=0.0)})
+    g.add("crank", bm.Crank(links={"crank": body}))
     g.add("dyad", bm.PRP())
     return wire(g, "frame.A crank.A", "crank.U dyad.S1", "frame.G dyad.S2")
 

@@ -34,16 +34,16 @@ def reference(name: str):
     mech = mechanism(name)
     samples = make_samples(mech.drivers, mech.scene, samples=SAMPLES)
     settings = {"want": WANT, "static": False, "friction": bm.friction.Successive(iterations=60)}
-    other = rotated_run(mech, samples, "clongdouble", settings)
-    unsure = {f.sample for f in other.quality.flags}
-    good = [i for i in range(SAMPLES) if i not in unsure and other.quality.status[i] == "ok"]
-    return other, good
+    rotated = rotated_run(mech, samples, "clongdouble", settings)
+    unsure = {f.sample for f in rotated.quality.flags}
+    good = [i for i in range(SAMPLES) if i not in unsure and rotated.quality.status[i] == "ok"]
+    return rotated, good
 
 
 def true_error(name: str, run: bm.Result) -> float:
-    other, good = reference(name)
+    rotated, good = reference(name)
     rate = max(float(np.max(np.abs(v))) for k, v in run.samples.inputs.items() if k[:3] == "qd_")
-    result = {n: np.abs(other[n][good]) for n in run}
+    result = {n: np.abs(rotated[n][good]) for n in run}
     size = {n: float(np.max(x, initial=0.0)) for n, x in result.items()}
     worst = 0.0
     for name_, exact in result.items():
@@ -123,15 +123,15 @@ def test_a_sweep_that_is_compiled_stays_in_double_precision() -> None:
 def test_a_request_that_comes_again_costs_its_run_alone(monkeypatch) -> None:
     mech = ruiz().compile()
     request = {"samples": 37, "want": "crank.drive", "accuracy": 1e-6}
-    first, other = (mech.run(**request | more) for more in ({}, {"samples": 38}))
+    first, finer = (mech.run(**request | options) for options in ({}, {"samples": 38}))
     first = mech.run(**request)
-    monkeypatch.setattr(accuracy, "look", lambda *asked: 1 / 0)
+    monkeypatch.setattr(accuracy, "look", lambda *arguments: 1 / 0)
     again = mech.run(**request)
-    assert again.accuracy == first.accuracy != other.accuracy
+    assert again.accuracy == first.accuracy != finer.accuracy
     np.testing.assert_array_equal(again["crank.drive"], first["crank.drive"])
-    for more in ({"samples": 38}, {"accuracy": 1e-7}, {"static": True}, {"want": "*.reaction"}):
+    for options in ({"samples": 38}, {"accuracy": 1e-7}, {"static": True}, {"want": "*.reaction"}):
         with pytest.raises(ZeroDivisionError):
-            mech.run(**request | more)
+            mech.run(**request | options)
 
 
 @pytest.mark.skipif(not LONG, reason="no number here is wider than double")
@@ -160,10 +160,10 @@ def test_what_cannot_be_reached_is_said() -> None:
 def test_a_document_gives_its_lengths_no_more_digits_than_double_precision() -> None:
     """The press as a graph has its lengths as they are meant; the document derives them."""
     want = ("crank.drive", "driver.motor.drive")
-    meant = mechanism("toggle_press").run(samples=65, want=want[0], precision="clongdouble")
+    intended = mechanism("toggle_press").run(samples=65, want=want[0], precision="clongdouble")
     document = bm.Linkage.load(JOINTS / "toggle_press.json").compile()
     run = document.run(samples=65, want=want[1], accuracy=1e-15)
-    off = np.abs(run[want[1]] - meant[want[0]]).max() / np.abs(meant[want[0]]).max()
+    off = np.abs(run[want[1]] - intended[want[0]]).max() / np.abs(intended[want[0]]).max()
     assert run.accuracy.precision == "clongdouble"
     assert DOUBLE / 4 < off <= run.accuracy.estimate  # beyond what the numbers could hold
     assert not run.accuracy.reached
@@ -241,8 +241,8 @@ def rocker_rate(q: float) -> float:
         B = 4 * mpmath.expj(q)
         d = mpmath.mpf("3.5") - B
         r = abs(d)
-        along = (9 - 4 + r**2) / (2 * r)
-        u = d / r * (along + 1j * mpmath.sqrt(9 - along**2))
+        projection = (9 - 4 + r**2) / (2 * r)
+        u = d / r * (projection + 1j * mpmath.sqrt(9 - projection**2))
         w = u - d
         return float(mpmath.re(1j * B * mpmath.conj(u)) / mpmath.re(1j * w * mpmath.conj(u)))
 
@@ -267,11 +267,11 @@ def test_beside_a_change_point_no_error_is_understated(off: float) -> None:
     run = g.run(at=[q], rates=1.0, want="d.j.omega", accuracy=1e-9, on_gap="mark")
     with mp.workdps(60):
         b = mp.expj(mp.mpf(q))
-        along = 5 - b
-        r, toward = abs(along), along / abs(along)
+        offset = 5 - b
+        r, toward = abs(offset), offset / abs(offset)
         x = (4 - 16 + r * r) / (2 * r)
         up = toward * mp.mpc(x, mp.sqrt(4 - x * x))  # from B to C, left of B -> D
-        down = up - along  # from D to C
+        down = up - offset  # from D to C
         v = mp.mpc(0, 1) * b
         right = float((mp.conj(up) * v).real / (mp.conj(up) * mp.mpc(0, 1) * down).real)
     got = float(run["d.j.omega"][0])

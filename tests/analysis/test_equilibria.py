@@ -78,9 +78,9 @@ def in_pairs(data):
     """A document whose joints join two links each: a pin of n links is n - 1 of them."""
     joints = {}
     for name, joint in data["joints"].items():
-        first, *others = zip(joint["links"], joint["at"], strict=True)
-        for i, other in enumerate(others):
-            (a, b), at = (first[0], other[0]), [first[1], other[1]]
+        first, *rest = zip(joint["links"], joint["at"], strict=True)
+        for i, partner in enumerate(rest):
+            (a, b), at = (first[0], partner[0]), [first[1], partner[1]]
             joints[f"{name}{i or ''}"] = {**joint, "links": [a, b], "at": at}
     return {**data, "joints": joints}
 
@@ -98,14 +98,14 @@ def inertia(system, q):
     """Effort per unit of acceleration at rest."""
     poses = mb.assemble(system, system.home, [q], follow=True, refine=True)
     rates = mb.rates(system, poses, [0.0])
-    one, none = (
+    loaded, plain = (
         mb.reactions(
             system, poses, rates, mb.accelerations(system, poses, rates, [a]), friction=False
         )
         for a in (1.0, 0.0)
     )
     name = next(iter(system.drivers))
-    return float(one.drivers[name] - none.drivers[name])
+    return float(loaded.drivers[name] - plain.drivers[name])
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -171,8 +171,8 @@ def test_ends_of_friction_are_two_root_searches(name):
             a, b = low - 0.01, high + 0.01
             ends.append(brentq(start, a, b, xtol=1e-15, rtol=1e-14))
         assert sorted(ends) == pytest.approx([low, high], abs=1e-12)
-        for place, rests in (((low + high) / 2, True), (low - 1e-6, False), (high + 1e-6, False)):
-            begun, qdd, _ = friction.from_state(np.array([place]), np.zeros(1), 0.0, None)
+        for angle, rests in (((low + high) / 2, True), (low - 1e-6, False), (high + 1e-6, False)):
+            begun, qdd, _ = friction.from_state(np.array([angle]), np.zeros(1), 0.0, None)
             assert any(begun.sides) is not rests
             assert (qdd == 0).all() == rests
     inside = [e for e in equilibria if e.interval is not None]
@@ -265,7 +265,7 @@ def test_a_slide_without_ends_is_followed_as_far_as_kinks_are_known():
     assert "no group ends the travel" in str(equilibria)
 
 
-def balanced_wheel(*more):
+def balanced_wheel(*joints):
     """An arm that hangs, and on it a link balanced on its own pin, which gravity does not feel."""
     m = bm.Linkage("neutral", gravity=(0, -9.81))
     m.add_link("arm", mass=1, inertia=0.01, cm=(0.2, 0))
@@ -274,7 +274,7 @@ def balanced_wheel(*more):
     m.add_joint("P", "R", ["arm", "wheel"], point=(0.4, 0))
     m.add_driver("a", "O")
     m.add_driver("w", "P")
-    if more:
+    if joints:
         m.add_link("fore", mass=0.3, inertia=0.01, cm=(0.5, 0.1))
         m.add_joint("Q", "R", ["arm", "fore"], point=(0.4, 0.1))
         m.add_driver("f", "Q")
@@ -283,9 +283,9 @@ def balanced_wheel(*more):
 
 def test_a_coordinate_that_the_loads_do_not_feel_is_free():
     below, above = balanced_wheel().equilibria()
-    for one, q in ((below, -math.pi / 2), (above, math.pi / 2)):
-        assert one.at["driver.a.q"] == pytest.approx(q, abs=1e-12)
-        assert one.free == ("driver.w.q",)
+    for equilibrium, q in ((below, -math.pi / 2), (above, math.pi / 2)):
+        assert equilibrium.at["driver.a.q"] == pytest.approx(q, abs=1e-12)
+        assert equilibrium.free == ("driver.w.q",)
     assert (below.kind, above.kind) == ("indifferent", "unstable")
     assert str(below).startswith("driver.a.q = -1.57079633 rad, driver.w.q free  indifferent")
     held = 0.01 + 1 * 0.2**2 + 0.5 * 0.4**2  # about O, of the arm and the wheel's mass
@@ -295,9 +295,9 @@ def test_a_coordinate_that_the_loads_do_not_feel_is_free():
 def test_three_drivers_one_of_them_free_are_as_the_two_others_alone():
     equilibria = balanced_wheel("fore").equilibria()
     assert len(equilibria) == 4
-    assert all(one.free == ("driver.w.q",) for one in equilibria)
-    for one in equilibria:
-        q, f = one.at["driver.a.q"], one.at["driver.f.q"]
+    assert all(equilibrium.free == ("driver.w.q",) for equilibrium in equilibria)
+    for equilibrium in equilibria:
+        q, f = equilibrium.at["driver.a.q"], equilibrium.at["driver.f.q"]
         # moments of the weights about O and about Q, places as drawn: Q (0.4, 0.1), centre beyond
         turn, out = np.exp(1j * q), 0.1 * np.exp(1j * f)
         about_q = (turn * out).real
@@ -357,9 +357,9 @@ def test_without_loads_every_coordinate_is_free():
     m.add_joint("B", "R", ["a", "b"], point=(0.3, 0))
     m.add_driver("a", "A")
     m.add_driver("b", "B")
-    (one,) = m.compile().equilibria()
-    assert one.free == ("driver.a.q", "driver.b.q")
-    assert str(one) == "driver.a.q free, driver.b.q free  indifferent"
+    (equilibrium,) = m.compile().equilibria()
+    assert equilibrium.free == ("driver.a.q", "driver.b.q")
+    assert str(equilibrium) == "driver.a.q free, driver.b.q free  indifferent"
 
 
 # -- beyond dead centres of the driver -----------------------------------------------------
@@ -372,7 +372,7 @@ def extremes_of_potential(case):
     a, (b, c) = joints["B"]["at"][0][0], (x[0] for x in joints["C"]["at"])
     d = joints["D"]["at"][0][0]
     theta = np.linspace(-math.pi, math.pi, 100001)
-    B, found = a * np.exp(1j * theta), []
+    B, extremes = a * np.exp(1j * theta), []
     r = np.abs(d - B)
     for side in (1, -1):
         with np.errstate(invalid="ignore"):
@@ -381,8 +381,8 @@ def extremes_of_potential(case):
         height = (masses[0] * B + masses[1] * (B + C) + masses[2] * C).imag
         rises = np.sign(np.diff(height))
         for i in np.flatnonzero(rises[:-1] * rises[1:] < 0).tolist():
-            found.append((theta[i + 1], "stable" if rises[i + 1] > 0 else "unstable"))
-    return sorted(found)
+            extremes.append((theta[i + 1], "stable" if rises[i + 1] > 0 else "unstable"))
+    return sorted(extremes)
 
 
 @pytest.mark.parametrize("seed", [3, 4, 7])

@@ -27,9 +27,9 @@ ROUNDINGS = 16
 1/sqrt(margin), which is below 2 for the linkages here unless a test says otherwise."""
 
 
-def apart(q, wanted):
+def apart(q, expected):
     """Distance of two crank angles, whole turns aside."""
-    return abs(math.remainder(q - wanted, TURN))
+    return abs(math.remainder(q - expected, TURN))
 
 
 # -- slider-cranks ----------------------------------------------------------------------
@@ -57,13 +57,13 @@ def test_offset_slider_crank_obeys_the_stroke_formula_and_returns_quickly(seed):
     # The margin is at least 1 - (0.7 (l - r) + r)^2 / l^2 > 0.27, its root above 1/2.
     assert abs(stroke.length - (high - low)) <= ROUNDINGS * EPS * (l + r)
     # x'' at the ends is r (l +- r) / x' s lever: at least r (1 - r/l) / 1, x at most l + r.
-    place = PLACE * (l + r) / (r * (1 - r / l) / 2)
-    assert apart(stroke.high.at["crank.q"], in_line(l, r, e, 1)) <= place
-    assert apart(stroke.low.at["crank.q"], in_line(l, r, e, -1)) <= place
+    tolerance = PLACE * (l + r) / (r * (1 - r / l) / 2)
+    assert apart(stroke.high.at["crank.q"], in_line(l, r, e, 1)) <= tolerance
+    assert apart(stroke.low.at["crank.q"], in_line(l, r, e, -1)) <= tolerance
     swing = abs(math.asin(e / (l - r)) - math.asin(e / (l + r)))
     expected = (math.pi + swing) / (math.pi - swing)
     # d(ratio)/d(angle) = 2 pi / (pi - swing)^2, for two angles.
-    assert abs(stroke.time_ratio - expected) <= 2 * place * TURN / (math.pi - swing) ** 2
+    assert abs(stroke.time_ratio - expected) <= 2 * tolerance * TURN / (math.pi - swing) ** 2
     assert abs(stroke.out + stroke.back - TURN) <= 2 * EPS * TURN
 
 
@@ -71,11 +71,11 @@ def test_crank_that_runs_backwards_swaps_stroke_and_return():
     forward = bm.motion.ConstantRate(rate=2.0)
     backward = bm.motion.ConstantRate(rate=-2.0, start=0.0, end=-TURN)
     stroke = slider_crank(1.0, 3.0, 0.8, forward).compile().stroke("dyad.C.p")
-    other = slider_crank(1.0, 3.0, 0.8, backward).compile().stroke("dyad.C.p")
-    place = 2 * PLACE * 4.0 / (1.0 - 1 / 3)
+    reverse = slider_crank(1.0, 3.0, 0.8, backward).compile().stroke("dyad.C.p")
+    tolerance = 2 * PLACE * 4.0 / (1.0 - 1 / 3)
     assert abs(stroke.out - stroke.back) > 0.1
-    assert abs(stroke.out - other.back) <= place
-    assert abs(stroke.time_ratio - other.time_ratio) <= place
+    assert abs(stroke.out - reverse.back) <= tolerance
+    assert abs(stroke.time_ratio - reverse.time_ratio) <= tolerance
 
 
 def test_slider_that_cannot_turn_has_its_stroke_between_arc_ends():
@@ -94,23 +94,23 @@ def test_slider_that_cannot_turn_has_its_stroke_between_arc_ends():
 
 def rocker_angles(a, b, c, d):
     """Rocker's angles from the frame's x axis, folded and extended crank and coupler."""
-    found = []
+    angles = []
     for s in (b - a, b + a):
         inside = math.acos((d * d + c * c - s * s) / (2 * c * d))
         crank = math.acos((d * d + s * s - c * c) / (2 * d * s))
-        found.append((math.pi - inside, crank + (math.pi if s == b - a else 0.0)))
-    return found
+        angles.append((math.pi - inside, crank + (math.pi if s == b - a else 0.0)))
+    return angles
 
 
 def crank_rockers(count):
     """Random crank-rockers: the crank is the shortest link and Grashof's sum has room."""
     chance = random.Random(3)
-    found = []
-    while len(found) < count:
+    lengths = []
+    while len(lengths) < count:
         a, b, c, d = (chance.uniform(0.5, 3.0) for _ in range(4))
         if a < 0.8 * min(b, c, d) and a + max(b, c, d) < 0.9 * (b + c + d - max(b, c, d)):
-            found.append((a, b, c, d))
-    return found
+            lengths.append((a, b, c, d))
+    return lengths
 
 
 @pytest.mark.parametrize("lengths", crank_rockers(6), ids=str)
@@ -171,17 +171,17 @@ def scotch_yoke():
 
 
 @pytest.mark.parametrize(
-    ("what", "amplitude", "highest", "lowest"),
+    ("output", "amplitude", "highest", "lowest"),
     [
         ("dyad.O.p.x", 0.4, 0.0, math.pi),
         ("dyad.O.v.x", 0.4 * 5, 1.5 * math.pi, math.pi / 2),
         ("dyad.O.a.x", 0.4 * 25, math.pi, 0.0),
     ],
 )
-def test_harmonic_motion_turns_where_it_should(what, amplitude, highest, lowest):
+def test_harmonic_motion_turns_where_it_should(output, amplitude, highest, lowest):
     mechanism = scotch_yoke()
-    result = mechanism.extremes(what)
-    few = extremes(mechanism.run(samples=5, want=what.removesuffix(".x")), what)
+    result = mechanism.extremes(output)
+    few = extremes(mechanism.run(samples=5, want=output.removesuffix(".x")), output)
     assert abs(few.maximum.value - amplitude) <= 4 * EPS * amplitude  # samples do not limit it
     assert abs(result.maximum.value - amplitude) <= 4 * EPS * amplitude
     assert abs(result.minimum.value + amplitude) <= 4 * EPS * amplitude
@@ -263,12 +263,12 @@ def test_mechanical_advantage_is_useful_force_over_driving_moment():
     assert np.abs(product - 1).max() <= 2 * ROUNDINGS * EPS
     at_rest = mechanism.run(at=[0.0, 1.0], want=[name], friction="none", static=True)
     assert [(f.sample, f.code, f.where) for f in at_rest.quality.flags] == [(0, "infinite", name)]
-    least = mechanism.extremes(name, friction="none", static=True).minimum
+    minimum = mechanism.extremes(name, friction="none", static=True).minimum
     fastest = mechanism.extremes("dyad.C.v.x")
     both = (fastest.minimum, fastest.maximum)
-    assert abs(least.value - 2.0 / fastest.maximum.value) <= 4 * ROUNDINGS * EPS * least.value
+    assert abs(minimum.value - 2.0 / fastest.maximum.value) <= 4 * ROUNDINGS * EPS * minimum.value
     # v''/v = 2 about, so the places of both agree to 2 PLACE.
-    assert min(apart(least.at["crank.q"], f.at["crank.q"]) for f in both) <= 4 * PLACE
+    assert min(apart(minimum.at["crank.q"], f.at["crank.q"]) for f in both) <= 4 * PLACE
 
 
 def test_rounding_about_zero_is_not_taken_for_a_motion():
@@ -312,12 +312,12 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("ask", "name", "found"), WRONG)
-def test_wrong_requests_are_named(ask, name, found):
+@pytest.mark.parametrize(("ask", "name", "message"), WRONG)
+def test_wrong_requests_are_named(ask, name, message):
     mechanism = fourbar(2.0, 6.0, 3.0, 5.5).compile()
     with pytest.raises(bm.RequestError) as caught:
         getattr(mechanism, ask)(name)
-    assert found in caught.value.problems[0].found
+    assert message in caught.value.problems[0].found
 
 
 def test_stroke_of_what_grows_without_bound_is_refused():

@@ -92,10 +92,10 @@ def test_of_another_law_the_connected_solution_is_the_answer_of_a_run_too():
 def whole(mech, q):
     """The equations of all pairs of a mechanism at one pose, as one system."""
     equations = module.Equations(mech, static=False)
-    taken = equations.poses(mech.samples(q))
+    samples = equations.poses(mech.samples(q))
     m = len(equations.joints)
     t = np.vstack([np.zeros(m), np.eye(m)])
-    values = equations.at(taken, np.zeros(m + 1, int), t)
+    values = equations.at(samples, np.zeros(m + 1, int), t)
     steps = equations.steps
     at = {j: i for s in steps for j, i in _loads(s)}
     k = {j: i for s in steps for j, i in _factors(s)}
@@ -227,16 +227,16 @@ def test_a_document_of_links_and_joints_has_its_own_names():
 
 
 @pytest.mark.parametrize(
-    ("asked", "message"),
+    ("options", "message"),
     [
         ({"want": ["crank.torque"]}, "no output has that name"),
         ({"scale": -1.0}, "not a row of numbers that are 0 or above"),
         ({"at": "up"}, "is not a number with a unit"),
     ],
 )
-def test_mistakes_are_one_message(asked, message):
+def test_mistakes_are_one_message(options, message):
     with pytest.raises(bm.RequestError, match=message):
-        ruiz().compile().friction_solutions(**{"at": 1.0, **asked})
+        ruiz().compile().friction_solutions(**{"at": 1.0, **options})
 
 
 def test_a_tree_that_grows_out_of_hand_is_refused(monkeypatch):
@@ -254,8 +254,8 @@ def test_pictures_over_the_coordinate_and_over_friction(tmp_path):
     curves.plot(tmp_path / "curves.png")
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
     (axes,) = curves.figure().axes
-    drawn = np.concatenate([line.get_ydata() for line in axes.lines])
-    assert len(drawn) == len(curves)
+    ordinates = np.concatenate([line.get_ydata() for line in axes.lines])
+    assert len(ordinates) == len(curves)
     grid = mech.friction_solutions(np.linspace(5.5, 6.2, 8), scale=[0.6, 0.8, 1.0])
     (axes,) = grid.figure().axes
     (mesh,) = axes.collections[:1]

@@ -50,8 +50,8 @@ def test_a_document_has_the_same_coordinates_with_its_own_signs():
     run = mech.run(at=np.linspace(0.0, 7.0, 30), rates=1.0, want=["joint.*.coordinate", "*.p"])
     O, A, B = (run.unwrapped(f"joint.{x}.coordinate") for x in "OAB")
     np.testing.assert_allclose(np.diff(O + A + B), 0.0, atol=1e-12)  # the piston never turns
-    place = run["joint.cylinder.coordinate"]
-    np.testing.assert_allclose(np.diff(place), np.diff(run["link.piston.p"].real), atol=1e-12)
+    coordinate = run["joint.cylinder.coordinate"]
+    np.testing.assert_allclose(np.diff(coordinate), np.diff(run["link.piston.p"].real), atol=1e-12)
 
 
 def test_instant_centres_of_a_four_bar_are_where_its_links_cross():
@@ -60,19 +60,19 @@ def test_instant_centres_of_a_four_bar_are_where_its_links_cross():
     run = mech.run(at=q, want=["*.p"])
     A, D, B, C = (run[f"{x}.p"] for x in ("frame.A", "frame.D", "dyad.B", "dyad.C"))
     pole = mech.instant_centre("dyad.i", at=q)
-    for one, other in ((A, B), (D, C)):  # on the line of the crank, and of the rocker
-        off = (np.conj(other - one) * (pole - one)).imag
-        assert np.abs(off / (np.abs(other - one) * np.abs(pole - one))).max() < 1e-11
+    for start, end in ((A, B), (D, C)):  # on the line of the crank, and of the rocker
+        off = (np.conj(end - start) * (pole - start)).imag
+        assert np.abs(off / (np.abs(end - start) * np.abs(pole - start))).max() < 1e-11
     # Aronhold and Kennedy: the centre of crank and rocker lies on AD and on BC.
     pole = mech.instant_centre("dyad.j", "crank.crank", at=q)
-    for one, other in ((A, D), (B, C)):
-        off = (np.conj(other - one) * (pole - one)).imag
-        assert np.abs(off / (np.abs(other - one) * np.abs(pole - one))).max() < 1e-10
+    for start, end in ((A, D), (B, C)):
+        off = (np.conj(end - start) * (pole - start)).imag
+        assert np.abs(off / (np.abs(end - start) * np.abs(pole - start))).max() < 1e-10
     np.testing.assert_allclose(mech.instant_centre("crank.crank", at=q), A, atol=1e-12)
     ratio = mech.velocity_ratio("dyad.j", "crank", at=q)
     np.testing.assert_allclose(ratio, np.abs((pole - A) / (pole - D)), rtol=1e-9)
-    there = mech.mechanical_advantage("dyad.j", "crank", at=q)
-    np.testing.assert_allclose(there * ratio, 1.0, rtol=1e-12)
+    advantage = mech.mechanical_advantage("dyad.j", "crank", at=q)
+    np.testing.assert_allclose(advantage * ratio, 1.0, rtol=1e-12)
 
 
 def test_radii_of_paths():

@@ -63,10 +63,10 @@ def wanted_arcs(a, b, c, d):
     return [(ends[0], ends[1]), (-ends[1], -ends[0])]
 
 
-def same_arc(found, wanted, tolerance):
+def same_arc(arc, expected, tolerance):
     """Whether two arcs are the same, whole turns apart."""
-    shift = TURN * round((sum(found) - sum(wanted)) / (2 * TURN))
-    return all(abs(x - y - shift) <= tolerance for x, y in zip(found, wanted, strict=True))
+    shift = TURN * round((sum(arc) - sum(expected)) / (2 * TURN))
+    return all(abs(x - y - shift) <= tolerance for x, y in zip(arc, expected, strict=True))
 
 
 def test_random_four_bars_obey_the_cosine_law():
@@ -74,16 +74,16 @@ def test_random_four_bars_obey_the_cosine_law():
     kinds = {0: 0, 1: 0, 2: 0, "turn": 0}
     for _ in range(250):
         lengths = [math.exp(chance.uniform(-1.5, 1.5)) for _ in range(4)]
-        found, expected = limits(fourbar(*lengths).compile()), wanted_arcs(*lengths)
+        arcs, expected = limits(fourbar(*lengths).compile()), wanted_arcs(*lengths)
         if expected == [None]:
             kinds["turn"] += 1
-            assert found.whole_turn, lengths
-            assert found.arcs[0].length == TURN
+            assert arcs.whole_turn, lengths
+            assert arcs.arcs[0].length == TURN
             continue
         kinds[len(expected)] += 1
-        assert not found.whole_turn, lengths
-        assert len(found.arcs) == len(expected), lengths
-        for arc in arc_ends(found):
+        assert not arcs.whole_turn, lengths
+        assert len(arcs.arcs) == len(expected), lengths
+        for arc in arc_ends(arcs):
             allowed = ROUNDINGS * max(end_error(lengths[0], lengths[3], q) for q in arc)
             assert any(same_arc(arc, w, allowed) for w in expected), (lengths, arc, expected)
     assert min(kinds.values()) > 8, kinds
@@ -140,13 +140,13 @@ def test_parallelogram_turns_through_two_change_points():
 def decimal_linkages(count):
     """Links of decimal lengths and like size, with a + d = b + c but for rounding."""
     chance = random.Random(5)
-    found = []
-    while len(found) < count:
+    lengths = []
+    while len(lengths) < count:
         a, b, c = (chance.randint(10, 400) for _ in range(3))
         d = b + c - a
         if d > 0 and 20 * min(a, b, c, d) > max(a, b, c, d):
-            found.append((a / 100, b / 100, c / 100, d / 100))
-    return found
+            lengths.append((a / 100, b / 100, c / 100, d / 100))
+    return lengths
 
 
 @pytest.mark.parametrize("lengths", decimal_linkages(24), ids=str)
@@ -278,13 +278,13 @@ def test_random_mechanisms_close_on_their_arcs_and_nowhere_else(seed):
     case = random_mechanism(Seeded(seed), Options(groups=(1, 5), **plain))
     mechanism = case.graph.compile()
     for driver in mechanism.drivers:
-        own = case.request["at"][driver]
-        held = {d: q for d, q in case.request["at"].items() if d != driver}
-        limits = mechanism.limits(driver, held)
-        assert limits.arc_at(own) is not None, case
+        home = case.request["at"][driver]
+        rest = {d: q for d, q in case.request["at"].items() if d != driver}
+        limits = mechanism.limits(driver, rest)
+        assert limits.arc_at(home) is not None, case
         about = np.linspace(-math.pi, math.pi, 2001)
-        q = about if limits.unit == "rad" else own + 2 * about
-        at = {**held, driver: q}
+        q = about if limits.unit == "rad" else home + 2 * about
+        at = {**rest, driver: q}
         rates = dict.fromkeys(at, 0.0)
         run = mechanism.run(at=at, rates=rates, want="*.margin", on_gap="mark")
         closes = np.all([run[name] >= 0 for name in run], axis=0)
@@ -361,11 +361,11 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("request_", "where", "found"), WRONG)
-def test_wrong_requests_are_named(request_, where, found):
+@pytest.mark.parametrize(("request_", "where", "message"), WRONG)
+def test_wrong_requests_are_named(request_, where, message):
     with pytest.raises(bm.RequestError) as caught:
         fivebar().compile().limits(**request_)
-    assert any(p.where == where and found in p.found for p in caught.value.problems)
+    assert any(p.where == where and message in p.found for p in caught.value.problems)
 
 
 def test_failing_run_is_explained_in_under_50_ms():
@@ -398,11 +398,11 @@ def test_assembly_error_of_two_drivers_names_the_arcs_of_each_with_the_other_hel
 def test_every_loop_of_a_long_row_passes_its_two_change_points():
     limits = mechanism("parallelogram_chain").limits()
     assert limits.whole_turn
-    places = [p.q for p in limits.arcs[0].change_points]
-    assert len(places) == 2 * 30
+    angles = [p.q for p in limits.arcs[0].change_points]
+    assert len(angles) == 2 * 30
     # Each cell moves the next one's double root.
     allowed = 30 * math.sqrt(EPS)
-    assert max(min(abs(q), abs(q - math.pi)) for q in places) <= allowed
+    assert max(min(abs(q), abs(q - math.pi)) for q in angles) <= allowed
 
 
 def test_change_points_behind_change_points_are_as_exact_as_the_first():

@@ -145,10 +145,10 @@ def test_what_another_beats_in_both_is_named_as_beaten() -> None:
         point("numpy", 3.0, 1e-6),
         point("s", 9.0, 1e-15),
     )
-    near = point("numpy", 1.02, 1e-6)  # within the noise
-    result = by_hand(exact, single, slow, near)
+    close = point("numpy", 1.02, 1e-6)  # within the noise
+    result = by_hand(exact, single, slow, close)
     assert result.beaten_by(single) is exact
-    assert [result.beaten_by(p) for p in (exact, slow, near)] == [None] * 3
+    assert [result.beaten_by(p) for p in (exact, slow, close)] == [None] * 3
     assert "beaten in time and in error by llvm: numpy" in result.text()
     rows = {row["method"]: row["beaten_by"] for row in result.to_dict()["points"][:3]}
     assert rows == {"llvm": "", "numpy": "llvm", "s": ""}
@@ -161,7 +161,7 @@ TOLD = "for 1e-5, 1e-6 in 400 µs: energy; 10.0 times faster costs"
 
 
 @pytest.mark.parametrize(
-    ("points", "asked", "message"),
+    ("points", "target", "message"),
     [
         ([ENERGY, RK4], {"target": 1e-5}, f"{TOLD} 3 digits (rk4)"),
         ([ENERGY, point("rk4", 4e-5, 1.1e-5)], {"target": 1e-5}, f"{TOLD} 1 digit (rk4)"),
@@ -178,16 +178,16 @@ TOLD = "for 1e-5, 1e-6 in 400 µs: energy; 10.0 times faster costs"
         ([SLOW, FAST], {"within": 2.0, "target": 1e-9}, "for 1e-9, 1e-9 in 2 s: slow"),
     ],
 )
-def test_the_sentence_names_the_choice_and_its_price(points, asked, message: str) -> None:
-    assert message in by_hand(*points, **asked).recommendation
+def test_the_sentence_names_the_choice_and_its_price(points, target, message: str) -> None:
+    assert message in by_hand(*points, **target).recommendation
 
 
 def test_what_friction_alone_makes_is_judged_where_it_is_asked_for() -> None:
     (none, _) = of(friction(), "friction none")
     assert none.error < 0.05
     assert any("as friction alone makes them" in note for note in friction().notes)
-    asked = trade(ruiz().compile(), want="mechanism.friction_power", budget=PLENTY, samples=51)
-    (none,) = of(asked, "friction none")  # no friction power in either precision: one row
+    study = trade(ruiz().compile(), want="mechanism.friction_power", budget=PLENTY, samples=51)
+    (none,) = of(study, "friction none")  # no friction power in either precision: one row
     assert none.same == ("complex64",)
     assert (none.error, none.worst) == (pytest.approx(1.0), "mechanism.friction_power")
 
@@ -196,10 +196,10 @@ def test_what_friction_alone_makes_is_judged_where_it_is_asked_for() -> None:
 def test_the_recommended_simulation_meets_its_target_against_an_outside_number(
     target: float,
 ) -> None:
-    asked = {"until": "time=2", "times": [2.0], "start": {"crank": (math.pi / 3, 0.0)}}
+    request = {"until": "time=2", "times": [2.0], "start": {"crank": (math.pi / 3, 0.0)}}
     best = motion().best(target)
     assert best is not None
-    fresh = watt().compile().simulate(**asked, **best.options)
+    fresh = watt().compile().simulate(**request, **best.options)
     # Crank angle [rad] at 2 s by Runge and Kutta's method in long double, made outside.
     error = abs(fresh["crank.q"][-1] + 4.375366616457432)
     assert error <= max(target, motion().reference.floor)
@@ -269,18 +269,18 @@ def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
 def test_labels_of_the_picture_do_not_overlap_and_stay_inside(found) -> None:
     figure = found().figure()
     renderer = figure.canvas.get_renderer()
-    whole = figure.bbox
+    page = figure.bbox
     for axes in figure.axes:
         labels = [t.get_window_extent(renderer) for t in axes.texts]
         assert labels
         assert not any(a.overlaps(b) for a, b in combinations(labels, 2))
         low, high = axes.get_xlim()
-        shown = [t for t in axes.xaxis.get_major_ticks() if low <= t.get_loc() <= high]
-        ticks = [t.label1.get_window_extent(renderer) for t in shown]
+        visible = [t for t in axes.xaxis.get_major_ticks() if low <= t.get_loc() <= high]
+        ticks = [t.label1.get_window_extent(renderer) for t in visible]
         assert len(ticks) >= 2
         assert not any(a.overlaps(b) for a, b in combinations(ticks, 2))
         for box in (*labels, *ticks):
-            assert whole.x0 <= box.x0 <= box.x1 <= whole.x1
+            assert page.x0 <= box.x0 <= box.x1 <= page.x1
 
 
 # -- mistakes --------------------------------------------------------------------------------

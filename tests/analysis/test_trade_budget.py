@@ -70,8 +70,8 @@ class Slow(Question):
 
     def run(self, options, seconds):
         name = options["name"]
-        each = self.takes[name]
-        self.now.t += each[min(self.runs[name], len(each) - 1)]
+        times = self.takes[name]
+        self.now.t += times[min(self.runs[name], len(times) - 1)]
         self.runs[name] += 1
         self.order.append(name)
         return ruiz().compile().run(at=0.0, want="crank.drive")
@@ -133,9 +133,9 @@ def test_what_a_clock_cannot_tell_is_run_until_it_can(monkeypatch) -> None:
 def test_a_busy_machine_is_not_counted() -> None:
     """The clock of a trade is that of this process."""
     clock = Clock(PLENTY)
-    begun = time.perf_counter()
+    start = time.perf_counter()
     time.sleep(0.2)
-    assert time.perf_counter() - begun > 0.19
+    assert time.perf_counter() - start > 0.19
     assert clock.spent < 0.1
 
 
@@ -160,8 +160,8 @@ def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches(mon
     result = trade(shaken, "simulate", budget=60.0, until="time=1e6")
     assert result.points
     assert "until time=1e6" not in result.question
-    whole = "the motion did not end within (0.6 s of computing|the evaluations allowed), by which"
-    assert re.match(whole, result.notes[0])
+    message = "the motion did not end within (0.6 s of computing|the evaluations allowed), by which"
+    assert re.match(message, result.notes[0])
 
 
 def test_a_part_without_a_check_is_shortened_once_more() -> None:
@@ -255,7 +255,7 @@ def test_a_motion_is_measured_with_every_friction_method() -> None:
 
 
 def test_an_interrupt_keeps_what_was_measured() -> None:
-    def impatient(what: str, number: int, count: int) -> None:
+    def impatient(label: str, number: int, count: int) -> None:
         if number == 3:
             raise KeyboardInterrupt
 

@@ -50,9 +50,9 @@ def test_every_pair_link_load_block_and_drive_has_its_row():
         "load of couple",
         "load of weightlike",
         *(
-            f"{what} on {link}"
+            f"{kind} on {link}"
             for link in ("crank.crank", "dyad.i", "dyad.j", "frame")
-            for what in ("forces", "moments")
+            for kind in ("forces", "moments")
         ),
         *(f"friction in {pair}" for pair in ("crank.A", "dyad.B", "dyad.C", "dyad.D")),
         "power through crank",
@@ -211,16 +211,16 @@ def tampered(monkeypatch):
     honest = Result.__getitem__
 
     def tamper(name, change):
-        def read(result, asked):
-            return change(honest(result, asked)) if asked == name else honest(result, asked)
+        def read(result, output):
+            return change(honest(result, output)) if output == name else honest(result, output)
 
         monkeypatch.setattr(Result, "__getitem__", read)
 
     return tamper
 
 
-def failures(found: Verification):
-    return {row.name for row in found.rows if not row.ok}
+def failures(verification: Verification):
+    return {row.name for row in verification.rows if not row.ok}
 
 
 def test_wrong_sign_of_a_load_in_a_pin_is_found(tampered):
@@ -298,21 +298,21 @@ def test_motions_of_the_gallery_are_verified(name):
     assert report.ok, str(report)
 
 
-def slides_from_rest(way):
+def slides_from_rest(direction):
     """A slider with dry friction on an incline, at rest, which does not hold."""
     g = bm.Graph("incline", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=way * 0.5)}))
-    rub, own = {"S": bm.friction.Coulomb(coefficient=0.3)}, {"slider": bm.Link(mass=3.0)}
-    g.add("s", bm.SlideDrive(links=own, friction=rub))
+    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=direction * 0.5)}))
+    rub, links = {"S": bm.friction.Coulomb(coefficient=0.3)}, {"slider": bm.Link(mass=3.0)}
+    g.add("s", bm.SlideDrive(links=links, friction=rub))
     g.connect("frame.G", "s.S")
     g.start("s", q=0.0)
     return g.compile()
 
 
-@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("factor", [0.0, 0.9, 1.0, -1.0])
-def test_what_starts_from_rest_rubs_from_there_on(tampered, way, factor):
-    mech = slides_from_rest(way)
+def test_what_starts_from_rest_rubs_from_there_on(tampered, direction, factor):
+    mech = slides_from_rest(direction)
     motion = mech.simulate("time=0.1", times=[0.0, 0.1])
     tampered("s.S.friction", lambda x: x * np.where(np.arange(len(x)) == 0, factor, 1.0))
     assert ("friction in s.S" in failures(mech.verify(motion))) == (factor != 1.0)
@@ -338,9 +338,9 @@ def test_a_motion_is_verified_up_to_its_dead_centre():
 
 @pytest.mark.parametrize("power", [0, 1])
 def test_a_quadrature_knows_where_a_rate_jumps_or_bends(power):
-    places = np.random.default_rng(1).uniform(0.0, 1.0, 500)
+    kinks = np.random.default_rng(1).uniform(0.0, 1.0, 500)
     over = Stretches(np.zeros(500), np.ones(500))
-    late = np.maximum(over.nodes - places[:, None], 0.0)
+    late = np.maximum(over.nodes - kinks[:, None], 0.0)
     rate = (late > 0) * late**power
     value = late ** (power + 1) / (power + 1)
     assert over.gap(value, rate).max() == 0.0
@@ -410,6 +410,9 @@ def test_a_result_is_verified_by_the_engine_that_is_asked_for(engine):
     fall = mechanism("watt_sixbar").simulate("time=0.1", times=[0.0, 0.05, 0.1], want=())
     assert mech.verify(run, engine=engine).ok
     assert mechanism("watt_sixbar").verify(fall, engine=engine, chunk=2).ok
-    for verified in (mech.verify, lambda at, **how: mechanism("watt_sixbar").verify(fall, **how)):
+    for verified in (
+        mech.verify,
+        lambda at, **options: mechanism("watt_sixbar").verify(fall, **options),
+    ):
         with pytest.raises(bm.BlockmechError, match="engine"):
             verified(run, engine="abacus")

@@ -73,8 +73,8 @@ def test_a_wrong_curvature_of_a_law_is_found(monkeypatch, law):
     assert pair(ratio, bm.Crank()).verify(**AT).ok
     right = bm.Ratio.numbers
 
-    def wrong(self, *given):
-        numbers = right(self, *given)
+    def wrong(self, *arguments):
+        numbers = right(self, *arguments)
         rows = tuple(tuple(NEARLY * x for x in row) for row in numbers.curves)
         return numbers._replace(curves=rows)
 
@@ -96,10 +96,10 @@ def test_a_push_that_goes_beside_the_follower_is_found(monkeypatch, follower):
         face=-math.pi / 2 if follower == "flat" else 0.0,
     )
     assert pair(cam, bm.Crank()).verify(**AT).ok
-    place = bm.Cam.numbers
+    right = bm.Cam.numbers
 
-    def wrong(self, *given):
-        numbers = place(self, *given)
+    def wrong(self, *arguments):
+        numbers = right(self, *arguments)
         shape = numbers.shape
         moved = shape._replace(at=NEARLY * shape.at, normal=shape.normal * (1 + 1e-9j))
         return numbers._replace(shape=moved)

@@ -62,14 +62,14 @@ def conditions(
         place = rng.normal(size=2)
         if p.axis:
             place = axes.setdefault((p.kind, p.axis), place)
-        along = place / np.linalg.norm(place)
+        axis = place / np.linalg.norm(place)
         if p.kind == "R":
             directions = [(1.0, 0.0), (0.0, 1.0)]
         else:
-            directions = [(-along[1], along[0])]
+            directions = [(-axis[1], axis[0])]
         turns = p.kind == "P" or p.name in drivers
         if p.kind == "P" and p.name in drivers:
-            directions.append((along[0], along[1]))
+            directions.append((axis[0], axis[1]))
         point = place if p.kind == "R" else rng.normal(size=2)
         for kind, direction in [("d", d) for d in directions] + [("t", (0.0, 0.0))] * turns:
             row = np.zeros(3 * len(links))
@@ -84,8 +84,8 @@ def conditions(
                         row[k : k + 3] += sign * np.array([*direction, lever])
             rows.append(row)
             names.append(p.name)
-    places = np.array([origin[a] for a in links])
-    return np.array(rows).reshape(len(rows), 3 * len(links)), names, places
+    origins = np.array([origin[a] for a in links])
+    return np.array(rows).reshape(len(rows), 3 * len(links)), names, origins
 
 
 def null_space(matrix: np.ndarray) -> np.ndarray:
@@ -102,13 +102,15 @@ def random_structure(rng: random.Random) -> tuple[list[str], list[Pair], list[st
     """A few links with about as many pairs as they need, shared axes and drivers among them."""
     n = rng.randint(1, 9)
     links = [f"l{k}" for k in range(n)]
-    near = ["frame", *links]
+    reachable = ["frame", *links]
     pairs = []
     slides = rng.choice([0.0, 0.2, 0.5, 1.0])
     count = max(1, round(1.5 * n) + rng.choice([-2, -1, 0, 0, 0, 1, 2]))
     for k in range(count):
         a = links[k] if k < n else rng.choice(links)  # mostly connected
-        b = rng.choice([x for x in near[: links.index(a) + 1] if x != a] if k < n else near)
+        b = rng.choice(
+            [x for x in reachable[: links.index(a) + 1] if x != a] if k < n else reachable
+        )
         if a == b:
             continue
         kind = "P" if rng.random() < slides else "R"
@@ -123,16 +125,16 @@ def check_units(units: Iterable[Unit], pairs: Sequence[Pair], drivers: Collectio
     """Each unit is balanced, stands on earlier ones, and no part of it is balanced."""
     placed = {"frame"}
     for unit in units:
-        own = [p for p in pairs if set(p.links) <= placed | set(unit.links)]
-        own = [p for p in own if not set(p.links) <= placed]
-        assert sorted(p.name for p in own) == sorted(p.name for p in unit.pairs)
-        assert unit.driven == tuple(sorted(p.name for p in own if p.name in drivers))
+        unit_pairs = [p for p in pairs if set(p.links) <= placed | set(unit.links)]
+        unit_pairs = [p for p in unit_pairs if not set(p.links) <= placed]
+        assert sorted(p.name for p in unit_pairs) == sorted(p.name for p in unit.pairs)
+        assert unit.driven == tuple(sorted(p.name for p in unit_pairs if p.name in drivers))
         if len(unit.links) <= 7:
             for size in range(1, len(unit.links)):
                 for part in itertools.combinations(unit.links, size):
-                    inside = [p for p in own if set(p.links) <= placed | set(part)]
-                    taken = 2 * len(inside) + sum(p.name in drivers for p in inside)
-                    assert taken < 3 * size, (unit, part)
+                    inside = [p for p in unit_pairs if set(p.links) <= placed | set(part)]
+                    constraints = 2 * len(inside) + sum(p.name in drivers for p in inside)
+                    assert constraints < 3 * size, (unit, part)
         placed |= set(unit.links)
 
 

@@ -126,14 +126,14 @@ def test_random_structures_agree_with_the_rank_of_a_jacobian(seed: int) -> None:
         }
         assert {n for o in state.overconstrained for n in o.pairs} == stressed, case
         assert sum(o.excess for o in state.overconstrained) == state.redundant
-        held = {a for p in pairs if p.name in stressed for a in p.links}
-        assert {a for o in state.overconstrained for a in o.links} == held, case
+        stressed_links = {a for p in pairs if p.name in stressed for a in p.links}
+        assert {a for o in state.overconstrained for a in o.links} == stressed_links, case
 
         for o in state.overconstrained:
-            own = [n in o.pairs for n in names]
-            assert null_space(matrix[own].T).shape[1] >= o.excess, case
+            rows = [n in o.pairs for n in names]
+            assert null_space(matrix[rows].T).shape[1] >= o.excess, case
             if sum(bool(set(o.pairs) & set(x.pairs)) for x in state.overconstrained) == 1:
-                assert null_space(matrix[own].T).shape[1] == o.excess, case
+                assert null_space(matrix[rows].T).shape[1] == o.excess, case
         twists = motions.reshape(len(links), 3, motions.shape[1])
         twists[:, 0] += origins[:, 1, None] * twists[:, 2]  # of the point at the common origin
         twists[:, 1] -= origins[:, 0, None] * twists[:, 2]
@@ -160,16 +160,19 @@ def test_spoilt_mechanisms_get_findings_that_the_rank_confirms() -> None:
     for trial in range(100):
         links, pairs, drivers, _ = random_mechanism(rng, shared=0.3)
         for _ in range(rng.randint(1, 3)):
-            what, k = rng.choice(["delete", "double", "merge", "drive"]), rng.randrange(len(pairs))
+            damage, k = (
+                rng.choice(["delete", "double", "merge", "drive"]),
+                rng.randrange(len(pairs)),
+            )
             p, q = pairs[k], rng.choice(pairs)
-            if what == "delete" and len(pairs) > 1:
+            if damage == "delete" and len(pairs) > 1:
                 del pairs[k]
                 drivers = [d for d in drivers if d != p.name]
-            elif what == "double":
+            elif damage == "double":
                 pairs.append(Pair(f"again{next(extra)}", p.first, p.second, p.kind))
-            elif what == "merge" and p.kind == q.kind:
+            elif damage == "merge" and p.kind == q.kind:
                 pairs[k] = Pair(p.name, p.first, p.second, p.kind, q.axis)
-            elif what == "drive":
+            elif damage == "drive":
                 drivers = [*drivers[1:], p.name] if p.name not in drivers else drivers[1:]
         result = diagnose(links, pairs, FRAME, drivers)
         case = (trial, pairs, drivers, result)
@@ -177,19 +180,19 @@ def test_spoilt_mechanisms_get_findings_that_the_rank_confirms() -> None:
         for f in result:
             by_code[f.code].append(f)
         away = {a for f in by_code["unconnected-links"] for a in f.links}
-        near = [a for a in links if a not in away]
+        anchored = [a for a in links if a not in away]
         pairs = [p for p in pairs if not away & set(p.links)]
         drivers = [d for d in drivers if d in {p.name for p in pairs}]
-        mobility = freedom(near, pairs, ())
+        mobility = freedom(anchored, pairs, ())
         few = sum(f.number for f in by_code["too-few-drivers"])
         many = sum(f.number for f in by_code["too-many-drivers"])
         assert mobility - len(drivers) == few - many, case
-        redundant = mobility - 3 * len(near) + 2 * len(pairs)
-        held = by_code["over-constrained"] + by_code["turning-held-twice"]
-        assert redundant == sum(f.number for f in held), case
-        locked = {d for d in drivers if freedom(near, pairs, [d]) == mobility}
+        redundant = mobility - 3 * len(anchored) + 2 * len(pairs)
+        excess = by_code["over-constrained"] + by_code["turning-held-twice"]
+        assert redundant == sum(f.number for f in excess), case
+        locked = {d for d in drivers if freedom(anchored, pairs, [d]) == mobility}
         assert locked == {f.pairs[0] for f in by_code["locked-driver"]}, case
-        left = freedom(near, pairs, drivers)
-        assert left == sum(f.number for f in by_code["loose-links"]), case
-        useless = left + len(drivers) - mobility - len(locked)
+        loose = freedom(anchored, pairs, drivers)
+        assert loose == sum(f.number for f in by_code["loose-links"]), case
+        useless = loose + len(drivers) - mobility - len(locked)
         assert useless == sum(f.number for f in by_code["conflicting-drivers"]), case

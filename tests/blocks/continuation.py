@@ -69,32 +69,34 @@ class March:
         z = np.append(point.poses.ravel(), point.t)
         return self.corrected(z + h * point.tangent * self.unit, point.tangent)
 
-    def points(self, way, until):
+    def points(self, sense, until):
         """Points from home until the share ``until`` or the end of the line, and that end.
 
         ``way`` is +1 or -1, the side of home. The end is None where the line goes on.
         """
         out = np.zeros_like(self.home)
-        out[-1] = way
+        out[-1] = sense
         point = self.corrected(self.home, out)
-        if point.tangent[-1] * way < 0:
+        if point.tangent[-1] * sense < 0:
             point = point._replace(tangent=-point.tangent)
-        found, h = [point], STRIDE / 4
-        while found[-1].t * way < until:
-            here = found[-1]
-            there = self.stepped(here, h)
-            bend = np.inf if there is None else np.linalg.norm(there.tangent - here.tangent)
+        branch, h = [point], STRIDE / 4
+        while branch[-1].t * sense < until:
+            current = branch[-1]
+            following = self.stepped(current, h)
+            bend = (
+                np.inf if following is None else np.linalg.norm(following.tangent - current.tangent)
+            )
             if not bend <= BEND:
                 h /= 2
                 assert h > 1e-9, "the judge lost its way"
                 continue
-            if there.tangent[-1] * way <= 0:  # the line ends between here and there
-                return found, self._end(here, h)
-            found.append(there)
-            if np.abs(there.poses[:, :2]).max() > FAR * self.size:
+            if following.tangent[-1] * sense <= 0:  # the line ends between here and there
+                return branch, self._end(current, h)
+            branch.append(following)
+            if np.abs(following.poses[:, :2]).max() > FAR * self.size:
                 break
             h = min(STRIDE, h * (1.5 if bend < BEND / 2 else 1.0))
-        return found, None
+        return branch, None
 
     def _end(self, here, h):
         def speed(x):

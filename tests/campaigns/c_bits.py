@@ -31,33 +31,37 @@ WANT = ("*.drive", "*.reaction", "*.p", "*.v", "*.a", "*.margin", "*.J_red", "*.
 def compared(name: str, count: int, compiler: str) -> dict[str, object]:
     """One graph: its line of the results."""
     mech = mechanism(name)
-    known = [w for w in WANT if any(n.endswith(w[1:]) for n in mech.outputs)]
-    program, begun = CProgram(mech, known), time.process_time()
+    patterns = [w for w in WANT if any(n.endswith(w[1:]) for n in mech.outputs)]
+    program, start = CProgram(mech, patterns), time.process_time()
     row = {"states": 0, "numbers": 0, "differ": 0, "words": 0, "largest": 0.0}
     general = bool(followed(mech.structure))
     with tempfile.TemporaryDirectory() as folder:
         called = Called(program, Path(folder), compiler)
         for seed in range(max(1, count // CHUNK)):
-            taken = states(mech, min(CHUNK, count), seed)
-            found, words = called(taken)
-            expected = scalar(program, taken)
+            samples = states(mech, min(CHUNK, count), seed)
+            values, statuses = called(samples)
+            expected = scalar(program, samples)
             row["words"] += sum(
-                WORDS[i] != x for i, x in zip(words, expected.quality.status, strict=True)
+                WORDS[i] != x for i, x in zip(statuses, expected.quality.status, strict=True)
             )
-            good = words == 0
+            good = statuses == 0
             row["states"] += int(good.sum())
-            own = np.stack([program.column(expected, n) for n in program.outputs], 1)
-            same = (found == own) | ~np.isfinite(own)
+            expected_values = np.stack([program.column(expected, n) for n in program.outputs], 1)
+            same = (values == expected_values) | ~np.isfinite(expected_values)
             row["numbers"] += int(same[good].size)
             row["differ"] += int((~same[good]).sum())
             if general and good.any():
-                scales = program._scales(np.where(good[:, None], own, 0.0))
-                near = np.minimum.reduce([np.asarray(m) for m in expected.quality.margin.values()])
+                scales = program._scales(np.where(good[:, None], expected_values, 0.0))
+                margin = np.minimum.reduce(
+                    [np.asarray(m) for m in expected.quality.margin.values()]
+                )
                 off = (
-                    np.abs(found - own)[good] / scales * np.sqrt(np.minimum(near[good], 1))[:, None]
+                    np.abs(values - expected_values)[good]
+                    / scales
+                    * np.sqrt(np.minimum(margin[good], 1))[:, None]
                 )
                 row["largest"] = max(row["largest"], float(np.nanmax(off)))
-    return {"graph": name, **row, "seconds": round(time.process_time() - begun, 1)}
+    return {"graph": name, **row, "seconds": round(time.process_time() - start, 1)}
 
 
 def main() -> None:
@@ -67,11 +71,11 @@ def main() -> None:
     parser.add_argument("graphs", nargs="*")
     parser.add_argument("--states", type=int, default=100_000)
     parser.add_argument("--compiler", default="gcc")
-    given = parser.parse_args()
-    for name in given.graphs or sorted(path.stem for path in GRAPHS.glob("*.json")):
-        row = compared(name, given.states, given.compiler)
+    options = parser.parse_args()
+    for name in options.graphs or sorted(path.stem for path in GRAPHS.glob("*.json")):
+        row = compared(name, options.states, options.compiler)
         print(row, flush=True)
-        with given.results.open("a", encoding="utf-8") as stream:
+        with options.results.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps(row) + "\n")
 
 

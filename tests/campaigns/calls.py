@@ -25,7 +25,7 @@ def campaign(files: Sequence[str], calls: Sequence[str], patience: float) -> int
     """Ask every call of every file; the number of faults."""
     count = 0
     for file in files:
-        begun = time.process_time()
+        start = time.process_time()
         subject = Subject.of(GRAPHS / file)
         for call in calls:
             clock = time.process_time()
@@ -40,7 +40,7 @@ def campaign(files: Sequence[str], calls: Sequence[str], patience: float) -> int
             for fault in answer:
                 print(f"--- {file} {fault.call}: {fault.kind}\n{fault.detail.rstrip()}", flush=True)
             count += len(answer)
-        print(f"{file}: {time.process_time() - begun:.1f} s", flush=True)
+        print(f"{file}: {time.process_time() - start:.1f} s", flush=True)
     return count
 
 
@@ -50,9 +50,9 @@ def main() -> int:
     parser.add_argument("files", nargs="*", help="default all")
     parser.add_argument("--calls", nargs="*", help="default all")
     parser.add_argument("--patience", type=float, default=60.0, help="[s] for one call")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     os.environ.setdefault("MPLBACKEND", "agg")
-    count = campaign(asked.files or gallery_files(), asked.calls or [*CALLS], asked.patience)
+    count = campaign(options.files or gallery_files(), options.calls or [*CALLS], options.patience)
     print(f"{count} faults")
     return 1 if count else 0
 

@@ -29,13 +29,13 @@ LOOKED_AT = 16  # times
 
 def compared(case: dict[str, Any], accuracy: float, times: Any) -> tuple[float, float, Any]:
     """The error of a motion, the judge's own, and the motion."""
-    want, other = truth(case, times, JUDGE), truth(case, times, COARSER)
+    want, coarser = truth(case, times, JUDGE), truth(case, times, COARSER)
     mechanism = bm.Linkage.from_data(case).compile()
     motion = mechanism.simulate(times=times, want=(), accuracy=accuracy).motion
-    there = times <= motion.t_end
-    q = motion.at(times[there]).q.reshape(there.sum(), -1)
-    off, own = (float(np.abs(x - want[there]).max()) for x in (q, other[there]))
-    return off, own, motion
+    reached = times <= motion.t_end
+    q = motion.at(times[reached]).q.reshape(reached.sum(), -1)
+    off, judge_error = (float(np.abs(x - want[reached]).max()) for x in (q, coarser[reached]))
+    return off, judge_error, motion
 
 
 def main() -> None:
@@ -45,17 +45,17 @@ def main() -> None:
     parser.add_argument("--five-bars", type=int, default=30)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--accuracy", type=float, default=1e-11)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     times = np.linspace(0.0, SPAN, LOOKED_AT)
-    kinds = ["rocker", "near"] * asked.cases
-    some = [(kind, i) for i, kind in enumerate(kinds[: asked.cases])]
-    some += [("fivebar", i) for i in range(asked.five_bars)]
-    for kind, i in some[asked.first :]:
+    kinds = ["rocker", "near"] * options.cases
+    cases = [(kind, i) for i, kind in enumerate(kinds[: options.cases])]
+    cases += [("fivebar", i) for i in range(options.five_bars)]
+    for kind, i in cases[options.first :]:
         rng = np.random.default_rng([i, len(kind)])
         case = five_bar(rng) if kind == "fivebar" else four_bar(rng, kind)
         begin = time.process_time()
         try:
-            error, judge, motion = compared(case, asked.accuracy, times)
+            error, judge, motion = compared(case, options.accuracy, times)
         except Exception as failure:  # a case of its own
             print(kind, i, "RAISED", repr(failure)[:200], flush=True)
             continue

@@ -71,8 +71,8 @@ def timed(mech: Any, start: Any, method: str) -> dict[str, Any]:
 def campaign(path: Path, machines: int, first: int) -> None:
     """Append machines to a file."""
     with path.open("a", encoding="utf-8") as out:
-        seed = done = 0
-        while done < machines:
+        seed = count = 0
+        while count < machines:
             seed += 1
             try:
                 mech, start = machine(first + seed)
@@ -82,7 +82,7 @@ def campaign(path: Path, machines: int, first: int) -> None:
             rows = {method: timed(mech, start, method) for method in METHODS}
             out.write(json.dumps({"seed": first + seed, "name": mech.name} | rows) + "\n")
             out.flush()
-            done += 1
+            count += 1
 
 
 def table(path: Path) -> None:
@@ -96,23 +96,25 @@ def table(path: Path) -> None:
           f"{np.median(ratios):.2f}, largest {max(ratios):.3g}; auto takes at most "
           f"{max(row['auto']['seconds'] for row in rows):.3g} s")  # fmt: skip
     for row, ratio in sorted(zip(rows, ratios, strict=True), key=lambda pair: -pair[1])[:12]:
-        told = (f"{m} {row[m]['seconds']:.3g} s, {row[m]['end']}, {row[m]['error']:.1e}"
+        descriptions = (f"{m} {row[m]['seconds']:.3g} s, {row[m]['end']}, {row[m]['error']:.1e}"
                 for m in METHODS)  # fmt: skip
-        print(f"{'!' if ratio > OFTEN else ' '} {row['seed']} {ratio:.3g}: {'; '.join(told)}")
+        print(
+            f"{'!' if ratio > OFTEN else ' '} {row['seed']} {ratio:.3g}: {'; '.join(descriptions)}"
+        )
 
 
 def main() -> None:
     """Read the arguments and go."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("results", type=Path)
-    asked.add_argument("--machines", type=int, default=200)
-    asked.add_argument("--seed", type=int, default=1)
-    asked.add_argument("--again", action="store_true")
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path)
+    parser.add_argument("--machines", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--again", action="store_true")
+    options = parser.parse_args()
     signal.signal(signal.SIGVTALRM, impatient)
-    if not given.again:
-        campaign(given.results, given.machines, given.seed * 1_000_000)
-    table(given.results)
+    if not options.again:
+        campaign(options.results, options.machines, options.seed * 1_000_000)
+    table(options.results)
 
 
 if __name__ == "__main__":

@@ -35,10 +35,10 @@ def main(count: int = 200, first: int = -1) -> int:
     wrong = 0
     for name, mech, request in cases:
         result = errors(mech, request or request_of(mech), seed=5, m=1)
-        known = [x for x in result if not math.isnan(x)]
-        worst = max(known, default=0.0)
+        finite = [x for x in result if not math.isnan(x)]
+        worst = max(finite, default=0.0)
         wrong += worst > EXACT
-        print(f"{name:30s} {worst:.1e}, {len(known)} values, {len(result) - len(known)} at kinks")
+        print(f"{name:30s} {worst:.1e}, {len(finite)} values, {len(result) - len(finite)} at kinks")
         sys.stdout.flush()
     documents = list(documents_from(first, count))
     for name, linkage, request in documents:
@@ -66,8 +66,8 @@ def documents_from(first: int, count: int) -> Iterator[tuple[str, bm.Linkage, di
         data = data_of(seed)
         linkage = bm.Linkage.from_data(data)
         at = {name: [start["q"] + 0.01] for name, start in data["initial"].items()}
-        more = {"rates": {x: [1.3] for x in at}, "accelerations": {x: [-0.7] for x in at}}
-        yield f"random document {seed}", linkage, {"at": at, **more}
+        motion = {"rates": {x: [1.3] for x in at}, "accelerations": {x: [-0.7] for x in at}}
+        yield f"random document {seed}", linkage, {"at": at, **motion}
 
 
 if __name__ == "__main__":

@@ -43,14 +43,14 @@ def main() -> int:
         page = tool.chromium.launch(executable_path=result, args=ARGUMENTS).new_page()
         page.set_default_timeout(0)
         heap_around(page, (address, folder), 40)  # what is made once is there now
-        before, begun = resident(server.pid), time.perf_counter()
+        before, start = resident(server.pid), time.perf_counter()
         heap = [x / 1e6 for x in heap_around(page, (address, folder), edits)]
         grown = {"server": (before, resident(server.pid)), "page": heap}
-        took = time.perf_counter() - begun
+        took = time.perf_counter() - start
     print(f"{edits} edits in {took:.0f} s")
-    for what, (first, last) in grown.items():
-        print(f"{what}: {first:.1f} -> {last:.1f} MB, {KEPT[what]:g} MB more are allowed")
-    return int(any(b - a > KEPT[what] for what, (a, b) in grown.items()))
+    for memory, (first, last) in grown.items():
+        print(f"{memory}: {first:.1f} -> {last:.1f} MB, {KEPT[memory]:g} MB more are allowed")
+    return int(any(b - a > KEPT[memory] for memory, (a, b) in grown.items()))
 
 
 if __name__ == "__main__":

@@ -37,12 +37,11 @@ def line(kind: str, length: float | None, arm: float, args: argparse.Namespace) 
         for x in dyads.brute_force(groups.of(slice(i, i + 25)), args.starts, chance)
     ]
     by = " / ".join(map(str, np.bincount(counts, minlength=5)))
-    wrong, more = int(((total == 1) != below).sum()), int((judged > counts).sum())
+    wrong, surplus = int(((total == 1) != below).sum()), int((judged > counts).sum())
     fewer, open_ = int((judged < counts).sum()), int((~result.complete).sum())
     name = f"{kind}{'' if length is None else f', guide {length} m'}"
-    return (
-        f"{name:<18} {arm:>5} {by:>24} {below.sum():>6} {wrong:>7} {open_:>6} {more:>5} {fewer:>6}"
-    )
+    counted = f"{below.sum():>6} {wrong:>7} {open_:>6} {surplus:>5} {fewer:>6}"
+    return f"{name:<18} {arm:>5} {by:>24} {counted}"
 
 
 def main() -> None:

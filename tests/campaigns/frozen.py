@@ -59,18 +59,18 @@ def answers(name: str, mech: Mechanism) -> Iterator[tuple[str, bm.Result | None]
 
 def numbers() -> dict[str, np.ndarray]:
     """All frozen numbers, by file, request and output."""
-    kept: dict[str, np.ndarray] = {}
+    frozen: dict[str, np.ndarray] = {}
     for name, mech in mechanisms():
         for request, result in answers(name, mech):
             if result is None:
-                kept[f"{name}|{request}|"] = REFUSED
+                frozen[f"{name}|{request}|"] = REFUSED
                 continue
             for output in result:
-                kept[f"{name}|{request}|{output}"] = np.asarray(result[output])
+                frozen[f"{name}|{request}|{output}"] = np.asarray(result[output])
         if len(mech.drivers) == 1:
-            kept[f"{name}|limits|"] = np.array([(a.start.q, a.end.q) for a in mech.limits().arcs])
+            frozen[f"{name}|limits|"] = np.array([(a.start.q, a.end.q) for a in mech.limits().arcs])
         print(name, flush=True)
-    return kept
+    return frozen
 
 
 def moved(old: np.ndarray, new: np.ndarray) -> float:
@@ -79,11 +79,11 @@ def moved(old: np.ndarray, new: np.ndarray) -> float:
         return np.inf
     if old.dtype.kind not in "fc":
         return 0.0 if np.array_equal(old, new) else np.inf
-    known = np.isfinite(old)
-    if not np.array_equal(known, np.isfinite(new)):
+    finite = np.isfinite(old)
+    if not np.array_equal(finite, np.isfinite(new)):
         return np.inf
-    largest = np.max(np.abs(old[known]), initial=0.0)
-    return float(np.max(np.abs(old - new)[known], initial=0.0) / (largest or 1.0))
+    largest = np.max(np.abs(old[finite]), initial=0.0)
+    return float(np.max(np.abs(old - new)[finite], initial=0.0) / (largest or 1.0))
 
 
 def main() -> int:

@@ -93,11 +93,11 @@ def moved(case: tuple[Any, ...], method: str, accuracy: float | None, engine: st
     signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
     try:
         times = np.linspace(0.0, span, 10)[1:]
-        asked: dict[str, Any] = {"times": times, "method": method, "accuracy": accuracy}
-        asked["engine"] = engine
+        options: dict[str, Any] = {"times": times, "method": method, "accuracy": accuracy}
+        options["engine"] = engine
         driver = next(iter(start))
         until = f"time={span!r}"
-        return mech.simulate(until, start=start, want=[f"{driver}.q"], **asked).motion
+        return mech.simulate(until, start=start, want=[f"{driver}.q"], **options).motion
     except (BlockmechError, TooLong):
         return None
     except Exception as crash:  # a finding, and no reason to lose the rest
@@ -128,22 +128,22 @@ def compared(motion: Any, truth: Any) -> dict[str, Any]:
 
 def campaign(path: Path, runs: int, seed: int) -> None:
     """Append runs to a file until there are so many."""
-    there = rows_of(path) if path.exists() else []
-    done, seed = len(there), max([seed, *(row["seed"] for row in there)])
+    stored = rows_of(path) if path.exists() else []
+    count, seed = len(stored), max([seed, *(row["seed"] for row in stored)])
     with path.open("a", encoding="utf-8") as out:
-        while done < runs:
+        while count < runs:
             seed += 1
             rng = np.random.default_rng(seed)
             try:
                 case = scene(seed)
             except (BlockmechError, ValueError):
                 continue
-            explicit, along = (moved(case, kind, FINEST) for kind in ("dop853", "energy"))
-            other = along or moved(case, "radau", FINE)
-            beside = {"energy", "radau", "euler_q"} | ({"auto"} if along else set())
+            explicit, path_motion = (moved(case, kind, FINEST) for kind in ("dop853", "energy"))
+            second = path_motion or moved(case, "radau", FINE)
+            comparable = {"energy", "radau", "euler_q"} | ({"auto"} if path_motion else set())
             lost: set[tuple[str, str]] = set()  # refused, or for longer than anybody waits
             for method in 2 * METHODS:
-                truth = explicit if method in beside else other
+                truth = explicit if method in comparable else second
                 target = float(10.0 ** -rng.uniform(3, 6 if method in ("rk4", "euler_q") else 12))
                 engine = str(rng.choice(ENGINES))
                 if (method, engine) in lost or not known(truth):
@@ -157,7 +157,7 @@ def campaign(path: Path, runs: int, seed: int) -> None:
                        **compared(motion, truth)}  # fmt: skip
                 out.write(json.dumps(row) + "\n")
                 out.flush()
-                done += 1
+                count += 1
 
 
 def falls() -> None:
@@ -166,17 +166,17 @@ def falls() -> None:
         for method, engine in product(("auto", "dop853", "radau"), ("scalar", "llvm")):
             stated = tighter(path, {"method": method, "engine": engine})
             grows = "  grows" if any(b > SAME * a for a, b in pairwise(stated)) else ""
-            said = " ".join(f"{x:.1e}" for x in stated)
+            errors = " ".join(f"{x:.1e}" for x in stated)
             if stated:
-                print(f"{path.stem:28}{method:8}{engine:8}{said}{grows}", flush=True)
+                print(f"{path.stem:28}{method:8}{engine:8}{errors}{grows}", flush=True)
 
 
-def tighter(path: Path, how: dict[str, Any]) -> list[float]:
+def tighter(path: Path, options: dict[str, Any]) -> list[float]:
     """What ever tighter requests of a machine state; nothing where it cannot move."""
     try:
         mech = bm.Graph.load(path).compile()
-        how |= {"want": [], "budget": PATIENCE}
-        runs = (mech.simulate("time=0.1", accuracy=target, **how) for target in TIGHTER)
+        options |= {"want": [], "budget": PATIENCE}
+        runs = (mech.simulate("time=0.1", accuracy=target, **options) for target in TIGHTER)
         return [run.motion.error for run in runs]
     except BlockmechError:
         return []
@@ -219,20 +219,20 @@ def table(path: Path) -> None:
 
 def main() -> None:
     """Read the arguments and go."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("results", type=Path, nargs="?")
-    asked.add_argument("--falls", action="store_true")
-    asked.add_argument("--runs", type=int, default=4000)
-    asked.add_argument("--seed", type=int, default=1)
-    asked.add_argument("--again", action="store_true")
-    given = asked.parse_args()
-    if given.falls or given.results is None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path, nargs="?")
+    parser.add_argument("--falls", action="store_true")
+    parser.add_argument("--runs", type=int, default=4000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--again", action="store_true")
+    options = parser.parse_args()
+    if options.falls or options.results is None:
         falls()
         return
     signal.signal(signal.SIGVTALRM, impatient)
-    if not given.again:
-        campaign(given.results, given.runs, given.seed * 1_000_000)
-    table(given.results)
+    if not options.again:
+        campaign(options.results, options.runs, options.seed * 1_000_000)
+    table(options.results)
 
 
 if __name__ == "__main__":

@@ -69,17 +69,17 @@ def functions(module: ModuleType) -> Iterator[tuple[str, FunctionType]]:
         if inspect.isfunction(thing) and thing.__module__ == module.__name__:
             yield name, thing
         elif inspect.isclass(thing) and thing.__module__ == module.__name__:
-            for method, own in vars(thing).items():
-                if inspect.isfunction(own):
-                    yield f"{name}.{method}", own
+            for method, function in vars(thing).items():
+                if inspect.isfunction(function):
+                    yield f"{name}.{method}", function
 
 
 def changes(tree: ast.AST) -> Iterator[tuple[str, Callable[[], None]]]:
     """What can be got wrong in a function: a sign, a factor, a number."""
     for node in ast.walk(tree):
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
-            other = ast.Sub() if isinstance(node.op, ast.Add) else ast.Add()
-            yield ast.unparse(node), lambda n=node, o=other: setattr(n, "op", o)
+            operator = ast.Sub() if isinstance(node.op, ast.Add) else ast.Add()
+            yield ast.unparse(node), lambda n=node, o=operator: setattr(n, "op", o)
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             yield ast.unparse(node), lambda n=node: setattr(n, "op", ast.UAdd())
         elif isinstance(node, ast.Constant) and type(node.value) is float and node.value:
@@ -89,13 +89,13 @@ def changes(tree: ast.AST) -> Iterator[tuple[str, Callable[[], None]]]:
 @cache
 def used(names: tuple[str, ...]) -> set[CodeType]:
     """The code that runs while a user has these graphs verified."""
-    found: set[CodeType] = set()
-    sys.setprofile(lambda frame, event, _: found.add(frame.f_code) if event == "call" else None)
+    codes: set[CodeType] = set()
+    sys.setprofile(lambda frame, event, _: codes.add(frame.f_code) if event == "call" else None)
     try:
         assert checked(names) == "nobody"  # finds a mistake where there is none
     finally:
         sys.setprofile(None)
-    return found
+    return codes
 
 
 def mutants(count: int, seed: int) -> Iterator[Mutant]:
@@ -107,13 +107,13 @@ def mutants(count: int, seed: int) -> Iterator[Mutant]:
         for name in rooms[:count]:
             module = importlib.import_module(f"blockmech.{name}")
             at_work = used(ROOMS[name])
-            own = [
+            candidates = [
                 (called, target)
                 for called, target in functions(module)
                 if target.__code__ in at_work and target.__code__.co_filename == module.__file__
             ]
-            for _ in range(50 if own else 0):
-                called, target = chance.choice(own)
+            for _ in range(50 if candidates else 0):
+                called, target = chance.choice(candidates)
                 text = textwrap.dedent(inspect.getsource(target))
                 tree = ast.parse(text)
                 result = list(changes(tree))
@@ -151,13 +151,13 @@ def checked(names: tuple[str, ...]) -> str:
     """The first check of a user that fails."""
     for path in (file for name in names for file in sorted(GRAPHS.glob(f"{name}.json"))):
         mech = bm.Graph.load(path).compile()
-        for what, ask in asked(mech):
+        for check, ask in asked(mech):
             try:
                 outcome = ask()
             except bm.RequestError:  # a method or study that does not apply
                 continue
             if not outcome.ok:
-                return f"{what}: {next(row.name for row in outcome.rows if not row.ok)}"
+                return f"{check}: {next(row.name for row in outcome.rows if not row.ok)}"
     return "nobody"
 
 
@@ -165,8 +165,8 @@ def asked(mech: bm.Mechanism) -> Iterator[tuple[str, Callable[[], Any]]]:
     """What a user can have verified of a mechanism."""
     if mech.scene.drive:
         yield "verify()", lambda: mech.verify(samples=5)
-    for how in ({}, {"method": "dop853"}, {"method": "dop853", "engine": "llvm"}):
-        yield f"verify(motion) {how}", lambda h=how: mech.verify(mech.simulate(SPAN, **h))
+    for options in ({}, {"method": "dop853"}, {"method": "dop853", "engine": "llvm"}):
+        yield f"verify(motion) {options}", lambda h=options: mech.verify(mech.simulate(SPAN, **h))
     lengths = [a for a in mech.parameters() if a.endswith((".length", ".l", ".l_i"))][:1]
     if lengths and mech.scene.drive:
         x = mech.parameters()[lengths[0]].value
@@ -183,7 +183,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
+    options = parser.parse_args()
 
     def late(*_: Any) -> None:
         raise Slow
@@ -191,7 +191,7 @@ def main() -> None:
     signal.signal(signal.SIGALRM, late)
     warnings.simplefilter("ignore")
     kinds: Counter[str] = Counter()
-    for mutant in mutants(given.count, given.seed):
+    for mutant in mutants(options.count, options.seed):
         by = seen(mutant)
         kinds[by.partition(" ")[0].partition(":")[0]] += 1
         print(f"{by:<60} {mutant.where}: {mutant.change}", flush=True)

@@ -23,25 +23,25 @@ HALF = "(x // 2 or 1) if isinstance(x, int) else x / 2"
 CHANGES = {"doubled": "x * 2", "halved": HALF}
 
 
-def is_number(value: ast.expr | None, known: set[str]) -> bool:
+def is_number(value: ast.expr | None, names: set[str]) -> bool:
     """Whether an expression is a number, a row of them, or made with ``known`` names."""
     match value:
         case ast.Constant(value=x):
             return type(x) in (int, float)
         case ast.Name(id=name):
-            return name in known
+            return name in names
         case ast.UnaryOp(operand=x):
-            return is_number(x, known)
+            return is_number(x, names)
         case ast.BinOp(left=a, right=b):
-            return is_number(a, known) and is_number(b, known)
+            return is_number(a, names) and is_number(b, names)
         case ast.Tuple(elts=parts):
-            return bool(parts) and all(is_number(x, known) for x in parts)
+            return bool(parts) and all(is_number(x, names) for x in parts)
     return False
 
 
 def numbers(path: Path) -> list[tuple[str, int]]:
     """Names of a module's numbers, and the line of each."""
-    found = []
+    constants = []
     for statement in ast.parse(path.read_text("utf-8")).body:
         if isinstance(statement, ast.Assign | ast.AnnAssign) and is_number(
             statement.value, {"EPS"}
@@ -49,8 +49,8 @@ def numbers(path: Path) -> list[tuple[str, int]]:
             target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
             named = [node.id for node in ast.walk(target) if isinstance(node, ast.Name)]
             line = statement.end_lineno or statement.lineno
-            found += [(name, line) for name in named if name != "TURN"]
-    return found
+            constants += [(name, line) for name in named if name != "TURN"]
+    return constants
 
 
 def broken(folder: Path, tests: list[str]) -> list[str]:
@@ -58,42 +58,42 @@ def broken(folder: Path, tests: list[str]) -> list[str]:
     env = os.environ | {"PYTHONPATH": str(folder)}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
     try:
-        told = subprocess.run(
+        output = subprocess.run(
             command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=600, check=False
         ).stdout
     except subprocess.TimeoutExpired:
         return ["(ten minutes are not enough)"]
-    lines = [line for line in told.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return lines or ([] if " passed" in told else told.splitlines()[-3:])
+    lines = [line for line in output.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return lines or ([] if " passed" in output else output.splitlines()[-3:])
 
 
 def main() -> None:
     """Read the arguments and go."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("folder", type=Path)
-    asked.add_argument("--room", default="dynamics")
-    asked.add_argument("--only", default="")
-    asked.add_argument("--change", choices=CHANGES, nargs="*", default=list(CHANGES))
-    asked.add_argument("--tests", nargs=argparse.REMAINDER, required=True)
-    given = asked.parse_args()
-    shutil.rmtree(given.folder, ignore_errors=True)
-    shutil.copytree(SOURCE, given.folder)
-    before = broken(given.folder, given.tests)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--room", default="dynamics")
+    parser.add_argument("--only", default="")
+    parser.add_argument("--change", choices=CHANGES, nargs="*", default=list(CHANGES))
+    parser.add_argument("--tests", nargs=argparse.REMAINDER, required=True)
+    options = parser.parse_args()
+    shutil.rmtree(options.folder, ignore_errors=True)
+    shutil.copytree(SOURCE, options.folder)
+    before = broken(options.folder, options.tests)
     print("unchanged:", before or "all pass", flush=True)
-    room = given.folder / "blockmech" / given.room
+    room = options.folder / "blockmech" / options.room
     for path in sorted(room.rglob("*.py")) if room.is_dir() else [room.with_suffix(".py")]:
         text = path.read_text("utf-8")
         for name, line in numbers(path):
-            if given.only not in name:
+            if options.only not in name:
                 continue
-            for word in given.change:
+            for word in options.change:
                 lines = text.splitlines()
-                one = f"(lambda x: {CHANGES[word]})"
-                row = f"tuple(map({one}, {name})) if isinstance({name}, tuple)"
-                new = f"{name} = {row} else {one}({name})"
+                change = f"(lambda x: {CHANGES[word]})"
+                row = f"tuple(map({change}, {name})) if isinstance({name}, tuple)"
+                new = f"{name} = {row} else {change}({name})"
                 path.write_text("\n".join([*lines[:line], new, *lines[line:]]) + "\n", "utf-8")
-                failed = [t for t in broken(given.folder, given.tests) if t not in before]
-                where = path.relative_to(given.folder)
+                failed = [t for t in broken(options.folder, options.tests) if t not in before]
+                where = path.relative_to(options.folder)
                 print(f"{where} {name} {word}: {len(failed)} broken", flush=True)
                 for test in failed[:5]:
                     print("   ", test[:150], flush=True)

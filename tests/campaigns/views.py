@@ -70,9 +70,9 @@ def main() -> None:
     options.add_argument("--folder", type=Path, default=Path("docs/studio"))
     options.add_argument("--theme", default="light")
     options.add_argument("--size", default="1440x900")
-    asked = options.parse_args()
-    asked.folder.mkdir(parents=True, exist_ok=True)
-    width, height = map(int, asked.size.split("x"))
+    arguments = options.parse_args()
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    width, height = map(int, arguments.size.split("x"))
     with (
         tempfile.TemporaryDirectory() as folder,
         served(Path(folder)) as (address, _),
@@ -80,9 +80,9 @@ def main() -> None:
     ):
         browser = tool.chromium.launch(executable_path=shutil.which("chromium"), args=ARGUMENTS)
         page = browser.new_page(
-            viewport={"width": width, "height": height}, color_scheme=asked.theme
+            viewport={"width": width, "height": height}, color_scheme=arguments.theme
         )
-        drawn(page, (address, Path(folder)), asked.folder)
+        drawn(page, (address, Path(folder)), arguments.folder)
         browser.close()
 
 

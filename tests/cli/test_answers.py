@@ -27,20 +27,20 @@ TEXTS = {
 }
 
 
-def rows(found):
+def rows(report):
     """The rows of a verification as data."""
-    return [{k: getattr(r, k) for k in ("name", "value", "allowed", "ok")} for r in found.rows]
+    return [{k: getattr(r, k) for k in ("name", "value", "allowed", "ok")} for r in report.rows]
 
 
 def patterned(ask, outputs):
     """Answers for the outputs that have one, as data."""
-    found = []
+    documents = []
     for name in outputs:
         try:
-            found.append(ask(name).to_dict())
+            documents.append(ask(name).to_dict())
         except bm.RequestError:
             continue  # not every output has a stroke
-    return json.loads(json.dumps(found))
+    return json.loads(json.dumps(documents))
 
 
 DATA = {
@@ -68,25 +68,25 @@ def ask(call, ruiz, short, tmp_path):
     triad.write_text(json.dumps(machines.overturned()), encoding="utf-8")
     files = {"RUIZ": ruiz, "SHORT": short, "TRIAD": triad}
 
-    def asking(words):
-        command, file, *more = words.split()
-        return call(command, files[file], *more), bm.Graph.load(files[file]).compile()
+    def asking(line):
+        command, file, *options = line.split()
+        return call(command, files[file], *options), bm.Graph.load(files[file]).compile()
 
     return asking
 
 
-@pytest.mark.parametrize("words", TEXTS)
-def test_the_text_is_that_of_python(ask, words):
-    said, mechanism = ask(words)
-    assert said == (0, f"{TEXTS[words](mechanism)}\n", "")
+@pytest.mark.parametrize("line", TEXTS)
+def test_the_text_is_that_of_python(ask, line):
+    outcome, mechanism = ask(line)
+    assert outcome == (0, f"{TEXTS[line](mechanism)}\n", "")
 
 
-@pytest.mark.parametrize("words", DATA)
-def test_the_data_are_those_of_python(ask, words):
-    said, mechanism = ask(f"{words} --json")
-    key, find = DATA[words]
-    assert said.code == 0
-    assert json.loads(said.out)[key] == find(mechanism) != []
+@pytest.mark.parametrize("line", DATA)
+def test_the_data_are_those_of_python(ask, line):
+    outcome, mechanism = ask(f"{line} --json")
+    key, find = DATA[line]
+    assert outcome.code == 0
+    assert json.loads(outcome.out)[key] == find(mechanism) != []
 
 
 def test_modes_say_what_merges_and_where_there_is_none(ask):
@@ -96,11 +96,11 @@ def test_modes_say_what_merges_and_where_there_is_none(ask):
 
 def test_each_driver_is_moved_with_the_others_held(call, fivebar):
     outcome = call("limits", fivebar, "--at", "left=0", "--at", "right=60deg", "--json")
-    told = json.loads(outcome.out)["limits"]
-    assert [t["driver"] for t in told] == ["left.q", "right.q"]
-    assert told[1]["held"] == {"left.q": 0.0}
-    one = call("limits", fivebar, "--driver", "right", "--at", "left=0", "--json")
-    assert json.loads(one.out)["limits"] == told[1:]
+    limits = json.loads(outcome.out)["limits"]
+    assert [t["driver"] for t in limits] == ["left.q", "right.q"]
+    assert limits[1]["held"] == {"left.q": 0.0}
+    single = call("limits", fivebar, "--driver", "right", "--at", "left=0", "--json")
+    assert json.loads(single.out)["limits"] == limits[1:]
 
 
 def test_all_drivers_that_stand_nowhere_are_told(call, fivebar):
@@ -113,15 +113,15 @@ def test_a_pattern_is_for_the_command_line(ruiz):
 
 
 def test_sensitivities_are_ranked_and_leave_as_data_picture_and_table(call, ruiz, tmp_path):
-    words = ["sensitivity", ruiz, "--want", "crank.drive,dyad.C.p", "--at", "0:360deg:13"]
-    lines = call(*words, "--to", "dyad.l_*,crank.q").out.splitlines()
+    arguments = ["sensitivity", ruiz, "--want", "crank.drive,dyad.C.p", "--at", "0:360deg:13"]
+    lines = call(*arguments, "--to", "dyad.l_*,crank.q").out.splitlines()
     assert lines[0] == "crank.drive [N m]"
     assert [line.split()[0] for line in lines[2:5]] == ["crank.q", "dyad.l_i", "dyad.l_j"]
-    data = json.loads(call(*words, "--to", "dyad.l_i", "--json").out)
+    data = json.loads(call(*arguments, "--to", "dyad.l_i", "--json").out)
     (row,) = data["sensitivity"]["crank.drive"]
     assert (row["number"], row["unit"]) == ("dyad.l_i", "N m/m")
     picture, table = tmp_path / "s.png", tmp_path / "s.csv"
-    said = [call(*words, "--plot", picture), call(*words, "--csv", table)]
-    assert all("wrote" in one.out for one in said)
+    outcomes = [call(*arguments, "--plot", picture), call(*arguments, "--csv", table)]
+    assert all("wrote" in outcome.out for outcome in outcomes)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert table.read_text("utf-8").startswith("output,unit,crank.q [rad],")

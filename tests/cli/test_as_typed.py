@@ -24,9 +24,9 @@ def test_numbers_with_units(text, unit, value):
     assert quantity(text, unit) == value
 
 
-@pytest.mark.parametrize(("text", "unit", "found"), QUANTITIES["refused"])
-def test_what_is_no_quantity_of_a_unit(text, unit, found):
-    with pytest.raises(NoQuantity, match=re.escape(found)):
+@pytest.mark.parametrize(("text", "unit", "message"), QUANTITIES["refused"])
+def test_what_is_no_quantity_of_a_unit(text, unit, message):
+    with pytest.raises(NoQuantity, match=re.escape(message)):
         quantity(text, unit)
 
 
@@ -112,8 +112,8 @@ def test_until_and_sweep_take_units(call, ruiz):
     start = ("--start", "60°,300rpm", "--want", "crank.q")
     outcome = call("simulate", ruiz, *start, "--until", "time=1ms", "--times", "0:1ms:2", "--json")
     assert outcome.code == 0
-    words = ("--vary", "weightlike.force.y=-1kN:-2kN:2", "--want", "max_abs(crank.drive)")
-    assert "-2000" in call("sweep", ruiz, *words).out
+    arguments = ("--vary", "weightlike.force.y=-1kN:-2kN:2", "--want", "max_abs(crank.drive)")
+    assert "-2000" in call("sweep", ruiz, *arguments).out
 
 
 def test_words_of_the_trade_find_the_name(call, ruiz):
@@ -123,11 +123,11 @@ def test_words_of_the_trade_find_the_name(call, ruiz):
 
 
 def test_csv_goes_into_a_folder_and_no_other_format_is_called_csv(call, ruiz, tmp_path):
-    words = ("run", ruiz, "--samples", "3", "--want", "crank.drive", "--csv")
-    assert call(*words, tmp_path).code == 0
+    arguments = ("run", ruiz, "--samples", "3", "--want", "crank.drive", "--csv")
+    assert call(*arguments, tmp_path).code == 0
     with open(tmp_path / "results.csv", encoding="utf-8") as stream:
         assert len(list(csv.reader(stream))) == 4
-    outcome = call(*words, tmp_path / "a.xlsx")
+    outcome = call(*arguments, tmp_path / "a.xlsx")
     assert outcome.code == 2
     assert "CSV is not written to .xlsx" in outcome.err
     assert not (tmp_path / "a.xlsx").exists()
@@ -136,9 +136,9 @@ def test_csv_goes_into_a_folder_and_no_other_format_is_called_csv(call, ruiz, tm
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
 def test_there_is_completion_for_each_shell(call, shell, capsys, monkeypatch):
     monkeypatch.setattr("shellingham.detect_shell", lambda: (shell, f"/bin/{shell}"))
-    with pytest.raises(SystemExit) as ended:
+    with pytest.raises(SystemExit) as caught:
         call("--show-completion")
-    assert ended.value.code == 0
+    assert caught.value.code == 0
     assert "_BLOCKMECH_COMPLETE" in capsys.readouterr().out
 
 
@@ -151,35 +151,45 @@ def test_there_is_completion_for_each_shell(call, shell, capsys, monkeypatch):
     ids=["sensitivity", "solutions"],
 )
 def test_csv_of_other_commands_goes_where_that_of_run_goes(call, ruiz, tmp_path, arguments):
-    asked = (arguments[0], ruiz, *arguments[1:], "--csv")
-    outcome = call(*asked, tmp_path / "a.xlsx")
+    command = (arguments[0], ruiz, *arguments[1:], "--csv")
+    outcome = call(*command, tmp_path / "a.xlsx")
     assert (outcome.code, outcome.out) == (2, "")
     assert "CSV is not written to .xlsx" in outcome.err
-    assert call(*asked, tmp_path).code == 0
+    assert call(*command, tmp_path).code == 0
     written = (tmp_path / "results.csv").read_text("utf-8-sig")
-    printed = call(*asked, "-")
+    printed = call(*command, "-")
     assert printed.code == 0
     assert printed.out.replace("\r\n", "\n") == written.replace("\r\n", "\n")
     assert not (tmp_path / "-").exists()
 
 
 def test_a_trade_is_printed_as_csv(call, ruiz, tmp_path):
-    asked = ("trade", ruiz, "--want", "crank.drive", "--samples", "7", "--budget", "500ms", "--csv")
-    outcome = call(*asked, "-")
+    command = (
+        "trade",
+        ruiz,
+        "--want",
+        "crank.drive",
+        "--samples",
+        "7",
+        "--budget",
+        "500ms",
+        "--csv",
+    )
+    outcome = call(*command, "-")
     assert outcome.code == 0
     first, *rows = csv.reader(outcome.out.splitlines())
     assert "seconds [s]" in first
     assert rows
-    assert call(*asked, tmp_path / "t.xlsx").code == 2
-    assert call(*asked, tmp_path).code == 0
+    assert call(*command, tmp_path / "t.xlsx").code == 2
+    assert call(*command, tmp_path).code == 0
     assert (tmp_path / "results.csv").exists()
 
 
 def test_plain_numbers_take_units_too(call, ruiz):
-    words = ("run", ruiz, "--samples", "3", "--want", "crank.drive", "--json")
-    how = ("--friction", "successive", "--tolerance")
-    assert call(*words, *how, "1e3").out == call(*words, *how, "1kN").out
-    outcome = call(*words, *how, "3 mm")
+    command = ("run", ruiz, "--samples", "3", "--want", "crank.drive", "--json")
+    tolerance = ("--friction", "successive", "--tolerance")
+    assert call(*command, *tolerance, "1e3").out == call(*command, *tolerance, "1kN").out
+    outcome = call(*command, *tolerance, "3 mm")
     assert (outcome.code, outcome.out) == (2, "")
     assert (
         '--tolerance 3 mm: "3 mm" has another kind of unit. a number, in SI or with N, kN'
@@ -207,7 +217,7 @@ def test_a_time_with_its_unit_is_the_end_of_a_motion():
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("arguments", "expected"),
     [
         (["run", "ruiz"], 'did you mean "ruiz_fourbar"'),
         (["export", "pump", "--to", "fmi"], 'did you mean "fmu"'),
@@ -216,12 +226,12 @@ def test_a_time_with_its_unit_is_the_end_of_a_motion():
         (["export", "ruiz_fourbar", "-o", "m.dxf", "--set", "hole=no"], "write for example 20mm"),
     ],
 )
-def test_slips_have_one_message(words, said, capsys, tmp_path, monkeypatch):
+def test_slips_have_one_message(arguments, expected, capsys, tmp_path, monkeypatch):
     from blockmech.cli import main
 
     monkeypatch.chdir(tmp_path)
-    assert main(words) == 2
+    assert main(arguments) == 2
     message = capsys.readouterr().err
-    assert said in message
+    assert expected in message
     assert "Traceback" not in message
     assert not list(tmp_path.iterdir())

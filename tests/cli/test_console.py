@@ -65,7 +65,7 @@ CODES = dict.fromkeys(DONE, 0) | dict.fromkeys(NO_ANSWER, 1) | dict.fromkeys(WRO
 
 
 def test_every_command_is_called_here():
-    assert {words[0] for words in CALLS.values()} == set(COMMANDS)
+    assert {arguments[0] for arguments in CALLS.values()} == set(COMMANDS)
 
 
 @pytest.fixture
@@ -75,11 +75,11 @@ def show(call, ruiz, short, tmp_path):
     record = tmp_path / "record.csv"
     record.write_text("crank.q,crank.drive\n0,-10000\n1,3800\n2,500\n", encoding="utf-8")
 
-    def showing(*words):
+    def showing(*arguments):
         files = {"FILE": str(ruiz), "SHORT": str(short), "RECORD": str(record)}
         files["REPORT"] = str(tmp_path / "report.html")
         gallery = {name: str(GRAPHS / f"{name}.json") for name in ("watt_sixbar", JOINTS)}
-        outcome = call(*((files | gallery).get(word, word) for word in words))
+        outcome = call(*((files | gallery).get(word, word) for word in arguments))
         for page in PAGES:
             (outcome.out + outcome.err).encode(page)
         return outcome
@@ -113,10 +113,10 @@ def test_a_progress_bar_is_drawn_on_an_old_console(monkeypatch, page):
     monkeypatch.setattr(sys, "stderr", Terminal(raw, encoding=page, errors="strict"))
     monkeypatch.setattr(terminal, "PATIENCE", 0.0)
     monkeypatch.setenv("TERM", "xterm")
-    with terminal.progress_bar("simulating") as told:
-        begun = time.monotonic()
-        while b"half way" not in raw.getvalue() and time.monotonic() - begun < 60:
-            told("half way", 1.0, 2.0)
+    with terminal.progress_bar("simulating") as report:
+        start = time.monotonic()
+        while b"half way" not in raw.getvalue() and time.monotonic() - start < 60:
+            report("half way", 1.0, 2.0)
             time.sleep(0.02)
     sys.stderr.flush()
     assert b"simulating: half way" in raw.getvalue()

@@ -47,9 +47,9 @@ def test_decompose_writes_a_graph_that_computes_the_same(call, joints, tmp_path)
     assert outcome.out.splitlines()[-1] == f"wrote {graph}"
     assert call("check", graph).code == 0
     result = bm.Graph.load(graph).run(samples=7)
-    other = bm.Linkage.load(joints).run(samples=7)
-    assert np.array_equal(result["motor.drive"], other["driver.motor.drive"])
-    assert np.array_equal(result["rod_piston.S.N"], other["joint.S.N"])
+    expected = bm.Linkage.load(joints).run(samples=7)
+    assert np.array_equal(result["motor.drive"], expected["driver.motor.drive"])
+    assert np.array_equal(result["rod_piston.S.N"], expected["joint.S.N"])
 
 
 @pytest.mark.parametrize("general", ["groups", "one"])

@@ -75,8 +75,8 @@ def test_every_quantity_is_said_in_words_and_none_that_there_is_not():
     linkages = [bm.Linkage.load(path).compile() for path in JOINTS.glob("*.json")]
     law = bm.friction.LuGre(static=0.2, kinetic=0.1, stribeck_speed=1.0, stiffness=1e3, radius=0.01)
     bristles = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
-    more = {"friction": {"B": law}, "clearance": {"B": 1e-5}}
-    bristles.blocks["dyad"] = bristles.blocks["dyad"].model_copy(update=more)
+    fields = {"friction": {"B": law}, "clearance": {"B": 1e-5}}
+    bristles.blocks["dyad"] = bristles.blocks["dyad"].model_copy(update=fields)
     graphs.append(bristles.compile())
     hoist = bm.Graph.load(GRAPHS / "planetary_hoist.json").replace({"mesh.efficiency": 0.98})
     graphs.append(hoist.compile())

@@ -19,15 +19,15 @@ RUIZ = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
 LINKAGE = json.loads((GRAPHS / "joints" / "ruiz_fourbar.json").read_text("utf-8"))
 
 
-def changed(path: str, said: Any, whole: Any = RUIZ) -> Any:
+def changed(path: str, value: Any, document: Any = RUIZ) -> Any:
     """The document with the value at a path replaced."""
-    made = copy.deepcopy(whole)
-    *way, last = path.split("/")
-    place = made
-    for key in way:
-        place = place[int(key) if isinstance(place, list) else key]
-    place[int(last) if isinstance(place, list) else last] = said
-    return made
+    variant = copy.deepcopy(document)
+    *keys, last = path.split("/")
+    container = variant
+    for key in keys:
+        container = container[int(key) if isinstance(container, list) else key]
+    container[int(last) if isinstance(container, list) else last] = value
+    return variant
 
 
 LAW = "scene/drive/crank"
@@ -49,7 +49,7 @@ SPELLED = [
 
 
 @pytest.mark.parametrize(
-    ("path", "said", "value"),
+    ("path", "written", "value"),
     [
         ("blocks/crank/length", "2000 mm", 2.0),
         ("blocks/crank/offset", "360deg", math.tau),
@@ -58,23 +58,25 @@ SPELLED = [
         ("scene/gravity", ["0 m/s2", "-9810 mm/s^2"], -9.81),
     ],
 )
-def test_a_number_is_written_with_its_unit(path: str, said: Any, value: float) -> None:
+def test_a_number_is_written_with_its_unit(path: str, written: Any, value: float) -> None:
     """It is the same mechanism as with the number in SI, and is kept in SI."""
-    graph = bm.Graph.from_data(changed(path, said))
-    plain = value if isinstance(said, str) else [0.0, value] if "gravity" in path else [value, 0.0]
+    graph = bm.Graph.from_data(changed(path, written))
+    plain = (
+        value if isinstance(written, str) else [0.0, value] if "gravity" in path else [value, 0.0]
+    )
     assert graph.to_data() == bm.Graph.from_data(changed(path, plain)).to_data()
     assert graph.compile().name == RUIZ["name"]
 
 
-@pytest.mark.parametrize(("path", "said", "found", "remedy"), SPELLED)
+@pytest.mark.parametrize(("path", "written", "mistake", "remedy"), SPELLED)
 def test_a_slip_of_spelling_is_one_message_that_says_what_to_write(
-    path: str, said: Any, found: str, remedy: str
+    path: str, written: Any, mistake: str, remedy: str
 ) -> None:
     with pytest.raises((bm.FormatError, bm.GraphError)) as caught:
-        bm.Graph.from_data(changed(path, said)).compile()
-    (told,) = map(str, caught.value.problems)
-    assert found in told
-    assert remedy in told
+        bm.Graph.from_data(changed(path, written)).compile()
+    (problem,) = map(str, caught.value.problems)
+    assert mistake in problem
+    assert remedy in problem
 
 
 def test_a_comma_inside_of_a_number_is_called_that(tmp_path: Path) -> None:
@@ -85,7 +87,7 @@ def test_a_comma_inside_of_a_number_is_called_that(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("written", "found"),
+    ("written", "mistake"),
     [
         ("06", '"06" is not a value. write 6.0.'),
         ("0x6", '"0x6" is not a value. write 6.'),
@@ -102,19 +104,19 @@ def test_a_comma_inside_of_a_number_is_called_that(tmp_path: Path) -> None:
         ('6 "b": 7', '"b" where a comma should stand. add the comma.'),
     ],
 )
-def test_a_value_written_as_elsewhere_is_told_in_json(written: str, found: str) -> None:
+def test_a_value_written_as_elsewhere_is_told_in_json(written: str, mistake: str) -> None:
     with pytest.raises(bm.FormatError) as caught:
         bm.Graph.from_json(f' {{"l_i": {written}}}')
-    (told,) = map(str, caught.value.problems)
-    assert found in told
+    (problem,) = map(str, caught.value.problems)
+    assert mistake in problem
 
 
 @pytest.mark.parametrize("section", ["blocks", "links"])
 def test_a_name_given_twice_is_one_message(section: str, tmp_path: Path) -> None:
-    whole = RUIZ if section == "blocks" else LINKAGE
-    first, other = list(whole[section])[:2]
-    file, text = tmp_path / "twice.json", json.dumps(whole)
-    file.write_text(text.replace(f'"{other}": {{', f'"{first}": {{', 1), "utf-8")
+    document = RUIZ if section == "blocks" else LINKAGE
+    first, second = list(document[section])[:2]
+    file, text = tmp_path / "twice.json", json.dumps(document)
+    file.write_text(text.replace(f'"{second}": {{', f'"{first}": {{', 1), "utf-8")
     with pytest.raises(bm.FormatError) as caught:
         (bm.Graph if section == "blocks" else bm.Linkage).load(file)
     (problem,) = caught.value.problems
@@ -122,11 +124,11 @@ def test_a_name_given_twice_is_one_message(section: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("asked", "meant"), [("crank.torque", "crank.drive"), ("dyad.C.force", "dyad.C.reaction")]
+    ("output", "suggestion"), [("crank.torque", "crank.drive"), ("dyad.C.force", "dyad.C.reaction")]
 )
-def test_an_output_by_another_name_of_the_trade_is_found(asked: str, meant: str) -> None:
-    with pytest.raises(bm.RequestError, match=f'did you mean "{meant}"'):
-        bm.Graph.from_data(RUIZ).run(at=1.0, want=asked)
+def test_an_output_by_another_name_of_the_trade_is_found(output: str, suggestion: str) -> None:
+    with pytest.raises(bm.RequestError, match=f'did you mean "{suggestion}"'):
+        bm.Graph.from_data(RUIZ).run(at=1.0, want=output)
 
 
 # ---- lengths that do not close -----------------------------------------------------------
@@ -139,24 +141,24 @@ IN_MM = [
 ]
 
 
-@pytest.mark.parametrize(("path", "said", "way", "slip"), IN_MM)
-def test_lengths_in_mm_are_recognised(path: str, said: Any, way: str, slip: str) -> None:
+@pytest.mark.parametrize(("path", "written", "remedy", "slip"), IN_MM)
+def test_lengths_in_mm_are_recognised(path: str, written: Any, remedy: str, slip: str) -> None:
     with pytest.raises(bm.AssemblyError) as caught:
-        bm.Graph.from_data(changed(path, said)).run(at=1.0)
-    told = str(caught.value)
-    assert way in told
-    assert slip in told
-    assert "margin" not in told
+        bm.Graph.from_data(changed(path, written)).run(at=1.0)
+    message = str(caught.value)
+    assert remedy in message
+    assert slip in message
+    assert "margin" not in message
 
 
 @pytest.mark.parametrize("link", ["frame", "crank", "coupler", "rocker"])
 def test_places_in_mm_on_a_link_of_a_document_are_recognised(link: str) -> None:
-    made = copy.deepcopy(LINKAGE)
-    for joint in made["joints"].values():
+    document = copy.deepcopy(LINKAGE)
+    for joint in document["joints"].values():
         for k, name in enumerate(joint["links"]):
             joint["at"][k] = [x * (1000 if name == link else 1) for x in joint["at"][k]]
     with pytest.raises(bm.GraphError) as caught:
-        bm.Linkage.from_data(made).compile()
+        bm.Linkage.from_data(document).compile()
     (problem,) = caught.value.problems
     assert problem.code == "does-not-close"
     assert f"close with the places on {link} 1000 times smaller" in problem.remedy
@@ -170,9 +172,9 @@ def test_a_group_that_misses_by_a_little_says_how_much_and_suspects_nothing() ->
     with pytest.raises(bm.AssemblyError) as caught:
         graph.run(at=2.5)
     apart = abs(2 * np.exp(2.5j) - 5.5)
-    told = str(caught.value)
-    assert f"{apart:.6g} m, {apart - 5:.4g} m too large: its lengths allow 1 to 5 m" in told
-    assert "1000" not in told
+    message = str(caught.value)
+    assert f"{apart:.6g} m, {apart - 5:.4g} m too large: its lengths allow 1 to 5 m" in message
+    assert "1000" not in message
 
 
 def test_check_and_limits_tell_it_too(call: Any, tmp_path: Path) -> None:
@@ -180,8 +182,8 @@ def test_check_and_limits_tell_it_too(call: Any, tmp_path: Path) -> None:
     file.write_text(json.dumps(changed("blocks/crank/length", 2000.0)), "utf-8")
     checked, limits, run = call("check", file), call("limits", file), call("run", file)
     assert (checked.code, limits.code, run.code) == (0, 0, 1)
-    for said in (checked.err, limits.out, run.out):
-        assert "crank.length 1000 times smaller" in said
+    for message in (checked.err, limits.out, run.out):
+        assert "crank.length 1000 times smaller" in message
     assert json.loads(call("check", file, "--json").out)["remarks"]
 
 

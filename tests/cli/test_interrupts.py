@@ -35,27 +35,27 @@ def ctrl_c():
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("seen", ["blockmech.ground.sigint", "pydantic", "blockmech.builders"])
+@pytest.mark.parametrize("module", ["blockmech.ground.sigint", "pydantic", "blockmech.builders"])
 @pytest.mark.parametrize("called", ["module", "script"])
-def test_ctrl_c_while_modules_are_loaded(called, seen, tmp_path):
+def test_ctrl_c_while_modules_are_loaded(called, module, tmp_path):
     """That takes most of the first half second."""
     script = tmp_path / "blockmech"  # what an installer writes
     script.write_text("import sys\nfrom blockmech.cli import main\nsys.exit(main())\n", "utf-8")
-    words = ["-m", "blockmech"] if called == "module" else [str(script)]
+    command = ["-m", "blockmech"] if called == "module" else [str(script)]
     run = subprocess.Popen(
-        [sys.executable, "-X", "importtime", *words, "run", SIXBAR],
+        [sys.executable, "-X", "importtime", *command, "run", SIXBAR],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    while not run.stderr.readline().rstrip().endswith(f" {seen}"):
+    while not run.stderr.readline().rstrip().endswith(f" {module}"):
         assert run.poll() is None
     run.send_signal(signal.SIGINT)
     run.send_signal(signal.SIGINT)
     out, err = run.communicate(timeout=60)
-    said = [line for line in err.splitlines() if not line.startswith("import time:")]
-    assert (run.returncode, out, said) == (130, "", ["interrupted"])
+    messages = [line for line in err.splitlines() if not line.startswith("import time:")]
+    assert (run.returncode, out, messages) == (130, "", ["interrupted"])
 
 
 def test_a_program_of_another_name_keeps_its_own_ctrl_c():
@@ -76,10 +76,10 @@ def test_while_pictures_are_drawn_the_numbers_are_there(call, tmp_path, monkeypa
 
 @pytest.mark.parametrize("times", [1, 2])
 def test_while_numbers_are_written_they_are_completed(call, tmp_path, monkeypatch, times):
-    def pressed(*given, **settings):
+    def pressed(*arguments, **settings):
         for _ in range(times):
             press()
-        yield from csv_chunks(*given, **settings)
+        yield from csv_chunks(*arguments, **settings)
 
     monkeypatch.setattr(output, "csv_chunks", pressed)
     outcome = call("run", SIXBAR, "--samples", "3", "--out", tmp_path / "out")
@@ -106,12 +106,12 @@ def test_a_simulation_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
 
     @contextmanager
     def bar(*_):
-        told = iter(range(100))
-        yield lambda *_: press() if next(told) == 50 else None
+        calls = iter(range(100))
+        yield lambda *_: press() if next(calls) == 50 else None
 
-    def again(*given, **settings):
+    def again(*arguments, **settings):
         press()
-        return csv_chunks(*given, **settings)
+        return csv_chunks(*arguments, **settings)
 
     monkeypatch.setattr(sys.modules["blockmech.cli.simulate"], "progress_bar", bar)
     monkeypatch.setattr(output, "csv_chunks", again)
@@ -124,8 +124,8 @@ def test_a_simulation_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
 
 def test_a_trade_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
     monkeypatch.setattr("blockmech.analysis.trade.measure._point", press)
-    words = ["--want", "*.drive", "--want", "*.p", "--budget", "20s"]
-    outcome = call("trade", SIXBAR, *words)
+    arguments = ["--want", "*.drive", "--want", "*.p", "--budget", "20s"]
+    outcome = call("trade", SIXBAR, *arguments)
     assert (outcome.code, outcome.err) == (130, "interrupted: what was measured is kept\n")
     outcome = call("trade", SIXBAR, "--out", tmp_path / "out")
     assert outcome.code == 130
@@ -135,11 +135,13 @@ def test_a_trade_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
 @pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL], ids=["term", "kill"])
 def test_workers_end_with_the_command(tmp_path, sent):
     """Whoever reads the output sees its end: no worker holds the pipe any more."""
-    words = ["sweep", str(GRAPHS / "ruiz_fourbar.json"), "--vary", "dyad.l_i=normal(6,0.05)"]
-    words += ["--want", "max_abs(crank.drive)", "--sampling", "random", "--count", "3000000"]
-    words += ["--out", str(tmp_path / "parts"), "--workers", "2"]
+    arguments = ["sweep", str(GRAPHS / "ruiz_fourbar.json"), "--vary", "dyad.l_i=normal(6,0.05)"]
+    arguments += ["--want", "max_abs(crank.drive)", "--sampling", "random", "--count", "3000000"]
+    arguments += ["--out", str(tmp_path / "parts"), "--workers", "2"]
     run = subprocess.Popen(
-        [sys.executable, "-m", "blockmech", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-m", "blockmech", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     deadline = time.monotonic() + 120
     while not list((tmp_path).glob("parts/*.parquet")):

@@ -49,8 +49,8 @@ def test_a_wrong_file_is_one_message_and_exit_code_2(call, tmp_path, command, co
     else:
         file.write_bytes(content)
     before = os.listdir(tmp_path)
-    more = ("-o", tmp_path / "x.svg") if command == "draw" else ()
-    outcome = call(command, file, *more)
+    options = ("-o", tmp_path / "x.svg") if command == "draw" else ()
+    outcome = call(command, file, *options)
     assert outcome.code == 2
     assert outcome.out == ""
     assert outcome.err.startswith("[")
@@ -62,12 +62,14 @@ def test_a_wrong_file_is_one_message_and_exit_code_2(call, tmp_path, command, co
 
 def test_help_and_version_are_known_and_debug_shows_the_traceback(call, tmp_path):
     assert call("--version") == (0, f"blockmech {bm.__version__}\n", "")
-    for words in ([], ["--help"], ["run", "--help"], ["blocks", "-h"]):
-        outcome = call(*words)
+    for arguments in ([], ["--help"], ["run", "--help"], ["blocks", "-h"]):
+        outcome = call(*arguments)
         assert "Usage: blockmech" in outcome.out + outcome.err
-        assert outcome.code == (2 if not words else 0)  # a call without a command is not complete
-    for words in (("--debug", "run", tmp_path / "x"), ("run", tmp_path / "x", "--debug")):
-        outcome = call(*words)
+        assert outcome.code == (
+            2 if not arguments else 0
+        )  # a call without a command is not complete
+    for arguments in (("--debug", "run", tmp_path / "x"), ("run", tmp_path / "x", "--debug")):
+        outcome = call(*arguments)
         assert (outcome.code, outcome.err[:9]) == (2, "Traceback")
         assert "FormatError" in outcome.err
 
@@ -132,8 +134,8 @@ def test_old_consoles_get_a_question_mark_for_letters_they_lack(tmp_path):
     g.connect("frame.A", "кривошип.A")
     g.save(tmp_path / "x.json")
     env = {**os.environ, "PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0"}
-    more = ([], ["--want", "foo"], ["--at", "1", "--json"])
-    running = [started("run", tmp_path / "x.json", *words, env=env) for words in more]
+    requests = ([], ["--want", "foo"], ["--at", "1", "--json"])
+    running = [started("run", tmp_path / "x.json", *options, env=env) for options in requests]
     answers = [process.communicate(timeout=60) for process in running]
     assert [process.returncode for process in running] == [0, 2, 0]
     assert "größe_?".encode("cp1252") in answers[0][0]

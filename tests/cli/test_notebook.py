@@ -70,9 +70,9 @@ def short_crank_and_long_coupler() -> bm.Mechanism:
 
 def test_limits_show_their_arcs_and_what_ends_them(tmp_path: Any) -> None:
     limits: Any = short_crank_and_long_coupler().limits()
-    shown, figure = limits._repr_html_(), limits.figure(degrees=False)
-    assert shown.startswith("<pre>")
-    assert "<svg" in shown
+    markup, figure = limits._repr_html_(), limits.figure(degrees=False)
+    assert markup.startswith("<pre>")
+    assert "<svg" in markup
     (axes,) = figure.axes
     assert len(axes.patches) == len(limits.arcs) > 0
     for arc, bar in zip(limits.arcs, axes.patches, strict=True):
@@ -102,9 +102,9 @@ def test_modes_show_their_arcs_and_which_one_the_file_has() -> None:
 
 def test_a_motion_shows_its_course_below_its_table() -> None:
     fallen = RUIZ.compile().simulate("time=0.1", start={"crank": (0.0, 5.0)}, friction="none")
-    shown = fallen._repr_html_()
-    assert "<table" in shown
-    assert "coordinate of crank" in shown[shown.index("<svg") :]
+    markup = fallen._repr_html_()
+    assert "<table" in markup
+    assert "coordinate of crank" in markup[markup.index("<svg") :]
     assert "<svg" not in RUIZ.compile().run(samples=3)._repr_html_()
 
 
@@ -112,21 +112,21 @@ def test_a_motion_shows_its_course_below_its_table() -> None:
 
 
 def boxes(film: Any, frame: int) -> list[tuple[complex, complex]]:
-    return [(place.centre(frame), place.half) for place in film.names]
+    return [(label.centre(frame), label.half) for label in film.names]
 
 
 @pytest.mark.parametrize("name", ["joints/ruiz_fourbar", "watt_sixbar"])
 def test_names_in_an_animation_lie_neither_on_each_other_nor_on_pins(name: str) -> None:
     kind: Any = bm.Linkage if "/" in name else bm.Graph
     film = animate(kind.load(GRAPHS / f"{name}.json"), frames=24)
-    page, seen = film.page, len(film.captions)
+    page, frames = film.page, len(film.captions)
     pins = [shape for shape in film.shapes if shape.what.startswith("pin:")]
     assert len(pins) >= 4
-    for k in range(0, seen, 2):
+    for k in range(0, frames, 2):
         result = boxes(film, k)
         for i, (a, half) in enumerate(result):
-            for b, other in result[i + 1 :]:
-                apart, room = a - b, half + other
+            for b, second in result[i + 1 :]:
+                apart, room = a - b, half + second
                 assert abs(apart.real) >= room.real - 3 or abs(apart.imag) >= room.imag - 3
             for pin in pins:
                 z = complex(page.points(pin.at(k))[0]) - a
@@ -144,10 +144,10 @@ def test_pins_in_the_world_are_joints_in_the_links_own_frames() -> None:
         "C": (["rod", "rocker"], 1.9 + 1.8j),
         "D": (["frame", "rocker"], (2.5, 0.0)),
     }
-    found = []
-    for given in (poses, dict.fromkeys(poses)):  # in frames of their own, and drawn in one
+    runs = []
+    for bases in (poses, dict.fromkeys(poses)):  # in frames of their own, and drawn in one
         m = bm.Linkage("drawn")
-        for link, pose in given.items():
+        for link, pose in bases.items():
             m.add_link(link, pose=pose)
         for name, (links, point) in pins.items():
             m.add_joint(name, "R", links, point=point)
@@ -158,9 +158,9 @@ def test_pins_in_the_world_are_joints_in_the_links_own_frames() -> None:
         run = m.run(at=[q, q + 0.5], rates=1.0, want=["link.rod.p", "link.*.omega"])
         x, y, _ = m.links["rod"].pose or (np.nan, np.nan, 0.0)
         assert run["link.rod.p"][0] == pytest.approx(complex(x, y), abs=1e-12)
-        found.append(run)
-    for name in list(found[0])[1:]:
-        np.testing.assert_allclose(found[0][name], found[1][name], rtol=0, atol=1e-12)
+        runs.append(run)
+    for name in list(runs[0])[1:]:
+        np.testing.assert_allclose(runs[0][name], runs[1][name], rtol=0, atol=1e-12)
 
 
 def test_a_pin_of_a_link_that_is_not_there_names_those_that_are() -> None:
@@ -190,7 +190,7 @@ def test_recorded_outputs_hold_a_file_to_what_it_does(call: Any, tmp_path: Any) 
 def test_what_is_no_table_says_in_a_line_what_it_is() -> None:
     mechanism = RUIZ.compile()
     linkage = bm.Linkage.load(GRAPHS / "joints" / "ruiz_fourbar.json")
-    shown = {
+    answers = {
         "<Plan of crank.drive: 8 kernel calls": mechanism.plan("crank.drive"),
         "<Objective of ruiz_fourbar: by dyad.l_i>": mechanism.objective(
             ["dyad.l_i"], want="max(crank.q)", at=1.0
@@ -198,6 +198,6 @@ def test_what_is_no_table_says_in_a_line_what_it_is() -> None:
         "<Animation of ruiz_fourbar: 2 frames>": animate(mechanism, at=[0.5, 1.0]),
         "<Decomposition of ruiz_fourbar: I(": linkage.decompose(),
     }
-    for said, thing in shown.items():
-        assert repr(thing).startswith(said)
-        assert "\n" not in repr(thing)
+    for beginning, answer in answers.items():
+        assert repr(answer).startswith(beginning)
+        assert "\n" not in repr(answer)

@@ -132,20 +132,20 @@ def test_csv_is_that_of_python(call, ruiz, tmp_path):
 
 
 def test_csv_can_be_spelled_for_other_spreadsheets(call, ruiz):
-    words = ("--at", "1", "--want", "crank.drive", "--csv", "-")
-    outcome = call("run", ruiz, *words, "--separator", ";", "--decimal", ",")
+    arguments = ("--at", "1", "--want", "crank.drive", "--csv", "-")
+    outcome = call("run", ruiz, *arguments, "--separator", ";", "--decimal", ",")
     assert outcome.out.splitlines() == [
         "crank.q [rad];time [s];crank.drive [N m];status",
         f"1,0;0,1;{bm.Graph.load(ruiz).run(at=1)['crank.drive'][0]};ok".replace(".", ","),
     ]
-    outcome = call("run", ruiz, *words, "--separator", "tab")
+    outcome = call("run", ruiz, *arguments, "--separator", "tab")
     assert outcome.out.splitlines()[0].split("\t")[-1] == "status"
 
 
 def test_degrees_are_named_in_the_units(call, ruiz):
-    words = ("run", ruiz, "--at", "90deg", "--want", "dyad.i.angle", "--deg")
-    assert "[deg]" in call(*words).out
-    head, row = csv.reader(call(*words, "--csv", "-").out.splitlines())
+    command = ("run", ruiz, "--at", "90deg", "--want", "dyad.i.angle", "--deg")
+    assert "[deg]" in call(*command).out
+    head, row = csv.reader(call(*command, "--csv", "-").out.splitlines())
     angle = bm.Graph.load(ruiz).run(at=math.pi / 2)["dyad.i.angle"][0]
     assert dict(zip(head, row, strict=True)) == {
         "crank.q [deg]": "90.0",
@@ -158,12 +158,12 @@ def test_degrees_are_named_in_the_units(call, ruiz):
 @pytest.mark.parametrize("option", ["--csv", "--plot", "--out"])
 def test_a_place_that_cannot_be_written_leaves_nothing(call, ruiz, tmp_path, option):
     (tmp_path / "file").write_text("old", encoding="utf-8")
-    place = {"--out": "file", "--csv": "missing/x.csv"}.get(option, "missing/x.svg")
-    outcome = call("run", ruiz, "--samples", "9", option, tmp_path / place)
+    path = {"--out": "file", "--csv": "missing/x.csv"}.get(option, "missing/x.svg")
+    outcome = call("run", ruiz, "--samples", "9", option, tmp_path / path)
     assert outcome.code == 2
     assert outcome.out == ""
     assert outcome.err.startswith("[cannot-write]")
-    assert str(tmp_path / place) in outcome.err
+    assert str(tmp_path / path) in outcome.err
     assert outcome.err.count("\n") == 1
     assert sorted(os.listdir(tmp_path)) == ["file", "ruiz.json"]
     assert (tmp_path / "file").read_text(encoding="utf-8") == "old"
@@ -172,18 +172,18 @@ def test_a_place_that_cannot_be_written_leaves_nothing(call, ruiz, tmp_path, opt
 def test_out_writes_a_folder_of_results_and_pictures(call, ruiz, tmp_path):
     outcome = call("run", ruiz, "--samples", "25", "--out", tmp_path / "new" / "ruiz")
     assert outcome.code == 0
-    place = tmp_path / "new" / "ruiz"
-    names = sorted(os.listdir(place))
+    target = tmp_path / "new" / "ruiz"
+    names = sorted(os.listdir(target))
     assert {"results.csv", "result.json"} < set(names)
     assert [line for line in outcome.out.splitlines() if line.startswith("wrote ")] == [
-        f"wrote {place / name}" for name in names
+        f"wrote {target / name}" for name in names
     ]
     result = bm.Graph.load(ruiz).run(samples=25)
-    assert json.loads((place / "result.json").read_text(encoding="utf-8")) == result.to_dict()
-    assert (place / "results.csv").read_text(encoding="utf-8") == result.to_csv()
+    assert json.loads((target / "result.json").read_text(encoding="utf-8")) == result.to_dict()
+    assert (target / "results.csv").read_text(encoding="utf-8") == result.to_csv()
     pictures = [name for name in names if not name.startswith("result")]
     assert pictures
-    assert all((place / name).stat().st_size > 1000 for name in pictures)
+    assert all((target / name).stat().st_size > 1000 for name in pictures)
 
 
 # -- the call is wrong --------------------------------------------------------------------

@@ -54,8 +54,8 @@ def test_roles_of_drivers_are_options(call):
     linkage = bm.Linkage.load(FIVEBAR)
     left, right = linkage.compile().drivers
     q = linkage.initial[right].q
-    words = ["--until", "time=0.1", "--locked", f"{right}={q / DEGREES!r}deg", "--json"]
-    document = json.loads(call("simulate", FIVEBAR, *words).out)
+    options = ["--until", "time=0.1", "--locked", f"{right}={q / DEGREES!r}deg", "--json"]
+    document = json.loads(call("simulate", FIVEBAR, *options).out)
     jsonschema.validate(document, result_schema())
     same = linkage.compile().simulate("time=0.1", roles={right: q / DEGREES * DEGREES})
     assert document == json.loads(json.dumps(same.to_dict()))
@@ -112,9 +112,9 @@ def test_joint_friction_brakes_unless_it_is_waived(call, ruiz, tmp_path):
     assert outcome.code == 0
     assert "the joints have friction" in outcome.out
     assert "friction work" in outcome.out
-    words = ("--friction", "successive", "--iterations", "3")
-    assert call("simulate", path, "--until", "time=0.1", *words).code == 0
-    assert "has no meaning" in call("simulate", path, "--friction", "newton", *words[2:]).err
+    options = ("--friction", "successive", "--iterations", "3")
+    assert call("simulate", path, "--until", "time=0.1", *options).code == 0
+    assert "has no meaning" in call("simulate", path, "--friction", "newton", *options[2:]).err
     explained = call("simulate", path, "--explain").out
     assert re.search(r"equation of motion \d+; pairs with friction \d+, 6 times", explained)
     free = call("simulate", path, "--until", "time=0.1", "--friction", "none")
@@ -150,16 +150,16 @@ STARTS = [  # words; (coordinate, rate) of both drivers, by the scene where they
 
 @pytest.mark.parametrize(("starts", "left", "right"), STARTS)
 def test_drivers_start_where_they_are_told(call, starts, left, right):
-    words = [word for start in starts for word in ("--start", start)]
-    outcome = call("simulate", FIVEBAR, "--until", "time=0.1", *words, "--json")
+    options = [word for start in starts for word in ("--start", start)]
+    outcome = call("simulate", FIVEBAR, "--until", "time=0.1", *options, "--json")
     first = {n: x["values"][0] for n, x in json.loads(outcome.out)["outputs"].items()}
     for name, (q, rate) in {"left": left, "right": right}.items():
         assert (first[f"driver.{name}.q"], first[f"driver.{name}.rate"]) == (q, rate)
 
 
 def test_a_slide_starts_in_metres_without_a_start_in_the_file(call, slide):
-    words = ("--until", "time=1", "--start", "table=200mm,-0.5m/s", "--json")
-    result = json.loads(call("simulate", slide, *words).out)["outputs"]
+    options = ("--until", "time=1", "--start", "table=200mm,-0.5m/s", "--json")
+    result = json.loads(call("simulate", slide, *options).out)["outputs"]
     assert result["table.q"]["values"][0] == 0.2
     assert result["table.q"]["values"][-1] == pytest.approx(-0.3, abs=1e-12)
 

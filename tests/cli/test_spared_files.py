@@ -33,24 +33,24 @@ WRITERS = {
 @pytest.mark.parametrize("link", ["itself", "another spelling", os.symlink, os.link])
 @pytest.mark.parametrize("name", WRITERS)
 def test_no_writer_takes_the_place_of_the_input(call, tmp_path, name, link):
-    words, target = WRITERS[name]
+    arguments, target = WRITERS[name]
     folder = tmp_path / "out"
     folder.mkdir()
-    place = folder / target
-    source = tmp_path / "in.json" if callable(link) else place
-    kind = "joints" if words[0] == "decompose" else ""
+    output = folder / target
+    source = tmp_path / "in.json" if callable(link) else output
+    kind = "joints" if arguments[0] == "decompose" else ""
     text = (GRAPHS / kind / "watt_sixbar.json").read_bytes()
     source.write_bytes(text)
     if callable(link):
-        link(source, place)
+        link(source, output)
     into = os.path.join(tmp_path, "out", "..", "out") if link == "another spelling" else str(folder)
-    outcome = call(*(w.replace("IN", str(source)).replace("DIR", into) for w in words))
+    outcome = call(*(w.replace("IN", str(source)).replace("DIR", into) for w in arguments))
     assert outcome.code == 2
     assert (
         f"[cannot-write] {os.path.join(into, target)}: it is the file that is read" in outcome.err
     )
     assert outcome.err.count("\n") == 1
-    assert source.read_bytes() == place.read_bytes() == text
+    assert source.read_bytes() == output.read_bytes() == text
     assert [p.name for p in folder.iterdir()] == [target]
 
 
@@ -92,13 +92,13 @@ def test_a_users_own_picture_stays_where_no_run_was_written(call, ruiz, tmp_path
 
 @pytest.mark.usefixtures("unpainted")
 def test_every_picture_of_a_folder_is_known(tmp_path):
-    drawn = [
+    pictures = [
         *run_pictures(mechanism("ruiz_fourbar").run(samples=3), tmp_path),
         *run_pictures(mechanism("ruiz_fourbar").run(samples=3, want="*.p"), tmp_path),
         *simulation_pictures(mechanism("watt_sixbar").simulate("time=0.1"), tmp_path),
     ]
-    assert len(drawn) > 7
-    assert {path.name for path in drawn} <= set(PICTURES)
+    assert len(pictures) > 7
+    assert {path.name for path in pictures} <= set(PICTURES)
 
 
 @pytest.mark.parametrize(

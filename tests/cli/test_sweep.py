@@ -24,18 +24,18 @@ def test_a_sweep_prints_a_table_and_writes_one_with_a_picture(call, tmp_path):
 
 
 def test_numbers_scatter_by_distributions(call):
-    words = ("--vary", "dyad.l_i=normal(6000mm,10mm)", "--vary", "frame.D.x=uniform(5.4,5.6)")
-    outcome = call("sweep", RUIZ, *words, *WANT, "--count", "32", "--sampling", "sobol")
+    options = ("--vary", "dyad.l_i=normal(6000mm,10mm)", "--vary", "frame.D.x=uniform(5.4,5.6)")
+    outcome = call("sweep", RUIZ, *options, *WANT, "--count", "32", "--sampling", "sobol")
     assert outcome.code == 0
     assert "12 of 32 designs shown" in outcome.out
 
 
 def test_a_folder_takes_parts_and_workers_do_them(call, tmp_path):
-    out, words = tmp_path / "parts", ("--vary", "dyad.l_i=5.9:6.1:5")
-    alone = call("sweep", RUIZ, *words, *WANT)
-    other = call("sweep", RUIZ, *words, *WANT, "--out", out, "--workers", "1")
-    assert other.code == 0
-    assert other.out == f"{alone.out}wrote {out}\n"
+    out, options = tmp_path / "parts", ("--vary", "dyad.l_i=5.9:6.1:5")
+    alone = call("sweep", RUIZ, *options, *WANT)
+    parted = call("sweep", RUIZ, *options, *WANT, "--out", out, "--workers", "1")
+    assert parted.code == 0
+    assert parted.out == f"{alone.out}wrote {out}\n"
     assert len(list(out.glob("*.parquet"))) == 1
     refused = call("sweep", RUIZ, "--vary", "dyad.l_i=5", *WANT, "--out", out)
     assert refused.code == 2

@@ -60,8 +60,8 @@ def is_plain(text):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_names_reach_a_terminal_as_plain_text(call, evil, command):
-    more = COMMANDS[command]
-    outcome = call(command, evil, *more)
+    options = COMMANDS[command]
+    outcome = call(command, evil, *options)
     assert is_plain(outcome.out), repr(outcome)
     assert is_plain(outcome.err)
     assert outcome.code in (0, 1, 2)
@@ -95,7 +95,7 @@ def test_a_name_is_no_formula_of_a_spreadsheet_and_no_new_row(tmp_path):
 
 @POSIX
 @pytest.mark.parametrize(
-    ("words", "closed", "code"),
+    ("arguments", "closed", "code"),
     [
         (RUN, ">&-", 0),
         (RUN, ">&- 2>&-", 0),
@@ -104,8 +104,8 @@ def test_a_name_is_no_formula_of_a_spreadsheet_and_no_new_row(tmp_path):
         ("check none", "2>&1 | true", 2),
     ],
 )
-def test_a_closed_stream_is_no_crash(words, closed, code):
-    line = f'"{sys.executable}" -m blockmech {words} {closed}; exit "${{PIPESTATUS[0]}}"'
+def test_a_closed_stream_is_no_crash(arguments, closed, code):
+    line = f'"{sys.executable}" -m blockmech {arguments} {closed}; exit "${{PIPESTATUS[0]}}"'
     result = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
     assert result.returncode == code
     assert "Traceback" not in result.stdout + result.stderr

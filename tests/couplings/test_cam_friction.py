@@ -38,8 +38,8 @@ def valve(friction=MU, **cam):
     g.add("shaft", bm.Crank(links={"crank": bm.Link(inertia=1e-4)}))
     g.add("valve", bm.SlideDrive(links={"slider": bm.Link(mass=0.3)}))
     g.add("load", bm.Force(force=(0.0, -WEIGHT)))
-    more = {"law": LIFT, "phase": 0.05, "friction": friction} | cam
-    g.add("cam", bm.Cam(driver="shaft", driven="valve", **more))
+    fields = {"law": LIFT, "phase": 0.05, "friction": friction} | cam
+    g.add("cam", bm.Cam(driver="shaft", driven="valve", **fields))
     for ends in ("frame.A shaft.A", "frame.G valve.S", "valve.slider load.at"):
         g.connect(*ends.split())
     return g
@@ -54,8 +54,8 @@ def rocker(friction=MU, **cam):
     g.add("load", bm.Couple(moment=3.0))
     turned = [s | {"rise": -8 * s["rise"]} if "rise" in s else s for s in LIFT["segments"]]
     law = LIFT | {"segments": turned}
-    more = {"law": law, "phase": 0.05, "friction": friction, "at": (-0.06, 0.01)} | cam
-    g.add("cam", bm.Cam(driver="shaft", driven="valve", **more))
+    fields = {"law": law, "phase": 0.05, "friction": friction, "at": (-0.06, 0.01)} | cam
+    g.add("cam", bm.Cam(driver="shaft", driven="valve", **fields))
     for ends in ("frame.A shaft.A", "frame.B valve.A", "valve.crank load.on"):
         g.connect(*ends.split())
     return g
@@ -93,8 +93,8 @@ def test_forces_on_every_link_balance_and_power_goes_where_it_should(name):
         ask = {"at": [0.4, 2.9], "rates": rate, "accelerations": 7.0}
         assert mech.verify(**ask).ok
         run, ideal = mech.run(**ask), mech.run(**ask, friction="none")
-        more = (run["shaft.drive"] - ideal["shaft.drive"]) * rate
-        np.testing.assert_allclose(more, run["cam.loss"], rtol=1e-9)
+        lost_power = (run["shaft.drive"] - ideal["shaft.drive"]) * rate
+        np.testing.assert_allclose(lost_power, run["cam.loss"], rtol=1e-9)
         assert (run["cam.loss"] > 0).all()
 
 
@@ -102,9 +102,9 @@ def test_forces_on_every_link_balance_and_power_goes_where_it_should(name):
 def test_the_speed_at_the_contact_is_differentiated(name):
     structure = MACHINES[name].compile().structure
     kernel = structure.couplings["cam"].touch(structure.coupled_pair("cam"))
-    here, p, h = sides(structure, "cam"), coupling_numbers(structure, "cam"), 1e-5
+    speeds, p, h = sides(structure, "cam"), coupling_numbers(structure, "cam"), 1e-5
     for x in (0.4, 0.9, 2.9):
-        low, at, high = (kernel(here(x + d), p) for d in (-h, 0.0, h))
+        low, at, high = (kernel(speeds(x + d), p) for d in (-h, 0.0, h))
         assert (high.slip - low.slip) / (2 * h) == pytest.approx(at.slope, rel=1e-6, abs=1e-9)
 
 

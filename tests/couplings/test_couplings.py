@@ -72,8 +72,8 @@ def cam_and_valve(**cam):
     g.add("shaft", bm.Crank())
     g.add("valve", bm.SlideDrive())
     g.add("load", bm.Force(force=(0.0, -100.0)))
-    more = {"law": LIFT, "phase": math.sqrt(0.03**2 - 0.005**2)} | cam
-    g.add("cam", bm.Cam(driver="shaft", driven="valve", **more))
+    fields = {"law": LIFT, "phase": math.sqrt(0.03**2 - 0.005**2)} | cam
+    g.add("cam", bm.Cam(driver="shaft", driven="valve", **fields))
     g.connect("frame.A", "shaft.A")
     g.connect("frame.G", "valve.S")
     g.connect("valve.slider", "load.at")
@@ -107,13 +107,13 @@ def test_files_of_couplings_give_what_mpmath_says(name, numbers):
 def test_a_flat_follower_on_that_cam_is_undercut_where_the_radius_vanishes():
     with pytest.raises(GraphError, match="undercut") as caught:
         cam_and_valve(follower="flat", face=0.0).compile()
-    said = str(caught.value)
-    begin = float(said.split("from ")[1].split(" rad")[0])
+    message = str(caught.value)
+    begin = float(message.split("from ")[1].split(" rad")[0])
     u = begin / 1.2
     radius = math.sqrt(0.03**2 - 0.005**2) + 0.01 * (10 * u**3 - 15 * u**4 + 6 * u**5)
     radius += 0.01 / 1.2**2 * (60 * u - 180 * u**2 + 120 * u**3)
     assert radius == pytest.approx(0.0, abs=1e-6)
-    assert "larger base circle" in said
+    assert "larger base circle" in message
 
 
 def test_a_geneva_wheel_turns_as_worked_out_and_rests_between():
@@ -164,7 +164,7 @@ def test_wheels_on_one_centre_and_fixed_wheels_that_follow_are_refused():
 
 @pytest.mark.parametrize("n", [-1, 1, -2])
 def test_a_geared_five_bar_stands_where_it_should(n):
-    places = {  # C at q = 1 and 2.5; loop closure in mpmath, 30 digits
+    positions = {  # C at q = 1 and 2.5; loop closure in mpmath, 30 digits
         -1: (2.4383909177801 + 1.47175633393964j, 1.14886894849647 + 1.04282673232475j),
         1: (1.11827751472962 + 2.75613666265913j, 0.537425342522421 + 2.08448464219848j),
         -2: (2.53750171462638 + 0.947275151340904j, 0.275081732508941 + 2.28421797316657j),
@@ -184,7 +184,7 @@ def test_a_geared_five_bar_stands_where_it_should(n):
     ):
         g.connect(source, end)
     run = g.compile().run(at=[1.0, 2.5], rates=1.0)
-    np.testing.assert_allclose(run["dyad.C.p"], places[n], rtol=ROUNDING)
+    np.testing.assert_allclose(run["dyad.C.p"], positions[n], rtol=ROUNDING)
 
 
 # -- laws --------------------------------------------------------------------------------------
@@ -203,9 +203,9 @@ def test_rises_join_and_are_differentiated(motion):
         assert kernel(1.5, numbers).slope == pytest.approx(0.0, abs=1e-13)
     h = 1e-5
     for x in (0.3, 0.5, 0.85, 1.1, 1.45):
-        low, here, high = (kernel(x + d, numbers) for d in (-h, 0.0, h))
-        assert (high.q - low.q) / (2 * h) == pytest.approx(here.slope, rel=1e-6)
-        assert (high.slope - low.slope) / (2 * h) == pytest.approx(here.curve, rel=1e-6, abs=1e-7)
+        low, middle, high = (kernel(x + d, numbers) for d in (-h, 0.0, h))
+        assert (high.q - low.q) / (2 * h) == pytest.approx(middle.slope, rel=1e-6)
+        assert (high.slope - low.slope) / (2 * h) == pytest.approx(middle.curve, rel=1e-6, abs=1e-7)
     turn = kernel(0.9 + math.tau, numbers)
     assert turn.q == pytest.approx(kernel(0.9, numbers).q + 0.4, rel=1e-14)
 
@@ -238,17 +238,17 @@ def test_tables_go_through_their_rows_and_repeat(interpolation):
 
 def bodies_of(run, mass=1.2, inertia=0.1):
     """Both links as free bodies; the centre of mass lies at (0.1, 0.05) in their axes."""
-    found = {}
+    bodies = {}
     for name, link in (("one", "crank"), ("two", "crank" if "two.A.p" in run else "slider")):
         e = np.exp(1j * run[f"{name}.{link}.angle"][0])
         o, a = (run[f"{name}.{link}.{x}"][0] for x in "pa")
         om, al = (run[f"{name}.{link}.{x}"][0] for x in ("omega", "alpha"))
         arm = (0.1 + 0.05j) * e
         weight = -9.81j * mass
-        found[name] = newton.Body(
+        bodies[name] = newton.Body(
             mass, inertia, o + arm, a + (1j * al - om * om) * arm, al, weight
         )  # fmt: skip
-    return found
+    return bodies
 
 
 def reactions_agree(mech, contacts, run):
@@ -288,9 +288,10 @@ def test_a_rack_is_pushed_as_newton_says(side, angle):
     u = np.exp(1.2j)
     assert run["two.rate"][0] == pytest.approx(side * 0.08 * 2.0)
     P = -1j * u * side * 0.08
-    along = u * np.sign((run["mesh.force"][0] / u).real)
-    way = along * math.cos(angle) - 1j * u * side * math.sin(angle)  # from the pinion to the rack
-    result = reactions_agree(mech, {"tooth": newton.Push("one", "two", P, way)}, run)
+    slide_axis = u * np.sign((run["mesh.force"][0] / u).real)
+    across = 1j * u * side * math.sin(angle)
+    tooth_normal = slide_axis * math.cos(angle) - across  # from the pinion to the rack
+    result = reactions_agree(mech, {"tooth": newton.Push("one", "two", P, tooth_normal)}, run)
     assert result["tooth"] > 0
 
 
@@ -319,10 +320,10 @@ def test_a_pinion_is_pushed_as_newton_says(side):
         ),
     }  # fmt: skip
     P = E - 1j * u * side * 0.08
-    along = u * np.sign((run["mesh.force"][0] / u).real)
-    way = along * math.cos(ANGLE) + 1j * u * side * math.sin(ANGLE)
+    slide_axis = u * np.sign((run["mesh.force"][0] / u).real)
+    tooth_normal = slide_axis * math.cos(ANGLE) + 1j * u * side * math.sin(ANGLE)
     pushes = {
-        "tooth": newton.Push("rack", "pinion", P, way),
+        "tooth": newton.Push("rack", "pinion", P, tooth_normal),
         "drive": newton.Push("frame", "rack", 0j, u),
     }
     pushes |= newton.pin("frame", "pinion", E, "E")
@@ -333,7 +334,7 @@ def test_a_pinion_is_pushed_as_newton_says(side):
     result = newton.solved(bodies, pushes)
     assert result["tooth"] > 0
     assert run["rack.drive"][0] == pytest.approx(result["drive"], rel=ROUNDING)
-    assert run["mesh.force"][0] == pytest.approx(result["tooth"] * way, rel=ROUNDING)
+    assert run["mesh.force"][0] == pytest.approx(result["tooth"] * tooth_normal, rel=ROUNDING)
     assert run["rack.S.N"][0] == pytest.approx(result["N"], rel=1e-11)
     assert run["rack.S.C"][0] == pytest.approx(result["C"], rel=1e-11)
     assert mech.verify(at=0.7, rates=2.0).ok
@@ -355,9 +356,9 @@ def test_strands_pull_as_newton_says(crossed, preload):
     mech = cranks(belt).compile()
     run = mech.run(at=0.7, rates=2.0, accelerations=-5.0, want="*")
     (p, e), (q, f) = tangent_lines(0.1, 0.16, crossed)
-    for z, way, r in ((p, e, 0.16), (q, f, 0.16)):
-        assert abs(((z - 0.5 - 0.1j).conjugate() * way).imag) == pytest.approx(r)  # a tangent
-        assert abs((z.conjugate() * way).imag) == pytest.approx(0.1)  # of both wheels
+    for z, strand, r in ((p, e, 0.16), (q, f, 0.16)):
+        assert abs(((z - 0.5 - 0.1j).conjugate() * strand).imag) == pytest.approx(r)  # a tangent
+        assert abs((z.conjugate() * strand).imag) == pytest.approx(0.1)  # of both wheels
     pulls = {"left": newton.Push("one", "two", p, e), "right": newton.Push("one", "two", q, f)}
     # Two unknowns in one direction: what is known of their sum closes the system.
     difference = newton.Push("one", "two")  # the couple that they make
@@ -434,11 +435,11 @@ def profile(mech, name, x):
     """Tip of the follower, its normal, and what turns both into the cam's axes, about x."""
     kind, cam = FOLLOWERS[name]
     link = "two.crank" if kind == "crank" else "two.slider"
-    near = x + STEP * np.arange(-2, 3)
-    run = mech.run(at=near, rates=0.0, want=[f"{link}.p", f"{link}.angle"])
+    grid = x + STEP * np.arange(-2, 3)
+    run = mech.run(at=grid, rates=0.0, want=[f"{link}.p", f"{link}.angle"])
     e = np.exp(1j * run[f"{link}.angle"])
     tip = run[f"{link}.p"] + e * complex(*cam.get("at", (0.0, 0.0)))
-    return tip, e * np.exp(1j * cam.get("face", 0.0)), np.exp(-1j * near)
+    return tip, e * np.exp(1j * cam.get("face", 0.0)), np.exp(-1j * grid)
 
 
 @pytest.mark.parametrize("x", [0.7, 3.5])
@@ -454,13 +455,15 @@ def test_cams_push_along_the_normal_of_their_profile(name, x):
         n, c = normal * back, (tip * np.conj(normal)).real
         dn, dc = slope(n), slope(c)
         rows = [[n[2].real, n[2].imag], [dn.real, dn.imag]]
-        at, way = complex(*np.linalg.solve(rows, [c[2], dc])) / back[2], normal[2]
+        at, push_axis = complex(*np.linalg.solve(rows, [c[2], dc])) / back[2], normal[2]
     else:
         tangent = slope(tip * back)
-        at, way = tip[2], -1j * tangent / abs(tangent) / back[2]
-        way *= np.sign((way * np.conj(tip[2])).real)
+        at, push_axis = tip[2], -1j * tangent / abs(tangent) / back[2]
+        push_axis *= np.sign((push_axis * np.conj(tip[2])).real)
     loose = 1e-9
-    pushes = newton.pin("frame", "one", 0j, "A") | {"push": newton.Push("one", "two", at, way)}
+    pushes = newton.pin("frame", "one", 0j, "A") | {
+        "push": newton.Push("one", "two", at, push_axis)
+    }
     pushes |= {"drive": newton.Push("frame", "one")}
     if kind == "slide":
         u = np.exp(1.2j)
@@ -470,7 +473,7 @@ def test_cams_push_along_the_normal_of_their_profile(name, x):
         pushes |= newton.pin("frame", "two", 0.5 + 0.1j, "E")
     result = newton.solved(bodies_of(run), pushes)
     assert run["mesh.contact"][0] == pytest.approx(result["push"], rel=loose)
-    assert run["mesh.force"][0] == pytest.approx(result["push"] * way, rel=loose)
+    assert run["mesh.force"][0] == pytest.approx(result["push"] * push_axis, rel=loose)
     assert run["one.drive"][0] == pytest.approx(result["drive"], rel=loose)
     if kind == "slide":
         assert run["two.S.C"][0] == pytest.approx(result["C"], rel=loose)
@@ -478,7 +481,7 @@ def test_cams_push_along_the_normal_of_their_profile(name, x):
     assert flagged == (result["push"] < 0)
     assert mech.verify(at=x, rates=2.0, accelerations=-5.0).ok
     across = 1j * (at - 0.5 - 0.1j) if kind == "crank" else np.exp(1.2j)
-    slant = abs(np.angle(way / across))
+    slant = abs(np.angle(push_axis / across))
     assert min(slant, math.pi - slant) == pytest.approx(
         abs(run["mesh.pressure_angle"][0]), abs=loose
     )
@@ -497,11 +500,11 @@ def test_radius_of_curvature_is_that_of_the_drawn_profile(name):
     mesh = s.couplings["mesh"]
     h = 1e-3
     for x in (0.7, 1.6, 3.5):
-        places = []
+        points = []
         for at in map(where, (x - h, x, x + h)):
             z = mesh.touch(pair)(at, p).point
-            places.append(z * np.exp(-1j * at.x))
-        a, b, c = places
+            points.append(z * np.exp(-1j * at.x))
+        a, b, c = points
         sides = abs(b - a), abs(c - b), abs(c - a)
         area = ((b - a).conjugate() * (c - a)).imag / 2  # clockwise
         circle = -sides[0] * sides[1] * sides[2] / (4 * area)
@@ -523,9 +526,9 @@ def test_a_profile_given_by_points_moves_the_follower_as_the_law_that_made_it(na
     again = cam | {"law": {"kind": "points", "points": points}}
     second = cranks(bm.Cam(driver="one", driven="two", **again), second=kind).compile()
     q = np.linspace(0.0, 6.0, 13)
-    one, two = (m.run(at=q, rates=1.0) for m in (first, second))
-    np.testing.assert_allclose(two["two.q"], one["two.q"], atol=2e-7)
-    np.testing.assert_allclose(two["mesh.slope"], one["mesh.slope"], atol=2e-5)
+    exact, fitted = (m.run(at=q, rates=1.0) for m in (first, second))
+    np.testing.assert_allclose(fitted["two.q"], exact["two.q"], atol=2e-7)
+    np.testing.assert_allclose(fitted["mesh.slope"], exact["mesh.slope"], atol=2e-5)
 
 
 # -- properties --------------------------------------------------------------------------------
@@ -563,9 +566,9 @@ def test_a_cam_with_a_slider_cranks_own_displacement_needs_the_slider_cranks_dri
     ):
         s.connect(source, end)
     ask = {"at": np.linspace(0.3, 6.0, 9), "rates": 20.0, "accelerations": 30.0}
-    one, two = g.compile().run(**ask), s.compile().run(**ask)
-    np.testing.assert_allclose(one["crank.drive"], two["crank.drive"], rtol=1e-8)
-    np.testing.assert_allclose(one["crank.J_red"], two["crank.J_red"], rtol=1e-8)
+    coupled, direct = g.compile().run(**ask), s.compile().run(**ask)
+    np.testing.assert_allclose(coupled["crank.drive"], direct["crank.drive"], rtol=1e-8)
+    np.testing.assert_allclose(coupled["crank.J_red"], direct["crank.J_red"], rtol=1e-8)
 
 
 def test_ratios_of_one_and_minus_one_are_mirror_images():
@@ -576,15 +579,15 @@ def test_ratios_of_one_and_minus_one_are_mirror_images():
         return g.compile()
 
     ask = {"at": np.linspace(0.0, 6.0, 7), "rates": 2.0, "accelerations": 1.0}
-    one, two = pair(1.0, 1).run(**ask), pair(-1.0, -1).run(**ask)
-    assert two["two.q"] == pytest.approx(-one["two.q"] + 0.4)
+    plain, mirrored = pair(1.0, 1).run(**ask), pair(-1.0, -1).run(**ask)
+    assert mirrored["two.q"] == pytest.approx(-plain["two.q"] + 0.4)
     law = {"kind": "polynomial", "coefficients": [-0.2, -1.0]}
     three = pair(1.0, 1)
     four = cranks(bm.Ratio(driver="one", driven="two", law=law))
     four.blocks["two"] = four.blocks["two"].model_copy(update={"sign": -1})
-    run, other = three.run(**ask), four.compile().run(**ask)
+    run, four_run = three.run(**ask), four.compile().run(**ask)
     for name in ("one.drive", "one.J_red", "two.crank.angle", "two.A.reaction"):
-        np.testing.assert_allclose(run[name], other[name], rtol=ROUNDING, atol=1e-14)
+        np.testing.assert_allclose(run[name], four_run[name], rtol=ROUNDING, atol=1e-14)
 
 
 COUPLED = {
@@ -663,12 +666,14 @@ def test_a_roller_that_is_too_large_is_refused_with_the_largest_that_fits():
     good = cranks(bm.Cam(driver="one", driven="two", **cam), second=kind).compile()
     x = np.linspace(0.0, math.tau, 721)
     radius = good.run(at=x, want="mesh.curvature_radius")["mesh.curvature_radius"] + 0.05
-    least = radius[radius > 0].min()
+    smallest = radius[radius > 0].min()
     problem = problem_of(
-        cranks(bm.Cam(driver="one", driven="two", **cam | {"roller": 1.02 * least}), second=kind)
+        cranks(bm.Cam(driver="one", driven="two", **cam | {"roller": 1.02 * smallest}), second=kind)
     )
     assert problem.code == "undercut"
-    assert float(problem.valid.split("than ")[1].split(" m")[0]) == pytest.approx(least, rel=1e-3)
+    assert float(problem.valid.split("than ")[1].split(" m")[0]) == pytest.approx(
+        smallest, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -711,12 +716,12 @@ def test_a_document_names_the_followers_tip_in_its_own_frame_of_the_link():
     o = complex(x, y) + away * cmath.exp(1j * angle)
     moved["links"]["valve"]["pose"] = [o.real, o.imag, angle + turn]
     seat = -away * cmath.exp(-1j * turn)
-    place = [seat.real, seat.imag]
-    moved["links"]["valve"]["cm"] = place
-    moved["joints"]["guide"]["at"][1] = place
+    seat_point = [seat.real, seat.imag]
+    moved["links"]["valve"]["cm"] = seat_point
+    moved["joints"]["guide"]["at"][1] = seat_point
     moved["joints"]["guide"]["angle"][1] = -turn
-    moved["loads"]["spring"]["at"][1] = place
-    moved["couplings"]["cam"] = mesh | {"at": place}
+    moved["loads"]["spring"]["at"][1] = seat_point
+    moved["couplings"]["cam"] = mesh | {"at": seat_point}
     runs = [
         bm.Linkage.from_json(json.dumps(d)).compile().run(at=[0.5, 1.3], rates=120.0)
         for d in (data, moved)

@@ -94,8 +94,8 @@ def test_teeth_of_the_planetary_set_push_as_newton_says(at):
     run = mech.run(at=at, rates=3.0, accelerations=ACCELERATIONS["carrier"])
     assert abs(run["carrier.drive"][0]) <= ROUNDING
     for name, tangential in TOOTH.items():
-        whole = tangential / math.cos(ANGLE)
-        assert abs(run[f"{name}.force"][0]) == pytest.approx(whole, rel=ROUNDING)
+        tooth_force = tangential / math.cos(ANGLE)
+        assert abs(run[f"{name}.force"][0]) == pytest.approx(tooth_force, rel=ROUNDING)
     u = np.exp(1j * at)  # from the sun's centre to the pitch point
     radial = (run["mesh.force"][0] * np.conj(u)).real
     assert radial == pytest.approx(-RADIAL, rel=ROUNDING)  # the sun is pushed to its centre
@@ -129,14 +129,17 @@ def test_reactions_are_those_of_newtons_laws(teeth, internal, angle):
         arm = (0.1 + 0.05j) * np.exp(1j * q)
         bodies[name] = newton.Body(1.2, 0.1, o + arm, (1j * al - om * om) * arm, al, -1.2 * 9.81j)
     effort = run["mesh.effort"][0]
-    along = (E - A) / abs(E - A)
-    flank = 1j * along * np.sign(effort * ((P - E) / along).real)
-    way = flank * math.cos(angle) + along * (-1 if internal else 1) * math.sin(angle)
+    centre_line = (E - A) / abs(E - A)
+    flank = 1j * centre_line * np.sign(effort * ((P - E) / centre_line).real)
+    tooth_normal = flank * math.cos(angle) + centre_line * (-1 if internal else 1) * math.sin(angle)
     pushes = newton.pin("frame", "one", A, "A") | newton.pin("frame", "two", E, "E")
-    pushes |= {"tooth": newton.Push("one", "two", P, way), "drive": newton.Push("frame", "one")}
+    pushes |= {
+        "tooth": newton.Push("one", "two", P, tooth_normal),
+        "drive": newton.Push("frame", "one"),
+    }
     result = newton.solved(bodies, pushes)
     assert result["tooth"] > 0  # a tooth pushes
-    assert run["mesh.force"][0] == pytest.approx(result["tooth"] * way, rel=ROUNDING)
+    assert run["mesh.force"][0] == pytest.approx(result["tooth"] * tooth_normal, rel=ROUNDING)
     assert run["one.drive"][0] == pytest.approx(result["drive"], rel=ROUNDING)
     for name, pin in (("one", "A"), ("two", "E")):
         force = complex(result[f"{pin}.x"], result[f"{pin}.y"])

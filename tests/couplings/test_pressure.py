@@ -60,10 +60,10 @@ def by_hand(q, rate, acceleration, load, internal, sense):
         last, rub = rub, -sense * np.sign(i) * MU * ROUND_PIN * abs(two)
         if abs(rub - last) <= 1e-16 * abs(rub):
             break
-    one = push + 1j * ONE[0] * G
-    rubbed = -sense * MU * ROUND_PIN * abs(one)
+    reaction = push + 1j * ONE[0] * G
+    rubbed = -sense * MU * ROUND_PIN * abs(reaction)
     moment = (pitch.conjugate() * -push).imag
-    return ONE[1] * acceleration - moment - rubbed, one, two, effort
+    return ONE[1] * acceleration - moment - rubbed, reaction, two, effort
 
 
 @pytest.mark.parametrize("internal", [False, True])
@@ -72,13 +72,13 @@ def test_pins_and_drive_where_friction_may_turn_the_effort(internal, rate):
     turned = 0
     for load in (3.0, -3.0, 1.1, 1.2, -1.15, -0.05):
         mech = wheels(load, internal=internal).compile()
-        drive, one, two, effort = by_hand(0.3, rate, 2.0, load, internal, np.sign(rate))
+        drive, reaction, two, effort = by_hand(0.3, rate, 2.0, load, internal, np.sign(rate))
         ideal = mech.run(at=[0.3], rates=rate, accelerations=2.0, friction="none")
         turned += effort * ideal["mesh.effort"][0] < 0
         for engine in ("scalar", "numpy", "llvm"):
             run = mech.run(at=[0.3], rates=rate, accelerations=2.0, engine=engine)
             assert run["one.drive"][0] == pytest.approx(drive, abs=1e-12)
-            assert run["one.A.reaction"][0] == pytest.approx(one, abs=1e-10)
+            assert run["one.A.reaction"][0] == pytest.approx(reaction, abs=1e-10)
             assert run["two.A.reaction"][0] == pytest.approx(two, abs=1e-10)
             assert run["mesh.effort"][0] == pytest.approx(effort, abs=1e-12)
         (only,) = mech.friction_solutions(at=[0.3], rates=rate, accelerations=2.0)["one.drive"]
@@ -105,18 +105,18 @@ def test_a_wheel_that_falls_moves_as_its_statics_say():
         return b
 
     t_end = 0.4
-    own = solve_ivp(
+    trajectory = solve_ivp(
         lambda t, y: [y[1], acceleration(*y)], (0.0, t_end), [0.5, 0.0], "DOP853",
         rtol=1e-11, atol=1e-12, max_step=0.05,
     )  # fmt: skip
-    ends = own.y[:, [1, -1]].T
+    ends = trajectory.y[:, [1, -1]].T
     first, last = (by_hand(*x, acceleration(*x), 0.0, False, 1.0)[3] for x in ends)
     assert first * last < 0
     mech = g.compile()
     for method in ("radau", "dop853"):
         motion = mech.simulate(f"time={t_end}", method=method, accuracy=1e-9).motion
-        assert motion.q_end == pytest.approx(own.y[0, -1], abs=1e-9)
-        assert motion.qd_end == pytest.approx(own.y[1, -1], abs=1e-8)
+        assert motion.q_end == pytest.approx(trajectory.y[0, -1], abs=1e-9)
+        assert motion.qd_end == pytest.approx(trajectory.y[1, -1], abs=1e-8)
 
 
 def test_several_drivers_rub_under_tooth_forces_and_lose_what_friction_takes():
@@ -140,8 +140,8 @@ def test_several_drivers_rub_under_tooth_forces_and_lose_what_friction_takes():
     result = mech.simulate("time=0.05", want="*", times=np.linspace(0.0, 0.05, 7))
     assert result.motion.facts["energy_balance"] < 1e-10
     state = {"at": "q", "rates": "rate", "accelerations": "acceleration"}
-    asked = {k: {d: result[f"{d}.{x}"] for d in ("carrier", "planet")} for k, x in state.items()}
-    run = mech.run(**asked)
+    request = {k: {d: result[f"{d}.{x}"] for d in ("carrier", "planet")} for k, x in state.items()}
+    run = mech.run(**request)
     for driver in ("carrier", "planet"):
         assert np.abs(run[f"{driver}.drive"]).max() < 1e-12
     assert run["sun.A.reaction"] == pytest.approx(result["sun.A.reaction"], rel=1e-12)

@@ -128,8 +128,8 @@ def test_a_name_cannot_break_out_of_the_page():
 def test_a_result_is_animated_at_its_own_samples():
     run = ruiz().run(at=[0.1, 0.4, 0.9], want=["crank.drive"])
     data = data_of(animate(run, degrees=True).html)
-    shown = [f["caption"].split(";")[0] for f in data["frames"]]
-    assert shown == [f"crank at\u00a0{a}°" for a in ("5.73", "22.92", "51.57", "22.92")]
+    captions = [f["caption"].split(";")[0] for f in data["frames"]]
+    assert captions == [f"crank at\u00a0{a}°" for a in ("5.73", "22.92", "51.57", "22.92")]
 
 
 def test_a_notebook_shows_the_player():
@@ -161,8 +161,8 @@ def test_a_film_has_its_time_and_its_pictures(tmp_path):
     for k in (0, 17, 35):
         expected = film.pictures[film.order[k * len(film.order) // 36]][: size[0], : size[1]]
         assert np.abs(frames[k] - expected).mean() < 4  # of 255: the film is compressed
-        other = film.pictures[film.order[(k * len(film.order) // 36 + 8) % len(film.order)]]
-        moved = np.abs(frames[k] - other[: size[0], : size[1]]).mean()
+        picture = film.pictures[film.order[(k * len(film.order) // 36 + 8) % len(film.order)]]
+        moved = np.abs(frames[k] - picture[: size[0], : size[1]]).mean()
         assert moved > 1.1 * np.abs(frames[k] - expected).mean()
 
 

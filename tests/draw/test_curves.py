@@ -32,17 +32,17 @@ def words(plot) -> list:
 
 
 def line(axes, label: str) -> np.ndarray:
-    (found,) = [x for x in axes.lines if x.get_label() == label]
-    return found.get_ydata()
+    (curve,) = [x for x in axes.lines if x.get_label() == label]
+    return curve.get_ydata()
 
 
 @pytest.mark.parametrize("scene", [ruiz, toggle, slider_crank, watt, rocking_slide, fourbar])
 def test_every_axis_names_its_unit(scene):
     result = scene().run(samples=31, on_gap="mark")
     for panels in pictures_of(result).values():
-        made = draw_panels(panels, abscissa(result))
-        assert UNIT.search(made.axes[-1].get_xlabel())
-        assert all(UNIT.search(a.get_ylabel()) for a in made.axes)
+        figure = draw_panels(panels, abscissa(result))
+        assert UNIT.search(figure.axes[-1].get_xlabel())
+        assert all(UNIT.search(a.get_ylabel()) for a in figure.axes)
 
 
 def test_figure_12_shows_the_driving_moment_with_and_without_friction():
@@ -83,9 +83,9 @@ def test_angles_are_multiples_of_pi_in_radians_and_degrees_where_asked():
         (True, ["0", "60", "120", "180"]),
     ):
         panels = pictures_of(result)["drive"]
-        made = draw_panels(panels, abscissa(result, degrees=degrees))
-        made.canvas.draw()
-        ticks = [t.get_text() for t in made.axes[-1].get_xticklabels()]
+        figure = draw_panels(panels, abscissa(result, degrees=degrees))
+        figure.canvas.draw()
+        ticks = [t.get_text() for t in figure.axes[-1].get_xticklabels()]
         assert [t for t in ticks if t in expected] == expected
     assert [of_pi(x * math.pi) for x in (-0.5, 1, 1.5, 2)] == [
         "\N{MINUS SIGN}π/2",
@@ -136,8 +136,8 @@ def test_time_that_is_not_known_cannot_be_the_abscissa():
 
 def test_gaps_are_gaps_and_shaded():
     result = fourbar(rocker=1.8).run(samples=73, on_gap="mark")
-    made = draw_panels(chosen_panels(result, ["dyad.j.omega"]), abscissa(result))
-    (axes,) = made.axes
+    figure = draw_panels(chosen_panels(result, ["dyad.j.omega"]), abscissa(result))
+    (axes,) = figure.axes
     missing = ~np.isfinite(result["dyad.j.omega"])
     assert 0 < missing.sum() < 73
     assert (np.isnan(axes.lines[0].get_ydata()) == missing).all()
@@ -159,9 +159,9 @@ def test_samples_in_any_order_make_one_line():
 def test_peaks_near_a_dead_centre_are_cut_off_and_said():
     values = np.append(np.linspace(1.0, 2.0, 99), 1e6)
     panel = Panel("reaction", "N", {"a": values})
-    made = draw_panels([panel], Abscissa("x [m]", np.arange(100.0)))
-    assert made.axes[0].get_ylim()[1] < 10
-    assert [t.get_text() for t in words(made)] == ["a", "cut-off peaks up to 1 MN"]
+    figure = draw_panels([panel], Abscissa("x [m]", np.arange(100.0)))
+    assert figure.axes[0].get_ylim()[1] < 10
+    assert [t.get_text() for t in words(figure)] == ["a", "cut-off peaks up to 1 MN"]
     assert not Panel("reaction", "N", {"a": values[:-1]}).peak
 
 
@@ -169,14 +169,14 @@ def test_peaks_near_a_dead_centre_are_cut_off_and_said():
 def test_legends_cover_no_axes_and_stay_on_the_page(scene):
     result = scene().run(samples=9, on_gap="mark")
     for panels in pictures_of(result).values():
-        made = draw_panels(panels, abscissa(result))
+        figure = draw_panels(panels, abscissa(result))
         with styled():
-            made.canvas.draw()
-            renderer = made.canvas.get_renderer()
-            shown = [t.get_window_extent(renderer) for t in words(made)]
-        frames = [a.get_window_extent() for a in made.axes]
-        page = made.bbox
-        for word in shown:
+            figure.canvas.draw()
+            renderer = figure.canvas.get_renderer()
+            extents = [t.get_window_extent(renderer) for t in words(figure)]
+        frames = [a.get_window_extent() for a in figure.axes]
+        page = figure.bbox
+        for word in extents:
             assert page.x0 <= word.x0
             assert word.x1 <= page.x1
             assert not any(word.overlaps(frame) for frame in frames)
@@ -184,8 +184,8 @@ def test_legends_cover_no_axes_and_stay_on_the_page(scene):
 
 def test_a_place_is_drawn_by_its_coordinates_and_a_velocity_by_its_size():
     result = ruiz().run(samples=5, want=["dyad.S.p", "dyad.S.v"])
-    place, speed = chosen_panels(result, result)
-    assert [*place.curves] == ["dyad.S x", "dyad.S y"]
+    position, speed = chosen_panels(result, result)
+    assert [*position.curves] == ["dyad.S x", "dyad.S y"]
     assert (speed.quantity, speed.unit) == ("|v|", "m/s")
     assert speed.curves["dyad.S"] == pytest.approx(np.abs(result["dyad.S.v"]))
 
@@ -197,7 +197,7 @@ def test_too_many_curves_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("unit", "largest", "shown"),
+    ("unit", "largest", "expected"),
     [
         ("N m", 12000.0, (1e-3, "kN m")),
         ("N", 1200.0, (1.0, "N")),
@@ -206,9 +206,9 @@ def test_too_many_curves_are_refused():
         ("", 1e5, (1.0, "")),
     ],
 )
-def test_units_get_a_prefix_where_numbers_would_be_long(unit, largest, shown):
+def test_units_get_a_prefix_where_numbers_would_be_long(unit, largest, expected):
     factor, word = scaled_unit(unit, largest)
-    assert (factor, word) == (pytest.approx(shown[0]), shown[1])
+    assert (factor, word) == (pytest.approx(expected[0]), expected[1])
 
 
 def test_run_pictures_writes_one_picture_a_kind(tmp_path):
@@ -226,8 +226,8 @@ def test_run_pictures_writes_one_picture_a_kind(tmp_path):
 def test_a_plot_holds_all_pictures_of_a_run_or_what_was_wanted(tmp_path):
     plot(ruiz().run(samples=37), tmp_path / "all.svg")
     text = (tmp_path / "all.svg").read_text("utf-8")
-    for words in ("driving moment [kN m]", "friction power [W]", "reaction [kN]"):
-        assert words in text
+    for label in ("driving moment [kN m]", "friction power [W]", "reaction [kN]"):
+        assert label in text
     some = ruiz().run(samples=37)
     assert some.plot(names=["dyad.j.angle"]).axes[0].get_ylabel() == "angle [°]"
     assert plot(some, None, ["dyad.j.angle"], degrees=False).axes[0].get_ylabel() == "angle [rad]"

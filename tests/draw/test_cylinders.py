@@ -34,9 +34,9 @@ def test_the_rod_ends_inside_the_barrel_at_every_length(name, barrel, rod):
     u = (b - a) / abs(b - a)
     ends = np.array([motion.at(*Spot(_ref(rod), z)) - a for z in stem.outline]) * np.conj(u)
     assert np.abs(ends.imag).max() <= ROUNDING
-    along, length = np.sort(np.abs(ends.real), axis=0), abs(b - a)
-    assert np.all(along[0] < length)
-    assert np.all(along[1] > length)
+    distances, length = np.sort(np.abs(ends.real), axis=0), abs(b - a)
+    assert np.all(distances[0] < length)
+    assert np.all(distances[1] > length)
 
 
 @pytest.mark.parametrize(

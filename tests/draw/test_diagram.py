@@ -101,57 +101,57 @@ def test_labels_lie_on_the_page_and_not_on_another_nor_across_the_edge_of_a_box(
 def test_every_wire_runs_from_its_marker_to_its_port(drawn):
     ports = {str(a.get_label()).split(":", 1)[1] for a in labelled(drawn, "port:")}
     arrows = {str(a.get_label()).split(":", 1)[1]: a for a in labelled(drawn, "back:")}
-    for i, found in enumerate(drawn.content.wires):
-        way, (source, marker, target, port) = drawn.placed.ways[i], found.ends
-        assert (way[0], way[-1]) == drawn.placed.ends(i)
+    for i, wire in enumerate(drawn.content.wires):
+        route, (source, marker, target, port) = drawn.placed.ways[i], wire.ends
+        assert (route[0], route[-1]) == drawn.placed.ends(i)
         assert f"{target}.{port}" in ports
         if i not in drawn.placed.made.backward:
             assert f"{source}.{marker} -> {target}.{port}" in arrows
 
 
 def test_motion_flows_forward_and_force_back_in_two_colours():
-    drawn = draw_diagram(ruiz())
-    forward, back = labelled(drawn, "forward:"), labelled(drawn, "back:")
+    diagram = draw_diagram(ruiz())
+    forward, back = labelled(diagram, "forward:"), labelled(diagram, "back:")
     assert {to_hex(a.get_edgecolor()) for a in forward} == {palette.FORWARD.lower()}
     assert {to_hex(a.get_edgecolor()) for a in back} == {palette.BACK.lower()}
     assert len(forward) == 3 + 1, "three joints, and the coordinate of the drive"
     assert len(back) == 5 + 1, "three joints, two loads, and the driving moment"
-    words = {t.get_text() for t in drawn.labels}
-    assert {"q [rad]", "τ [N m]"} <= words
+    texts = {t.get_text() for t in diagram.labels}
+    assert {"q [rad]", "τ [N m]"} <= texts
 
 
 def test_a_load_that_reads_its_marker_gets_motion_forward():
-    drawn = draw_diagram(rocking_slide())
-    heads = {a.get_label() for a in labelled(drawn, "forward:")}
+    diagram = draw_diagram(rocking_slide())
+    heads = {a.get_label() for a in labelled(diagram, "forward:")}
     assert "forward:dyad.E -> spring.b" in heads
     assert "forward:dyad.j -> couple.on" not in heads
 
 
 def test_a_joint_without_a_wire_is_red_and_others_are_not():
-    drawn = draw_diagram(unfinished())
+    diagram = draw_diagram(unfinished())
     red = palette.ALARM.lower()
-    unwired = labelled(drawn, "unwired:")
+    unwired = labelled(diagram, "unwired:")
     assert {a.get_label() for a in unwired} == {"unwired:dyad.D", "unwired:load.at"}
     assert {to_hex(a.get_markeredgecolor()) for a in unwired} == {red}
-    assert all(to_hex(a.get_markeredgecolor()) != red for a in labelled(drawn, "port:"))
-    texts = {t.get_text(): to_hex(t.get_color()) for t in drawn.labels}
+    assert all(to_hex(a.get_markeredgecolor()) != red for a in labelled(diagram, "port:"))
+    texts = {t.get_text(): to_hex(t.get_color()) for t in diagram.labels}
     assert texts["D (R)"] == red
     assert texts["A (R)"] != red
     assert not labelled(draw_diagram(ruiz()), "unwired:")
 
 
 def test_a_block_of_unknown_type_is_hatched_and_keeps_its_wires():
-    drawn = draw_diagram(unfinished())
-    (rod,) = labelled(drawn, "box:rod")
+    diagram = draw_diagram(unfinished())
+    (rod,) = labelled(diagram, "box:rod")
     assert rod.get_hatch()
-    assert [a.get_label() for a in labelled(drawn, "port:rod")] == ["port:rod.X"]
-    (crank,) = labelled(drawn, "box:crank")
+    assert [a.get_label() for a in labelled(diagram, "port:rod")] == ["port:rod.X"]
+    (crank,) = labelled(diagram, "box:crank")
     assert not crank.get_hatch()
 
 
 def test_the_wire_that_closes_a_cycle_is_red():
-    drawn = draw_diagram(cyclic())
-    (wrong,) = labelled(drawn, "cycle:")
+    diagram = draw_diagram(cyclic())
+    (wrong,) = labelled(diagram, "cycle:")
     assert to_hex(wrong.get_edgecolor()) == palette.ALARM.lower()
 
 
@@ -172,10 +172,10 @@ def test_the_same_graph_gives_the_same_svg_in_any_process_without_pyplot():
         "print(hashlib.sha256(blockmech.draw.diagram_svg(twelve()).encode()).hexdigest())\n"
         "assert 'matplotlib' in sys.modules and 'matplotlib.pyplot' not in sys.modules"
     )
-    other = {"0": "1"}.get(os.environ.get("PYTHONHASHSEED", ""), "0")
+    seed = {"0": "1"}.get(os.environ.get("PYTHONHASHSEED", ""), "0")
     run = subprocess.run(
         [sys.executable, "-c", code],
-        env={**os.environ, "PYTHONHASHSEED": other},
+        env={**os.environ, "PYTHONHASHSEED": seed},
         capture_output=True,
         text=True,
         check=True,
@@ -194,7 +194,7 @@ def test_places_that_the_author_gave_are_honoured():
 
 
 def test_a_very_long_chain_is_cut_and_says_so():
-    drawn = draw_diagram(chain(100))
-    assert len(drawn.content.blocks) == 40
-    assert drawn.labels[1].get_text().startswith("first 40 of 102 blocks")
-    assert not labelled(drawn, "unwired:")
+    diagram = draw_diagram(chain(100))
+    assert len(diagram.content.blocks) == 40
+    assert diagram.labels[1].get_text().startswith("first 40 of 102 blocks")
+    assert not labelled(diagram, "unwired:")

@@ -76,8 +76,8 @@ FILES = {
 
 @pytest.mark.parametrize("name", FILES)
 def test_the_same_subject_gives_the_same_bytes(tmp_path, name):
-    one, two = (tmp_path / f"{k}{name}" for k in (1, 2))
-    FILES[name](one)
-    FILES[name](two)
-    assert one.read_bytes() == two.read_bytes()
-    assert b"dc:date" not in one.read_bytes()
+    first, second = (tmp_path / f"{k}{name}" for k in (1, 2))
+    FILES[name](first)
+    FILES[name](second)
+    assert first.read_bytes() == second.read_bytes()
+    assert b"dc:date" not in first.read_bytes()

@@ -38,17 +38,17 @@ def random_diagram(seed: int) -> tuple[list[Box], list[Ends]]:
     return boxes, wires
 
 
-def pieces(way: list[Point]) -> list[tuple[Point, Point]]:
-    return [(a, b) for a, b in itertools.pairwise(way) if a != b]
+def pieces(route: list[Point]) -> list[tuple[Point, Point]]:
+    return [(a, b) for a, b in itertools.pairwise(route) if a != b]
 
 
-def lie_on_each_other(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
+def lie_on_each_other(first: tuple[Point, Point], second: tuple[Point, Point]) -> bool:
     """Whether two right-angled pieces share more than a point."""
-    for across, along in ((0, 1), (1, 0)):
-        level = [p[across] for p in (*one, *other)]
+    for across, axis in ((0, 1), (1, 0)):
+        level = [p[across] for p in (*first, *second)]
         if max(level) - min(level) < TOLERANCE:
-            a, b = sorted(p[along] for p in one)
-            c, d = sorted(p[along] for p in other)
+            a, b = sorted(p[axis] for p in first)
+            c, d = sorted(p[axis] for p in second)
             return min(b, d) - max(a, c) > TOLERANCE
     return False
 
@@ -56,8 +56,8 @@ def lie_on_each_other(one: tuple[Point, Point], other: tuple[Point, Point]) -> b
 def crossings(placed: Placed) -> int:
     """Number of crossings of wires."""
     count = 0
-    for one, other in itertools.combinations(placed.ways.values(), 2):
-        for (a, b), (c, d) in itertools.product(pieces(one), pieces(other)):
+    for first, second in itertools.combinations(placed.ways.values(), 2):
+        for (a, b), (c, d) in itertools.product(pieces(first), pieces(second)):
             flat, upright = ((a, b), (c, d)) if a[1] == b[1] else ((c, d), (a, b))
             xs, ys = sorted(p[0] for p in flat), sorted(p[1] for p in upright)
             count += xs[0] < upright[0][0] < xs[1] and ys[0] < flat[0][1] < ys[1]
@@ -76,19 +76,19 @@ def test_boxes_that_are_named_in_a_bad_order_are_sorted_until_no_wires_cross():
 def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
     boxes, wires = random_diagram(seed)
     placed = lay_out(arrange(boxes, wires))
-    for one, other in itertools.combinations(placed.boxes.values(), 2):
-        apart_x = one.x + one.width < other.x or other.x + other.width < one.x
-        apart_y = one.y + one.height < other.y or other.y + other.height < one.y
+    for first, second in itertools.combinations(placed.boxes.values(), 2):
+        apart_x = first.x + first.width < second.x or second.x + second.width < first.x
+        apart_y = first.y + first.height < second.y or second.y + second.height < first.y
         assert apart_x or apart_y
     for i, wire in enumerate(wires):
-        way = placed.ways[i]
+        route = placed.ways[i]
         source, target = placed.boxes[wire.source], placed.boxes[wire.target]
-        assert (way[0], way[-1]) == placed.ends(i)
-        assert way[0][0] == pytest.approx(source.x + source.width, abs=TOLERANCE)
-        assert way[-1][0] == pytest.approx(target.x, abs=TOLERANCE)
-        assert source.y < way[0][1] < source.y + source.height
-        assert target.y < way[-1][1] < target.y + target.height
-        for (x1, y1), (x2, y2) in pieces(way):
+        assert (route[0], route[-1]) == placed.ends(i)
+        assert route[0][0] == pytest.approx(source.x + source.width, abs=TOLERANCE)
+        assert route[-1][0] == pytest.approx(target.x, abs=TOLERANCE)
+        assert source.y < route[0][1] < source.y + source.height
+        assert target.y < route[-1][1] < target.y + target.height
+        for (x1, y1), (x2, y2) in pieces(route):
             assert abs(x1 - x2) < TOLERANCE or abs(y1 - y2) < TOLERANCE, "right angles only"
             for r in placed.boxes.values():
                 outside_x = (
@@ -96,14 +96,14 @@ def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
                 )
                 outside_y = max(y1, y2) <= r.y or min(y1, y2) >= r.y + r.height
                 assert outside_x or outside_y, f"wire {wire} runs through a box"
-    for one, other in itertools.combinations(placed.ways.values(), 2):
-        for a, b in itertools.product(pieces(one), pieces(other)):
+    for first, second in itertools.combinations(placed.ways.values(), 2):
+        for a, b in itertools.product(pieces(first), pieces(second)):
             assert not lie_on_each_other(a, b)
 
 
 def test_rows_have_the_least_sum_of_steps():
     """Three boxes in a column, their wires from places that they cannot all have."""
     wires = [Ends("frame", n, n, "p0") for n in "abc"]
-    made = arrange(boxes_of(*"abc", ports=1), wires)
-    lengths = [abs(start - end) for start, end in map(made.ends, made.steps.edges(keys=True))]
+    layout = arrange(boxes_of(*"abc", ports=1), wires)
+    lengths = [abs(start - end) for start, end in map(layout.ends, layout.steps.edges(keys=True))]
     assert sum(lengths) == 2 * 3, "boxes of 3 rows stand 4 apart, their wires leave 1 apart"

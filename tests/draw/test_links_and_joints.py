@@ -26,17 +26,17 @@ def words(artists):
 
 def test_a_mechanism_has_the_names_of_its_joints_and_links(crank):
     picture = draw_mechanism(crank.compile(), at=0.5)
-    shown = words(picture.labels)
-    assert {"O", "A", "B", "S", "crank", "rod", "piston", "q"} <= shown
+    names = words(picture.labels)
+    assert {"O", "A", "B", "S", "crank", "rod", "piston", "q"} <= names
     captions = [t.get_text() for t in picture.figure.texts if t.get_label() == "caption"]
     assert captions[0].startswith("motor at\u00a028.65°")
 
 
 def test_a_pin_of_three_links_has_one_name():
     picture = draw_mechanism(linkage(DOCUMENTS["arm"]()).compile())
-    shown = words(picture.labels)
-    assert "knot" in shown
-    assert {"lift.q", "bend.q"} <= shown
+    names = words(picture.labels)
+    assert "knot" in names
+    assert {"lift.q", "bend.q"} <= names
 
 
 def test_paths_are_those_of_the_documents_markers(crank):
@@ -50,9 +50,9 @@ def test_paths_are_those_of_the_documents_markers(crank):
 
 
 def test_an_arrow_shows_where_the_driven_link_goes_however_its_joint_is_named(crank):
-    other = linkage(flipped(DOCUMENTS["slider_crank"](), "O"))
+    mirrored = linkage(flipped(DOCUMENTS["slider_crank"](), "O"))
     ways = []
-    for mechanism in (crank.compile(), other.compile()):
+    for mechanism in (crank.compile(), mirrored.compile()):
         motion = moves(mechanism, samples=5)
         stage = Stage(sketch_of(motion), motion, 0.01)
         ways.append(drive_ways(stage)["motor"][:, 1])
@@ -61,11 +61,11 @@ def test_an_arrow_shows_where_the_driven_link_goes_however_its_joint_is_named(cr
 
 def test_a_diagram_names_joints_and_links_beside_the_blocks(crank):
     mechanism = crank.compile()
-    drawn = draw_diagram(crank.decompose().graph, mechanism.names)
-    shown = words(drawn.labels)
-    assert {"II RRP: rod, piston", "I crank: crank", "A (R)", "S (P)", "rod_piston"} <= shown
-    assert "I(crank) → II RRP(rod, piston)" in shown
-    assert "B (R)" not in shown  # the block's own name for the joint A
+    diagram = draw_diagram(crank.decompose().graph, mechanism.names)
+    names = words(diagram.labels)
+    assert {"II RRP: rod, piston", "I crank: crank", "A (R)", "S (P)", "rod_piston"} <= names
+    assert "I(crank) → II RRP(rod, piston)" in names
+    assert "B (R)" not in names  # the block's own name for the joint A
 
 
 def test_curves_of_a_run_are_named_after_joints(crank):

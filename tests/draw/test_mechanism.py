@@ -74,8 +74,8 @@ def test_arrows_of_forces_end_on_the_page():
     picture = draw_mechanism(g.compile(), at=[0.0, 3.0, 1.5])
     (low, high), (bottom, top) = picture.axes.get_xlim(), picture.axes.get_ylim()
     for load in picture.stage.sketch.loads:
-        for way in load_ways(picture.stage, load):
-            tip = way[-1]
+        for arrow in load_ways(picture.stage, load):
+            tip = arrow[-1]
             assert np.all((low < tip.real) & (tip.real < high))
             assert np.all((bottom < tip.imag) & (tip.imag < top))
 
@@ -107,10 +107,10 @@ def test_further_poses_are_faint():
     assert texts == ["crank at\u00a057.3° (faintly at 114.6°, 171.9°)"]
 
 
-@pytest.mark.parametrize(("degrees", "said"), [(DEGREES, "1\u00a0rad"), (True, "57.3°")])
-def test_pictures_and_text_say_angles_in_one_unit(degrees, said):
+@pytest.mark.parametrize(("degrees", "label"), [(DEGREES, "1\u00a0rad"), (True, "57.3°")])
+def test_pictures_and_text_say_angles_in_one_unit(degrees, label):
     run = ruiz().run(at=[1.0])
-    assert caption(moves_of_result(run), [0], degrees).startswith(f"crank at\u00a0{said}")
+    assert caption(moves_of_result(run), [0], degrees).startswith(f"crank at\u00a0{label}")
     unit = "deg" if degrees else "rad"
     assert f"[{unit}]" in table(run.to("deg") if degrees else run)
 
@@ -129,10 +129,10 @@ def test_a_guide_covers_the_whole_travel_of_its_slider():
     mechanism = slider_crank().compile()
     motion = moves(mechanism, samples=721)
     (slider,) = sketch_of(motion).sliders
-    places = motion.at(*slider.point)
+    travel = motion.at(*slider.point)
     ends = [slider.end(k).real for k in (0, 1)]
-    assert ends[0] == pytest.approx(places.real.min(), abs=ROUNDING)
-    assert ends[1] == pytest.approx(places.real.max(), abs=ROUNDING)
+    assert ends[0] == pytest.approx(travel.real.min(), abs=ROUNDING)
+    assert ends[1] == pytest.approx(travel.real.max(), abs=ROUNDING)
 
 
 def test_a_slider_between_moving_links_stays_on_both():
@@ -166,10 +166,10 @@ def test_a_couple_turns_the_way_of_its_sign(moment):
     g.connect("dyad.j", "couple.on")
     motion = moves(g.compile(), 1.0)
     stage = Stage(sketch_of(motion), motion, 0.01)
-    ((way),) = load_ways(stage, stage.sketch.loads[0])
-    way = way[:, 0]
-    middle = sum(way) / len(way)
-    turned = sum(cmath.phase((b - middle) / (a - middle)) for a, b in itertools.pairwise(way))
+    ((arc),) = load_ways(stage, stage.sketch.loads[0])
+    arc = arc[:, 0]
+    middle = sum(arc) / len(arc)
+    turned = sum(cmath.phase((b - middle) / (a - middle)) for a, b in itertools.pairwise(arc))
     assert math.copysign(1, turned) == math.copysign(1, moment)
 
 
@@ -190,10 +190,10 @@ def test_paths_show_feasible_parts_only():
     mechanism = fourbar(rocker=1.8).compile()
     picture = draw_mechanism(mechanism)
     (path,) = artists(picture, "path of dyad.C")
-    drawn = np.isfinite(path.get_xydata()[:, 0])
-    reached = mechanism.run(samples=len(drawn), want=["dyad.C.p"], on_gap="mark")
-    assert (drawn == np.isfinite(reached["dyad.C.p"])).all()
-    assert 0 < drawn.sum() < len(drawn)
+    visible = np.isfinite(path.get_xydata()[:, 0])
+    reached = mechanism.run(samples=len(visible), want=["dyad.C.p"], on_gap="mark")
+    assert (visible == np.isfinite(reached["dyad.C.p"])).all()
+    assert 0 < visible.sum() < len(visible)
 
 
 def test_a_mechanism_that_never_closes_and_unknown_markers_are_refused():
@@ -232,8 +232,8 @@ def test_a_mechanism_without_drivers_is_a_truss_and_can_be_drawn():
     g.add("dyad", bm.RRR(l_i=1.0, l_j=1.0))
     g.connect("frame.A", "dyad.B")
     g.connect("frame.D", "dyad.D")
-    drawn = pins(draw_mechanism(g.compile()))
-    assert drawn["C"] == pytest.approx(complex(0.5, math.sqrt(0.75)), abs=ROUNDING)
+    points = pins(draw_mechanism(g.compile()))
+    assert points["C"] == pytest.approx(complex(0.5, math.sqrt(0.75)), abs=ROUNDING)
 
 
 def test_the_hull_is_convex_and_keeps_no_inner_point():
@@ -246,22 +246,22 @@ def test_the_hull_is_convex_and_keeps_no_inner_point():
 def test_a_label_avoids_what_is_drawn_and_other_labels():
     crowd = Crowd(200 + 100j)
     crowd.add_line([100 + 50j, 200 + 50j], 5.0)
-    one, two = (crowd.place(Label(name, [[100 + 50j]])) for name in ("one", "two"))
-    apart, reach = one.centre() - two.centre(), one.half + two.half
+    first, second = (crowd.place(Label(name, [[100 + 50j]])) for name in ("one", "two"))
+    apart, reach = first.centre() - second.centre(), first.half + second.half
     assert abs(apart.real) >= reach.real or abs(apart.imag) >= reach.imag
-    for place in (one, two):
-        below = abs(place.centre().imag - 50) < place.half.imag
-        assert not (below and place.centre().real + place.half.real > 100)
+    for label in (first, second):
+        below = abs(label.centre().imag - 50) < label.half.imag
+        assert not (below and label.centre().real + label.half.real > 100)
 
 
 def test_a_label_that_moves_avoids_what_is_drawn_in_any_frame():
     crowd = Crowd(200 + 100j, frames=(0, 1))
     crowd.add_line([0 + 53j, 200 + 53j], 5.0, frame=0)
     crowd.add_line([0 + 47j, 200 + 47j], 5.0, frame=1)
-    place = crowd.place(Label("one", [[100 + 50j, 90 + 50j]]))
-    assert place.centre(1) - place.centre(0) == -10
+    label = crowd.place(Label("one", [[100 + 50j, 90 + 50j]]))
+    assert label.centre(1) - label.centre(0) == -10
     for frame, line in enumerate((53, 47)):
-        assert abs(place.centre(frame).imag - line) >= place.half.imag
+        assert abs(label.centre(frame).imag - line) >= label.half.imag
 
 
 @pytest.mark.parametrize("build", [slider_crank, quick_return])
@@ -272,8 +272,8 @@ def test_a_tile_is_a_square_that_holds_the_mechanism_without_words(build):
     assert figure.get_figwidth() == figure.get_figheight()
     assert not axes.axison
     assert axes.get_legend() is None
-    words = [text.get_text() for text in (*figure.texts, *axes.texts)]
-    assert not any(words), words
+    texts = [text.get_text() for text in (*figure.texts, *axes.texts)]
+    assert not any(texts), texts
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     assert right - left == pytest.approx(high - low)
     run = mechanism.run(want="*.*.p")  # a guide's marker of the frame may lie far off

@@ -12,10 +12,10 @@ def test_every_call_has_a_box_and_every_kind_a_key():
     plan = watt().compile().plan(["crank.drive", "crank.J_red"])
     figure = draw_schedule(plan)
     (axes,) = figure.axes
-    said = [text.get_text().split("\n")[0] for text in axes.texts if text.get_text()]
+    labels = [text.get_text().split("\n")[0] for text in axes.texts if text.get_text()]
     stages = [call[1] for call in plan.graph()]
-    assert sorted(s for s in said if s in stages) == sorted(stages)
-    assert {"crank", "first", "last"} <= set(said)
+    assert sorted(s for s in labels if s in stages) == sorted(stages)
+    assert {"crank", "first", "last"} <= set(labels)
     keys = {text.get_text() for text in axes.get_legend().get_texts()}
     assert keys == {data["kind"] for *_, data in plan.graph().edges(data=True)}
 

@@ -34,9 +34,9 @@ def test_figure_6_has_the_coordinate_the_rate_and_every_reactions_magnitude():
     assert np.array_equal(angle.curves[""], result["crank.q"])
     turned, *_ = motion_panels(result, degrees=True)
     assert np.array_equal(turned.curves[""], np.degrees(result["crank.q"]))
-    drawn = {name: row for panel in reactions for name, row in panel.curves.items()}
-    assert set(drawn) == {n.removesuffix(".reaction") for n in result if "reaction" in n}
-    for name, values in drawn.items():
+    curves = {name: row for panel in reactions for name, row in panel.curves.items()}
+    assert set(curves) == {n.removesuffix(".reaction") for n in result if "reaction" in n}
+    for name, values in curves.items():
         assert np.array_equal(values, np.abs(result[f"{name}.reaction"]))
 
 
@@ -79,8 +79,8 @@ def test_events_of_friction_are_marked_and_named():
     (axes,) = draw_panels([Panel("rate", "rad/s", {"": np.linspace(3, 0, 50)})], over).axes
     marks = [x.get_xdata()[0] for x in axes.lines if x.get_label() in ("joint reverses", "rest")]
     assert marks == [0.2, 0.5, 0.9]
-    words = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert words == ["joint reverses", "rest"]
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert labels == ["joint reverses", "rest"]
 
 
 @pytest.mark.parametrize(

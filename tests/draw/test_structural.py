@@ -21,8 +21,8 @@ def test_vertices_are_links_and_freedoms_as_in_the_paper():
     pairs = sum(len(pairs) for *_, pairs in graph.edges(data="pairs"))
     assert pairs == 5  # seven of the mechanism, less the two inside of dyads
     figure = draw_structural_graph(watt().compile())
-    said = [text.get_text() for text in figure.axes[0].texts]
-    assert {"1,0", "1,1", "2,0", "(2,3)", "(4,5)"} <= set(said)
+    labels = [text.get_text() for text in figure.axes[0].texts]
+    assert {"1,0", "1,1", "2,0", "(2,3)", "(4,5)"} <= set(labels)
 
 
 @pytest.mark.parametrize("path", sorted(GRAPHS.glob("*.json")), ids=lambda path: path.stem)

@@ -19,15 +19,15 @@ CASES = {
 
 @pytest.mark.parametrize("kind", CASES)
 def test_each_kind_of_study_has_its_picture(kind, tmp_path):
-    vary, more = CASES[kind]
-    study = mechanism("ruiz_fourbar").study(vary, want=WANT, samples=9, friction="none", **more)
+    vary, options = CASES[kind]
+    study = mechanism("ruiz_fourbar").study(vary, want=WANT, samples=9, friction="none", **options)
     figure = study.figure()
     panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
     assert len(panels) == {"curves": 2, "maps": 2, "scatter": 4}[kind]
     assert "without an answer" in figure._supxlabel.get_text()
-    words = " ".join(axes.get_ylabel() + axes.get_xlabel() for axes in figure.axes)
-    assert "dyad.l_i [m]" in words
-    assert "margin) [–]" in words.replace("\n", "")
+    labels = " ".join(axes.get_ylabel() + axes.get_xlabel() for axes in figure.axes)
+    assert "dyad.l_i [m]" in labels
+    assert "margin) [–]" in labels.replace("\n", "")
     study.plot(tmp_path / "study.png")
     assert (tmp_path / "study.png").stat().st_size > 10_000
 

@@ -68,7 +68,7 @@ def by_duals(precise: Precise, inputs: Mapping[str, Any], n: int, ways: Any, m: 
 def by_differences(precise: Precise, inputs: Mapping[str, float], ways: Any, m: int) -> list[Any]:
     """Derivatives (m,) of each value of the program at one sample; NaN at a kink."""
     parameters = tuple(precise.plan.program.parameters.values())
-    found = []
+    columns = []
     with mpmath.workdps(DIGITS):
         exact = moved(parameters, mpmath.mpf)
 
@@ -77,14 +77,14 @@ def by_differences(precise: Precise, inputs: Mapping[str, float], ways: Any, m: 
 
         for k in range(m):
             three = zip(*(at(k, h) for h in (-STEP, mpmath.mpf(0), STEP)), strict=True)
-            found.append([_smooth_slope(*values) for values in three])
-    return [np.array(column) for column in zip(*found, strict=True)]
+            columns.append([_smooth_slope(*values) for values in three])
+    return [np.array(column) for column in zip(*columns, strict=True)]
 
 
-def _smooth_slope(behind: Any, here: Any, ahead: Any) -> complex:
-    left, right = complex((here - behind) / STEP), complex((ahead - here) / STEP)
+def _smooth_slope(before: Any, middle: Any, after: Any) -> complex:
+    left, right = complex((middle - before) / STEP), complex((after - middle) / STEP)
     noise = 10.0 ** (40 - DIGITS)  # of the values, over the step
-    smooth = abs(right - left) <= 1e-12 * (abs(left) + abs(right)) + noise * abs(here + 1)
+    smooth = abs(right - left) <= 1e-12 * (abs(left) + abs(right)) + noise * abs(middle + 1)
     return (left + right) / 2 if smooth else complex(np.nan)
 
 
@@ -107,11 +107,11 @@ def errors(mechanism: Mechanism, request: Mapping[str, Any], seed: int, m: int =
     columns = {k: np.asarray(x) for k, x in inputs.items()}
     duals = by_duals(precise, columns, result.n, ways, m)
     back = by_duals(precise, columns, result.n, zipped(_opposite, numbers, ways), m)
-    found = []
+    relative = []
     for k in sorted(set(range(result.n)) - set(result.quality.gaps)):
-        one = {x: float(inputs[x][k]) for x in inputs}
-        exact = by_differences(precise, one, ways, m)
-        precise_values = precise.run(one, precise.plan.program.parameters.values())
+        sample = {x: float(inputs[x][k]) for x in inputs}
+        exact = by_differences(precise, sample, ways, m)
+        precise_values = precise.run(sample, precise.plan.program.parameters.values())
         margin = min([1.0, *(float(x[k]) for x in result.quality.margin.values())])
         largest: dict[str, float] = {}
         parts = [
@@ -124,13 +124,13 @@ def errors(mechanism: Mechanism, request: Mapping[str, Any], seed: int, m: int =
             largest[unit] = max(largest.get(unit, 0.0), np.nanmax(np.abs(both)))
         top = max(largest.values())
         for unit, i in parts:
-            ahead, behind = duals[i][:, k], -back[i][:, k]
-            if np.abs(ahead - behind).max() > np.sqrt(EPS) * np.abs(ahead).max():
+            forward, backward = duals[i][:, k], -back[i][:, k]
+            if np.abs(forward - backward).max() > np.sqrt(EPS) * np.abs(forward).max():
                 continue  # a kink, or nearer to one than rounding of the numbers
-            off = np.abs(ahead - exact[i]).max()
+            off = np.abs(forward - exact[i]).max()
             moves = largest[unit] > EPS * top  # else the whole unit is zero, by structure
-            found.append(float(off / (largest[unit] if moves else top or 1.0) * margin))
-    return found
+            relative.append(float(off / (largest[unit] if moves else top or 1.0) * margin))
+    return relative
 
 
 EIGHTH = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # central differences, Fornberg 1988

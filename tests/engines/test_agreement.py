@@ -24,25 +24,25 @@ FAR = 4 * EPS  # times the conditioning and the length of the chain of groups
 def sines_agree(angles):
     """Whether NumPy and the standard library round sine and cosine of these angles alike."""
     return all(
-        np.array_equal(many(angles), [one(x) for x in angles])
-        for many, one in ((np.sin, math.sin), (np.cos, math.cos))
+        np.array_equal(many(angles), [single(x) for x in angles])
+        for many, single in ((np.sin, math.sin), (np.cos, math.cos))
     )
 
 
 def assert_agreement(mech, engine, **request):
     """What an engine says is what the scalar engine says."""
     request["on_gap"] = "mark"
-    one, many = (mech.run(**request, engine=name) for name in ("scalar", engine))
+    scalar, many = (mech.run(**request, engine=name) for name in ("scalar", engine))
     assert many.engine == engine
-    angles = [c for n, c in one.samples.inputs.items() if n in one.plan.program.angles]
+    angles = [c for n, c in scalar.samples.inputs.items() if n in scalar.plan.program.angles]
     if engine == "llvm" or all(sines_agree(np.asarray(c, float)) for c in angles):
-        assert same_bits(one, many) == []
-        assert one.quality.status == many.quality.status
-        assert one.quality.flags == many.quality.flags
+        assert same_bits(scalar, many) == []
+        assert scalar.quality.status == many.quality.status
+        assert scalar.quality.flags == many.quality.flags
         return many
     condition = amplification(many) * len(mech.structure.blocks)
-    for name in one:
-        a, b = np.atleast_1d(one[name]), np.atleast_1d(many[name])
+    for name in scalar:
+        a, b = np.atleast_1d(scalar[name]), np.atleast_1d(many[name])
         assert np.array_equal(np.isnan(a), np.isnan(b)), name
         size = np.nanmax(np.abs(a), initial=0.0)
         assert np.nanmax(np.abs(a - b), initial=0.0) <= FAR * condition * size, name
@@ -98,8 +98,8 @@ def test_engines_agree_where_friction_is_decided_by_continuation():
 def test_one_pose_is_a_batch_of_one():
     mech = ruiz().compile()
     for engine in ("scalar", "numpy"):
-        one, batch = mech.run(at=1.3, engine=engine), mech.run(at=[1.3], engine=engine)
-        assert same_bits(one, batch) == []
+        single, batch = mech.run(at=1.3, engine=engine), mech.run(at=[1.3], engine=engine)
+        assert same_bits(single, batch) == []
 
 
 def test_kernel_text_is_the_program_of_both_engines():

@@ -56,9 +56,11 @@ def request_of(name):
         q = dict.fromkeys(drivers, np.linspace(0.1, 1.0, SAMPLES))
         result = mech.run(q, rates=dict.fromkeys(drivers, 1.0), want="*", on_gap="mark")
     inputs = {
-        mech._of_driver(driver, what): np.broadcast_to(result.samples.inputs[f"{x}_{i}"], result.n)
+        mech._of_driver(driver, quantity): np.broadcast_to(
+            result.samples.inputs[f"{x}_{i}"], result.n
+        )
         for i, driver in enumerate(drivers)
-        for what, x in (("q", "q"), ("rate", "qd"), ("acceleration", "qdd"))
+        for quantity, x in (("q", "q"), ("rate", "qd"), ("acceleration", "qdd"))
     }
     if result.samples.time is not None and np.isfinite(result.samples.time).all():
         inputs["time"] = result.samples.time
@@ -154,5 +156,7 @@ def test_designs_are_those_of_a_study_to_the_last_bit():
     lengths, q = np.linspace(0.98, 1.02, 4) * f.parameters["first.l_i"], np.linspace(0.0, 6.0, 7)
     y = f({"first.l_i": lengths[:, None]}, {"crank.q": q})["crank.drive"]
     for length, row in zip(lengths, y, strict=True):
-        other = mech.document.replace({"first.l_i": length}).compile()
-        assert np.array_equal(row, other.run(q, want="crank.drive", engine="numpy")["crank.drive"])
+        variant = mech.document.replace({"first.l_i": length}).compile()
+        assert np.array_equal(
+            row, variant.run(q, want="crank.drive", engine="numpy")["crank.drive"]
+        )

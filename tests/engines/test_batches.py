@@ -65,9 +65,9 @@ def test_impossible_samples_do_not_touch_their_neighbours(engine):
         result = mech.run(**request, engine=engine)
         good = np.array([s == "ok" for s in result.quality.status])
         apart += 3 < good.sum() < 37
-        kept = mech.run(**picked(request, good), engine=engine)
-        assert kept.quality.status == ("ok",) * int(good.sum())
-        assert same_bits(rows(result, good), kept) == []
+        feasible = mech.run(**picked(request, good), engine=engine)
+        assert feasible.quality.status == ("ok",) * int(good.sum())
+        assert same_bits(rows(result, good), feasible) == []
     assert apart >= 3  # there was something to keep apart
 
 
@@ -102,7 +102,7 @@ def repeated(primitives_, x, floor, cap):
 def test_repeat_leaves_each_sample_alone_once_it_has_stopped(cap):
     x, floor = np.array([0.5, 1.0, 9.0, 1e9, np.nan]), np.array([1.0, 1.0, 2.0, 1.0, 1.0])
     many = repeated(primitives(np.float64), x, floor, cap)
-    for k, one in enumerate(zip(x.tolist(), floor.tolist(), strict=True)):
-        alone = repeated(SCALAR_PRIMITIVES, *one, cap)
+    for k, sample in enumerate(zip(x.tolist(), floor.tolist(), strict=True)):
+        alone = repeated(SCALAR_PRIMITIVES, *sample, cap)
         np.testing.assert_array_equal([column[k] for column in many], alone)
     assert many[1].tolist()[:4] == [0.0, 0.0, min(cap, 3.0), min(cap, 30.0)]

@@ -26,13 +26,13 @@ def temporary_folders(tmp_path, monkeypatch):
 
 
 def code_file(tmp_path):
-    (found,) = tmp_path.rglob("*.o")
-    return found
+    (file,) = tmp_path.rglob("*.o")
+    return file
 
 
 def key_file(tmp_path):
-    (found,) = tmp_path.rglob("*.key")
-    return found
+    (file,) = tmp_path.rglob("*.key")
+    return file
 
 
 def test_what_is_kept_is_found_by_its_text_alone(tmp_path):
@@ -45,12 +45,12 @@ def test_what_is_kept_is_found_by_its_text_alone(tmp_path):
         assert key_file(tmp_path).stat().st_mode & 0o077 == 0
 
 
-@pytest.mark.parametrize("place", [0, 31, 32, 500, -1])
-def test_a_changed_byte_is_never_loaded(tmp_path, place):
+@pytest.mark.parametrize("position", [0, 31, 32, 500, -1])
+def test_a_changed_byte_is_never_loaded(tmp_path, position):
     code_cache.keep(TEXT, CODE)
     file = code_file(tmp_path)
     data = bytearray(file.read_bytes())
-    data[place] ^= 1
+    data[position] ^= 1
     file.write_bytes(data)
     assert code_cache.load(TEXT) is None
 
@@ -65,10 +65,10 @@ def test_half_a_file_is_never_loaded(tmp_path, length):
 
 def test_code_under_another_name_is_never_loaded(tmp_path):
     code_cache.keep("other", b"other code")
-    other = code_file(tmp_path).read_bytes()
+    code = code_file(tmp_path).read_bytes()
     code_cache.keep(TEXT, CODE)
     for file in tmp_path.rglob("*.o"):
-        file.write_bytes(other)
+        file.write_bytes(code)
     assert code_cache.load(TEXT) is None
     assert code_cache.load("other") == b"other code"
 

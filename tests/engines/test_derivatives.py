@@ -37,9 +37,9 @@ def request_of(mech):
 
 def held(found):
     """Whether all but a few values, at kinks, have their derivatives."""
-    known = [x for x in found if not math.isnan(x)]
-    assert len(known) >= (1.0 - KINKS) * len(found) > 0
-    return max(known) < EXACT
+    finite = [x for x in found if not math.isnan(x)]
+    assert len(finite) >= (1.0 - KINKS) * len(found) > 0
+    return max(finite) < EXACT
 
 
 @pytest.mark.parametrize("name", sorted({*SHORT} - SLOW))
@@ -55,8 +55,8 @@ def test_derivatives_of_random_mechanisms_agree_with_60_digits(seed):
     assert held(errors(case.graph.compile(), case.request, seed))
 
 
-def at(x, *way):
-    return Dual(np.array([float(x)]), np.array(way, float)[:, None])
+def at(x, *direction):
+    return Dual(np.array([float(x)]), np.array(direction, float)[:, None])
 
 
 @pytest.mark.parametrize("name", ["minimum", "maximum"])

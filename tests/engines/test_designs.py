@@ -52,16 +52,16 @@ def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction
     plan = plain.plan(want, friction=friction)
     columns = [np.array(x)[:, None] if len(set(x)) > 1 else x[0] for x in numbers]
     values = plan.program.values(design(plain, *columns), plain.scene)
-    taken = make_samples({"crank": "rad"}, plain.scene, q, rates=10.0)
-    inputs = taken.given(plan.program.inputs)
+    samples = make_samples({"crank": "rad"}, plain.scene, q, rates=10.0)
+    inputs = samples.given(plan.program.inputs)
     kind = NumpyEngine if engine == "numpy" else compiled_program
-    own = kind(plan.program)
-    result = own.run_designs(inputs, own.numbers(values))
+    program = kind(plan.program)
+    result = program.run_designs(inputs, program.numbers(values))
     for k, own_numbers in enumerate(zip(*numbers, strict=True)):
         alone = type(plain)(design(plain, *own_numbers), plain.scene)
-        own = alone.plan(want, friction=friction)
-        single, _ = alone._evaluate(own, taken, engine)
+        program = alone.plan(want, friction=friction)
+        single, _ = alone._evaluate(program, samples, engine)
         for name in want:
-            together, one = result[plan.layout[name][0]], single[own.layout[name][0]]
-            np.testing.assert_array_equal(np.broadcast_to(together.real, (3, 7))[k], one.real)
-            np.testing.assert_array_equal(np.broadcast_to(together.imag, (3, 7))[k], one.imag)
+            together, expected = result[plan.layout[name][0]], single[program.layout[name][0]]
+            np.testing.assert_array_equal(np.broadcast_to(together.real, (3, 7))[k], expected.real)
+            np.testing.assert_array_equal(np.broadcast_to(together.imag, (3, 7))[k], expected.imag)

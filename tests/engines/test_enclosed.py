@@ -120,17 +120,19 @@ def test_width_is_at_most_a_fifth_above_the_corners_of_lengths(name):
     tolerance = {a: 1e-4 * abs(values[a]) for a in lengths}
     (driver,) = mech.drivers
     q = mech.samples(None, 7, None, None, None).inputs["q_0"][[2, 4]]
-    how = {"friction": "none", "want": f"{driver}.drive", "rates": 1.0, "accelerations": 0.5}
-    bounds = mech.enclose(q, tolerance=tolerance, **how)
+    options = {"friction": "none", "want": f"{driver}.drive", "rates": 1.0, "accelerations": 0.5}
+    bounds = mech.enclose(q, tolerance=tolerance, **options)
     corners = itertools.product((-1, 1), repeat=len(lengths))
     designs = (
         {a: values[a] + s * tolerance[a] for a, s in zip(lengths, side, strict=True)}
         for side in corners
     )
-    drives = np.array([remade(mech, numbers).run(q, **how)[how["want"]] for numbers in designs])
+    drives = np.array(
+        [remade(mech, numbers).run(q, **options)[options["want"]] for numbers in designs]
+    )
     exact = 0.5 * np.ptp(drives, axis=0)
-    assert bounds.contains(how["want"], drives).all()
-    assert (bounds[how["want"]] <= 1.2 * exact).all()
+    assert bounds.contains(options["want"], drives).all()
+    assert (bounds[options["want"]] <= 1.2 * exact).all()
 
 
 def test_what_may_not_close_is_said():

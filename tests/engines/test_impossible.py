@@ -107,10 +107,10 @@ def test_later_block_that_cannot_close_is_not_blamed_on_the_friction_before_it()
     g = linkage(crank=0.5, pivot=2.0, friction=False)
     rough = bm.friction.Coulomb(coefficient=0.4, radius=3.0)
     first = g.blocks["first"].model_copy(update={"friction": dict.fromkeys("BCD", rough)})
-    far = bm.RRR(l_i=0.1, l_j=0.1, links={"i": bm.Link(mass=1.0)})
+    short_dyad = bm.RRR(l_i=0.1, l_j=0.1, links={"i": bm.Link(mass=1.0)})
     h = bm.Graph("far", gravity=(0.0, -9.81))
     for name, block in g.blocks.items():
-        h.add(name, {"first": first, "next": far}.get(name, block))
+        h.add(name, {"first": first, "next": short_dyad}.get(name, block))
     for w in g.wires:
         h.connect(w.source, w.target)
     h.drive("crank", bm.motion.ConstantRate(rate=2.0))
@@ -129,10 +129,10 @@ def test_crank_angle_of_any_size_counts_as_exact(engine, q):
     r = mech.run(at=q, engine=engine)
     with mpmath.workdps(400):
         e = complex(mpmath.expj(mpmath.mpf(q)))
-        near = float(mpmath.fmod(mpmath.mpf(q), 2 * mpmath.pi))
+        reduced = float(mpmath.fmod(mpmath.mpf(q), 2 * mpmath.pi))
     assert abs(r["crank.B.p"][0] - 0.5 * e) <= EPS * 0.5
     # The same pose at the rounded remainder: half an ulp of a few radians, times rates.
-    same = mech.run(at=near, engine=engine)
+    same = mech.run(at=reduced, engine=engine)
     conditioning = 1 / np.sqrt(min(same["first.margin"][0], same["next.margin"][0])) ** 2
     for name in ("first.C.p", "next.j.omega", "first.j.alpha", "first.C.reaction", "crank.drive"):
         assert off(r[name], same[name]) <= 100 * EPS * conditioning

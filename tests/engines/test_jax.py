@@ -88,13 +88,15 @@ def test_second_derivatives_are_those_of_first_ones_beside_friction_included():
         bent = jax.hessian(lambda p: f(p, {"crank.q": 0.9})["crank.drive"])(f.parameters)
     step = 1e-3
     for address, x in f.parameters.items():
-        beside = [mech.document.replace({address: x + k * step}).compile() for k in (-2, -1, 1, 2)]
+        neighbours = [
+            mech.document.replace({address: x + k * step}).compile() for k in (-2, -1, 1, 2)
+        ]
         slopes = [
-            design.sensitivity("crank.drive", lengths, 0.9)["crank.drive"] for design in beside
+            design.sensitivity("crank.drive", lengths, 0.9)["crank.drive"] for design in neighbours
         ]
         a, b, c, d = slopes
         difference = ((a - d) + 8.0 * (c - b))[:, 0] / (12.0 * step)
-        ours = [float(bent[address][other]) for other in lengths]
+        ours = [float(bent[address][second]) for second in lengths]
         np.testing.assert_allclose(ours, difference, rtol=1e-8)
 
 

@@ -27,18 +27,18 @@ def systems(size: int, count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_elimination_leaves_residuals_of_rounding_in_extended_precision(size: int) -> None:
     a, b = systems(size, 40)
     x = np.stack(linear.solve(a, b.T), axis=-1)
-    left = np.abs(np.einsum("nij,nj->ni", a, x) - b).max(axis=-1)
+    residuals = np.abs(np.einsum("nij,nj->ni", a, x) - b).max(axis=-1)
     scale = np.abs(a).sum(axis=-1).max(axis=-1) * np.abs(x).max(axis=-1)
     # Wilkinson: the growth of entries with partial pivoting is seldom above 8 here.
-    assert (left <= 8 * size * EPS * scale).all()
+    assert (residuals <= 8 * size * EPS * scale).all()
 
 
 def test_an_eliminated_system_has_the_same_bits_alone_and_in_a_batch() -> None:
     a, b = systems(6, 259)
-    whole = np.stack(linear.solve(a, b.T), axis=-1)
+    batch = np.stack(linear.solve(a, b.T), axis=-1)
     for k in (0, 127, 258):
         alone = np.stack(linear.solve(a[k : k + 1], b[k : k + 1].T), axis=-1)
-        assert (alone[0] == whole[k]).all()
+        assert (alone[0] == batch[k]).all()
 
 
 def test_a_singular_matrix_costs_no_other_sample_its_answer() -> None:

@@ -60,26 +60,26 @@ def assert_near(mech, **request):
     One linear system answers all rates of a kind, and a solve is off in proportion to the largest
     of its answers: a link that does not turn has rates that are rounding alone.
     """
-    one, many = (mech.run(**request, engine=e, on_gap="mark") for e in ("scalar", "llvm"))
-    assert one.quality.status == many.quality.status
-    worst = min(float(np.nanmin(m)) for m in one.quality.margin.values())
+    scalar, many = (mech.run(**request, engine=e, on_gap="mark") for e in ("scalar", "llvm"))
+    assert scalar.quality.status == many.quality.status
+    worst = min(float(np.nanmin(m)) for m in scalar.quality.margin.values())
     sizes: dict[str, float] = {}
-    for name in one:
+    for name in scalar:
         kind = name.rpartition(".")[2]
-        sizes[kind] = np.nanmax(np.abs(one[name]), initial=sizes.get(kind, 0.0))
-    for name in one:
+        sizes[kind] = np.nanmax(np.abs(scalar[name]), initial=sizes.get(kind, 0.0))
+    for name in scalar:
         size = sizes[name.rpartition(".")[2]]
         gap = 1e3 * np.finfo(float).eps / worst * size  # rates and loads: once each
-        np.testing.assert_allclose(many[name], one[name], rtol=0, atol=gap, err_msg=name)
+        np.testing.assert_allclose(many[name], scalar[name], rtol=0, atol=gap, err_msg=name)
     return many
 
 
 def test_groups_are_followed_with_friction_beyond_their_reach_and_one_by_one():
     mech = mechanism("stephenson_3_triad")
     q = np.linspace(-3.0, 9.0, 25)
-    whole = assert_near(mech, at=q, want=FORCES)
+    result = assert_near(mech, at=q, want=FORCES)
     alone = mech.run(at=q[7], want=FORCES, engine="llvm", on_gap="mark")
-    assert same_bits({k: whole[k][7:8] for k in whole}, alone) == []
+    assert same_bits({k: result[k][7:8] for k in result}, alone) == []
 
 
 def test_a_function_of_the_time_is_asked_beforehand():
@@ -113,11 +113,11 @@ def test_threads_change_no_bit(monkeypatch):
 def test_values_are_called_whole_where_every_number_is_finite():
     engine = LlvmEngine(program_of(lambda a, b: (a, b / 2.0, 3.0), 2))
     for x in ODD:
-        for place in (0, 11, 20):
+        for index in (0, 11, 20):
             column = np.linspace(-1.0, 1.0, 21)
-            column[place] = x
-            for odd, even in (("x0", "x1"), ("x1", "x0")):  # x0 is handed on as it is
-                result = engine.run({odd: column, even: np.ones(21)}, 21)
+            column[index] = x
+            for special, even in (("x0", "x1"), ("x1", "x0")):  # x0 is handed on as it is
+                result = engine.run({special: column, even: np.ones(21)}, 21)
                 assert isinstance(result, Whole) == math.isfinite(x)
     fixed = LlvmEngine(program_of(lambda a: (a, math.nan), 1))
     assert not isinstance(fixed.run({"x0": np.ones(9)}, 9), Whole)
@@ -188,9 +188,9 @@ def test_a_kernel_beyond_the_primitives_is_declined():
 
 
 def test_a_function_of_python_is_declined_with_its_reason():
-    with pytest.raises(bm.RequestError, match="it asks a function of Python") as told:
+    with pytest.raises(bm.RequestError, match="it asks a function of Python") as caught:
         arm(lambda rate: -0.3 * rate).compile().run(samples=3, engine="llvm")
-    assert 'use engine="numpy"' in str(told.value)
+    assert 'use engine="numpy"' in str(caught.value)
 
 
 def test_a_program_of_great_length_is_declined(fresh, monkeypatch):
@@ -233,8 +233,8 @@ def test_many_calls_of_few_samples_are_compiled_too(fresh):
     spent = len(engines) * costs.by_interpreter(program, 2000)[0]
     assert engines[-1] == "llvm"
     assert 1.0 < spent / costs.making(program) < 1.5  # half of the time was machine code's due
-    other = ruiz().compile()  # of the same structure: its code is there
-    assert other.run(samples=2000, want="crank.drive").engine == "llvm"
+    twin = ruiz().compile()  # of the same structure: its code is there
+    assert twin.run(samples=2000, want="crank.drive").engine == "llvm"
 
 
 @pytest.mark.parametrize("n", [1, 20, 400, 8_000, 160_000, 3_000_000])
@@ -250,13 +250,13 @@ def test_the_engine_is_the_one_that_costs_least(fresh, n):
 
 def test_a_study_of_many_designs_is_compiled(fresh, monkeypatch):
     monkeypatch.setattr(cost, "COMPILING", (0.0, 0.0))
-    asked = []
+    calls = []
     run = LlvmEngine.run_designs
-    monkeypatch.setattr(LlvmEngine, "run_designs", lambda *x: (asked.append(1), run(*x))[1])
+    monkeypatch.setattr(LlvmEngine, "run_designs", lambda *x: (calls.append(1), run(*x))[1])
     q, lengths = np.linspace(0.0, 6.0, 12), [5.8, 6.0, 6.3]
     want = {"crank.drive": "max_abs"}
     study = ruiz().compile().study({"dyad.l_i": lengths}, at={"crank": q}, want=want)
-    assert asked
+    assert calls
     for k, length in enumerate(lengths):
         mech = ruiz().replace({"dyad.l_i": length}).compile()
         alone = mech.run(at=q, want="crank.drive", engine="llvm")["crank.drive"]
@@ -276,8 +276,8 @@ def test_one_state_after_the_other_is_the_same_by_machine_code():
 def test_machine_code_lives_as_long_as_the_engine_that_calls_it():
     first = LlvmEngine(program_of(lambda x: x * 3.0, 1))
     llvm._CODES.clear()  # as 128 other structures would
-    others = [LlvmEngine(program_of(lambda x, k=k: x + k, 1)) for k in (1.0, 2.0)]
-    assert [engine.one([2.0]) for engine in (first, *others)] == [(6.0,), (3.0,), (4.0,)]
+    engines = [LlvmEngine(program_of(lambda x, k=k: x + k, 1)) for k in (1.0, 2.0)]
+    assert [engine.one([2.0]) for engine in (first, *engines)] == [(6.0,), (3.0,), (4.0,)]
 
 
 def test_precisions_are_those_of_numpy():

@@ -68,9 +68,9 @@ def test_no_double_gets_in_where_continuation_decides():
             assert line in plan.program.angles or part.dtype in (np.float32, np.bool_), where
 
 
-def relative(found, exact):
+def relative(result, exact):
     return {
-        k: np.max(np.abs(found[k] - exact[k])) / (np.max(np.abs(exact[k])) or 1.0)
+        k: np.max(np.abs(result[k] - exact[k])) / (np.max(np.abs(exact[k])) or 1.0)
         for k in exact
         if np.ndim(exact[k])
     }
@@ -93,9 +93,9 @@ def test_extended_precision_is_extended(name):
     # Two routes to the driving effort part at the precision they are computed in.
     r = MAKERS[name]().run(samples=9, precision="clongdouble", friction="none")
     driver = r.mechanism.drivers[0]
-    one, other = r[f"{driver}.drive"], r[f"{driver}.drive_by_reduction"]
-    assert one.dtype == np.longdouble
-    assert np.max(np.abs(one - other)) <= ULPS * EXTENDED * np.max(np.abs(one))
+    drive, reduced = r[f"{driver}.drive"], r[f"{driver}.drive_by_reduction"]
+    assert drive.dtype == np.longdouble
+    assert np.max(np.abs(drive - reduced)) <= ULPS * EXTENDED * np.max(np.abs(drive))
     assert r["mechanism.shaking_force"].dtype == np.clongdouble
 
 

@@ -44,10 +44,10 @@ def filled_as(value):
 def test_what_a_key_stands_for_is_what_a_trace_says(name):
     keys = {}
     for program in programs(name):
-        other = with_other_numbers(program)
-        assert key_of(other) == key_of(program) is not None
+        variant = with_other_numbers(program)
+        assert key_of(variant) == key_of(program) is not None
         traced, text = llvm._traced(program)
-        assert llvm._traced(other) == (traced, text)
+        assert llvm._traced(variant) == (traced, text)
         keys[key_of(program)] = text
     texts = list(keys.values())
     assert len(set(texts)) == len(texts) == len(list(programs(name)))
@@ -59,9 +59,9 @@ def adding(x):
 
 def test_what_a_closure_holds_is_a_part_of_the_structure(monkeypatch):
     monkeypatch.setattr("blockmech.engines.structure.OWN", "tests.")  # as if of the package
-    one, other, again = (program_of(adding(x), 1) for x in (1.0, 2.0, 1.0))
-    assert key_of(one) == key_of(again) != key_of(other)
-    assert key_of(program_of(adding(1), 1)) != key_of(one)
+    first, second, again = (program_of(adding(x), 1) for x in (1.0, 2.0, 1.0))
+    assert key_of(first) == key_of(again) != key_of(second)
+    assert key_of(program_of(adding(1), 1)) != key_of(first)
     assert key_of(program_of(adding((1.0, adding(2.0))), 1)) != key_of(
         program_of(adding((1.0, adding(3.0))), 1)
     )

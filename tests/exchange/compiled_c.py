@@ -23,13 +23,13 @@ NEEDS_C = pytest.mark.skipif(
 
 def compiled(folder, name, *sources, compiler=None, shared=False, level="-O1"):
     """Compile files of a folder; the program or library made."""
-    made = folder / f"{name}_{'library.so' if shared else 'program'}"
-    how = ["-shared", "-fPIC"] if shared else []
+    target = folder / f"{name}_{'library.so' if shared else 'program'}"
+    flags = ["-shared", "-fPIC"] if shared else []
     files = [str(folder / source) for source in sources]
-    command = [compiler or COMPILERS[0], *FLAGS, level, *how, *files, "-lm", "-o", str(made)]
+    command = [compiler or COMPILERS[0], *FLAGS, level, *flags, *files, "-lm", "-o", str(target)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert result.returncode == 0, result.stderr[:3000]
-    return made
+    return target
 
 
 BATCH = """#include "{name}.h"
@@ -49,21 +49,21 @@ class Called:
         texts["batch.c"] = BATCH.format(name=name)
         for file, text in texts.items():
             (folder / file).write_text(text, "ascii")
-        how = {"compiler": compiler, "shared": True, "level": level}
-        library = compiled(folder, name, f"{name}.c", "batch.c", **how)
+        options = {"compiler": compiler, "shared": True, "level": level}
+        library = compiled(folder, name, f"{name}.c", "batch.c", **options)
         self.library = ctypes.CDLL(str(library))
 
     def __call__(self, samples):
         expected = self.program.plan.program.inputs
-        given = samples.given(expected)
+        columns = samples.given(expected)
         n, k = samples.n, len(expected)
         inputs = np.zeros((n, max(k, 1)))
         for j, name in enumerate(expected):
-            inputs[:, j] = np.asarray(given[name], float)
-        found, words = np.empty((n, len(self.program.outputs))), np.empty(n, np.intc)
-        arrays = (ctypes.c_void_p(x.ctypes.data) for x in (inputs, found, words))
+            inputs[:, j] = np.asarray(columns[name], float)
+        values, statuses = np.empty((n, len(self.program.outputs))), np.empty(n, np.intc)
+        arrays = (ctypes.c_void_p(x.ctypes.data) for x in (inputs, values, statuses))
         self.library.batch(*arrays, ctypes.c_long(n))
-        return found, words
+        return values, statuses
 
 
 def states(mechanism, n, seed):
@@ -73,11 +73,11 @@ def states(mechanism, n, seed):
     at, rates, accelerations = {}, {}, {}
     for i, driver in enumerate(mechanism.drivers):
         q = ranges.coordinate(i)
-        more = 0.1 * (q.max() - q.min())
-        at[driver] = rng.uniform(q.min() - more, q.max() + more, n)
+        overlap = 0.1 * (q.max() - q.min())
+        at[driver] = rng.uniform(q.min() - overlap, q.max() + overlap, n)
         rates[driver], accelerations[driver] = 3 * rng.normal(size=n), 5 * rng.normal(size=n)
-    taken = mechanism.samples(at, None, None, rates, accelerations)
-    return dataclasses.replace(taken, times=rng.uniform(0.0, 2.0, n))
+    samples = mechanism.samples(at, None, None, rates, accelerations)
+    return dataclasses.replace(samples, times=rng.uniform(0.0, 2.0, n))
 
 
 def scalar(program, samples):

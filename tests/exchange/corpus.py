@@ -28,7 +28,7 @@ class Machine(NamedTuple):
 
     def rider(self, point):
         """The link that slides with a rigid slot."""
-        return next(name for name, own in self.links.items() if point in own)
+        return next(name for name, points in self.links.items() if point in points)
 
     def solver(self):
         lines = {}
@@ -40,18 +40,18 @@ class Machine(NamedTuple):
             _, a, b = self.slots[point]
             rider = self.links[self.rider(point)]
             line = points[b] - points[a] if isinstance(b, str) else cmath.exp(1j * b)
-            other = max(rider, key=lambda p: abs(((points[p] - points[point]) / line).real))
+            far_point = max(rider, key=lambda p: abs(((points[p] - points[point]) / line).real))
             if isinstance(b, str):
-                along = points[b] - points[a]
-                span = (points[other] - points[point]) / along
+                line_vector = points[b] - points[a]
+                span = (points[far_point] - points[point]) / line_vector
                 helper = f"{point}'"
                 # fixed to the carrier, on a parallel of the slot through the other point
-                points[helper] = points[a] + 1j * along * span.imag
-                points[f"{helper}'"] = points[helper] + along
+                points[helper] = points[a] + 1j * line_vector * span.imag
+                points[f"{helper}'"] = points[helper] + line_vector
                 bodies = [[*x, helper, f"{helper}'"] if set(x) >= {a, b} else x for x in bodies]
-                lines[other] = (helper, f"{helper}'")
+                lines[far_point] = (helper, f"{helper}'")
             else:
-                lines[other] = (other, b)
+                lines[far_point] = (far_point, b)
         return Distances(points, bodies, fixed, lines, tuple(self.crank))
 
 
@@ -164,39 +164,41 @@ def digits(value):
     return f"0{text}" if value < 0 else text
 
 
-def joint(flags, key, z, angle=0.0, more=""):
-    return f"{DIGITS[flags]}{key},{key},{digits(z.real)},{digits(z.imag)},{digits(angle)}{more}"
+def joint(flags, key, z, angle=0.0, suffix=""):
+    return f"{DIGITS[flags]}{key},{key},{digits(z.real)},{digits(z.imag)},{digits(angle)}{suffix}"
 
 
 def pmks_plus(m, single=False, split=False, head="2P.Fe,1E8.K,0.1011"):
     """An address; sliders as one joint or as three, and a link as two that are welded."""
-    names = {name: "".join(own) for name, own in m.links.items()}
+    names = {name: "".join(corners) for name, corners in m.links.items()}
     records, blocks = [], []
     for key, z in m.points.items():
         flags = 4 * (key in m.fixed) | 2 * (key == m.crank[0])
         if key in m.slots:
             carrier, a, b = m.slots[key]
-            more = f",{names[carrier]},{a},{b}" if carrier else ""
+            suffix = f",{names[carrier]},{a},{b}" if carrier else ""
             slide = 1 | (0 if carrier else 4)
             angle = 0.0 if carrier else b
             if single:
                 slide |= flags
-                records.append(joint(slide | 8 * (key in m.rigid), key, z, angle, more))
+                records.append(joint(slide | 8 * (key in m.rigid), key, z, angle, suffix))
                 continue
-            records.append(joint(slide, f"{key.lower()}", z, angle, more))
+            records.append(joint(slide, f"{key.lower()}", z, angle, suffix))
             blocks.append(f"YP{key}{key.lower()},{key}{key.lower()},0,0,0,0,,{key},{key.lower()},,")
             flags |= 8 * (key in m.rigid)
         records.append(joint(flags | 8 * (split and key == "E"), key, z))
     links = []
-    for name, own in m.links.items():
-        c = sum(m.points[p] for p in own) / len(own)
+    for name, corners in m.links.items():
+        c = sum(m.points[p] for p in corners) / len(corners)
         body = f"{digits(120.0)},{digits(0.35)},{digits(c.real)},{digits(c.imag)},c5cae9"
         if split and name == "b":  # two bars of one coupler, a compound
-            parts = [own[0] + own[2], own[2] + own[1]]
-            links.append(f"YR{names[name]},{names[name]},{body},{','.join(own)},,{','.join(parts)}")
+            parts = [corners[0] + corners[2], corners[2] + corners[1]]
+            links.append(
+                f"YR{names[name]},{names[name]},{body},{','.join(corners)},,{','.join(parts)}"
+            )
             links += [f"NR{x},{x},{body},{','.join(x)},," for x in parts]
         else:
-            links.append(f"YR{names[name]},{names[name]},{body},{','.join(own)},,")
+            links.append(f"YR{names[name]},{names[name]},{body},{','.join(corners)},,")
     forces = ""
     if not m.slots:
         forces = f"2F1,{names['b']},F1,{digits(2.0)},{digits(2.5)},{digits(2.0)},{digits(1.5)},Fe."
@@ -206,22 +208,22 @@ def pmks_plus(m, single=False, split=False, head="2P.Fe,1E8.K,0.1011"):
 
 def pmks_plus_old(m, early=False):
     """An address of before 2023, of the two orders of words."""
-    names = {name: "".join(own) for name, own in m.links.items()}
+    names = {name: "".join(members) for name, members in m.links.items()}
     sliders = {key: f"{key}{key.lower()}" for key in m.slots}
     joints, links = "", ""
     for key, z in m.points.items():
-        own = [names[n] for n, points in m.links.items() if key in points]
-        own += [sliders[key]] if key in sliders else []
+        members = [names[n] for n, points in m.links.items() if key in points]
+        members += [sliders[key]] if key in sliders else []
         ground, drive = ("t" if x else "f" for x in (key in m.fixed, key == m.crank[0]))
         rest = f"{ground},{drive},Null" if early else f"{ground},Null,{drive}"
-        joints += f"{key},{z.real:g},{z.imag:g},{'|'.join(own)},R,{rest}\n"
+        joints += f"{key},{z.real:g},{z.imag:g},{'|'.join(members)},R,{rest}\n"
         if key in sliders:
             angle = m.slots[key][2]
             rest = f"t,f,{angle}," if early else f"t,{angle},f"
             joints += f"{key.lower()},{z.real:g},{z.imag:g},{sliders[key]},P,{rest}\n"
-    for name, own in m.links.items():
+    for name, members in m.links.items():
         kind = "" if early else "R,"
-        links += f"{names[name]},{kind}1,1,0,0,{'|'.join(own)},,{'line' if early else ''}\n"
+        links += f"{names[name]},{kind}1,1,0,0,{'|'.join(members)},,{'line' if early else ''}\n"
     if not early:
         for key, name in sliders.items():
             links += f"{name},P,1,Null,Null,Null,{key}|{key.lower()},,\n"
@@ -232,23 +234,23 @@ def pmks_plus_old(m, early=False):
 def rows(m):
     """Joints of PMKS: links, type, place, angle [deg], driven."""
     for key, z in m.points.items():
-        own = [n for n, points in m.links.items() if key in points]
+        members = [n for n, points in m.links.items() if key in points]
         kind, angle = "R", 0.0
         if key in m.fixed:
-            own = ["ground", *own]
+            members = ["ground", *members]
         if key in m.slots:
             carrier, a, b = m.slots[key]
             kind = "RP"
             angle = cmath.phase(m.points[b] - m.points[a]) if carrier else b
-            own = [carrier or "ground", *(x for x in own if x not in (carrier, "ground"))]
-            own += ["ground"] * (key in m.fixed)
-        yield own, kind, z, math.degrees(angle), key == m.crank[0]
+            members = [carrier or "ground", *(x for x in members if x not in (carrier, "ground"))]
+            members += ["ground"] * (key in m.fixed)
+        yield members, kind, z, math.degrees(angle), key == m.crank[0]
 
 
 def pmks_text(m):
     lines = (
-        f"{','.join(own)},{kind},{z.real},{z.imag},{angle!r},tff{'t' if drive else 'f'}\n"
-        for own, kind, z, angle, drive in rows(m)
+        f"{','.join(members)},{kind},{z.real},{z.imag},{angle!r},tff{'t' if drive else 'f'}\n"
+        for members, kind, z, angle, drive in rows(m)
     )
     return "".join(lines)
 
@@ -261,8 +263,8 @@ def pmks_json(m):
 
 def pyslvs(m):
     text = ", ".join(
-        f"J[{kind}, {f'A[{angle!r}], ' if kind != 'R' else ''}P[{z.real}, {z.imag}], L[{', '.join(own)}]]"
-        for own, kind, z, angle, _ in rows(m)
+        f"J[{kind}, {f'A[{angle!r}], ' if kind != 'R' else ''}P[{z.real}, {z.imag}], L[{', '.join(members)}]]"
+        for members, kind, z, angle, _ in rows(m)
     )
     return f"M[{text}]"
 
@@ -270,24 +272,27 @@ def pyslvs(m):
 def linkage2(m):
     ids = {key: k for k, key in enumerate(m.points)}
     out = ['<linkage2><program zoom="1" units="Millimeters" scalefactor="1"/>']
-    more = {}
+    slots = {}
     for key, (carrier, a, b) in m.slots.items():
         if not carrier:  # two anchors on its line
             ends = [m.points[key] + s * cmath.exp(1j * b) for s in (-3.0, 3.0)]
             a, b = f"{key}<", f"{key}>"
-            more |= dict(zip((a, b), ends, strict=True))
+            slots |= dict(zip((a, b), ends, strict=True))
             ids |= {a: len(ids), b: len(ids) + 1}
         limits = f'<slidelimit id="{ids[a]}"/><slidelimit id="{ids[b]}"/>'
-        more[key] = limits
-    for key, z in {**m.points, **{k: v for k, v in more.items() if not isinstance(v, str)}}.items():
+        slots[key] = limits
+    for key, z in {
+        **m.points,
+        **{k: v for k, v in slots.items() if not isinstance(v, str)},
+    }.items():
         anchor = ' anchor="true"' * (key in m.fixed or key not in m.points)
         drive = ' input="true" rpm="-12"' * (key == m.crank[0])
         slide = ' slider="true"' * (key in m.slots)
-        inner = more[key] if key in m.slots else ""
+        inner = slots[key] if key in m.slots else ""
         at = f'id="{ids[key]}" x="{z.real!r}" y="{z.imag!r}"'
         out.append(f"<connector {at}{anchor}{drive}{slide}>{inner}</connector>")
-    for k, own in enumerate(m.links.values()):
-        inner = "".join(f'<connector id="{ids[p]}"/>' for p in own)
+    for k, corners in enumerate(m.links.values()):
+        inner = "".join(f'<connector id="{ids[p]}"/>' for p in corners)
         out.append(f'<Link id="{k}">{inner}</Link>')
     return "".join([*out, "</linkage2>"])
 
@@ -300,7 +305,7 @@ def pylinkage(m):
         if key in m.slots:
             b = m.slots[key][2]
             joints[-1] |= {"type": "prismatic", "axis": [math.cos(b), math.sin(b)]}
-    links = [{"id": n, "type": "link", "joints": list(own)} for n, own in m.links.items()]
+    links = [{"id": n, "type": "link", "joints": list(corners)} for n, corners in m.links.items()]
     links[0] |= {"type": "driver", "motor_joint": "A", "angular_velocity": 0.1}
     return json.dumps({"name": "m", "joints": joints, "links": links})
 
@@ -312,7 +317,7 @@ def sketch_svg(m):
 
     out = ['<svg xmlns="http://www.w3.org/2000/svg" width="100mm" viewBox="0 0 100 100">']
     groups = {"frame": m.fixed, **m.links, "drive": m.crank[0]}
-    out += [f'<g id="{n}">{"".join(map(circle, own))}</g>' for n, own in groups.items()]
+    out += [f'<g id="{n}">{"".join(map(circle, corners))}</g>' for n, corners in groups.items()]
     for key, (carrier, a, b) in m.slots.items():
         ends = [m.points[x] for x in (a, b)] if carrier else None
         ends = ends or [m.points[key] + s * cmath.exp(1j * b) for s in (-2, 2)]
@@ -324,8 +329,8 @@ def sketch_svg(m):
 def sketch_dxf(m):
     pairs = [(0, "SECTION"), (2, "HEADER"), (9, "$INSUNITS"), (70, 4), (0, "ENDSEC")]
     pairs += [(0, "SECTION"), (2, "ENTITIES")]
-    for layer, own in {"frame": m.fixed, **m.links, "drive": m.crank[0]}.items():
-        for key in own:
+    for layer, corners in {"frame": m.fixed, **m.links, "drive": m.crank[0]}.items():
+        for key in corners:
             z = m.points[key]
             pairs += [(0, "CIRCLE"), (8, layer), (10, z.real), (20, z.imag), (40, 0.1)]
     for key, (carrier, a, b) in m.slots.items():
@@ -344,7 +349,9 @@ def joints_of(m):
     """Pins and guides: (name, kind, first, second, place, angle); sliders have links of their own."""
     out = []
     for key, z in m.points.items():
-        ends = ["frame"] * (key in m.fixed) + [n for n, own in m.links.items() if key in own]
+        ends = ["frame"] * (key in m.fixed) + [
+            n for n, corners in m.links.items() if key in corners
+        ]
         if key in m.slots:
             carrier, a, b = m.slots[key]
             angle = cmath.phase(m.points[b] - m.points[a]) if carrier else b
@@ -355,7 +362,7 @@ def joints_of(m):
                 foot = m.points[a] + unit * ((z - m.points[a]) / unit).real
             out.append((f"{key}_slide", "P", carrier or "frame", slider, foot, angle, z))
             ends = [slider, *(x for x in ends if x not in (carrier, slider))]
-        out += [(key, "R", ends[0], other, z, 0.0, z) for other in ends[1:]]
+        out += [(key, "R", ends[0], second, z, 0.0, z) for second in ends[1:]]
     return [(f"{n}{k}" if n in {x[0] for x in out[:k]} else n, *r) for k, (n, *r) in enumerate(out)]
 
 
@@ -380,8 +387,8 @@ def asmt(m):
     def pose(depth, z, axes):
         tab = "\t" * depth
         numbers = ["\t".join(repr(float(x)) for x in row) for row in axes]
-        place = f"{z.real!r}\t{z.imag!r}\t0.0"
-        lines = ["Position3D", f"\t{place}", "RotationMatrix", *(f"\t{row}" for row in numbers)]
+        position = f"{z.real!r}\t{z.imag!r}\t0.0"
+        lines = ["Position3D", f"\t{position}", "RotationMatrix", *(f"\t{row}" for row in numbers)]
         return [tab + line for line in lines]
 
     joints, parts = joints_of(m), {"frame": (0j, 0.0)}
@@ -390,9 +397,9 @@ def asmt(m):
             parts[name] = (complex(0.3 * k, -0.2 * k), 0.4 * k)
     markers = {name: [] for name in parts}
     for name, kind, first, second, z, angle, z2 in joints:
-        for end, place in ((first, z), (second, z2)):
+        for end, position in ((first, z), (second, z2)):
             o, turn_ = parts[end]
-            local = (place - o) * cmath.exp(-1j * turn_)
+            local = (position - o) * cmath.exp(-1j * turn_)
             axes = turned(angle - turn_)
             markers[end].append((name, local, product(axes, ALONG) if kind == "P" else axes))
     out = ["OndselSolver", "Assembly", "\tName", "\t\tm", *pose(1, 0j, turned(0))]
@@ -458,8 +465,8 @@ def mjcf(m, upright=False):
             if base != parent:
                 continue
             sense = 1 if first == parent else -1
-            along = xyz(sense * cmath.exp(1j * angle), upright)
-            joint_ = f'<joint name="{name}" type="slide" axis="{along}"/>'
+            axis_text = xyz(sense * cmath.exp(1j * angle), upright)
+            joint_ = f'<joint name="{name}" type="slide" axis="{axis_text}"/>'
             if kind == "R":
                 turn_ = " ".join(str(sense * int(x)) for x in axis.split())
                 joint_ = f'<joint name="{name}" axis="{turn_}" damping="0.01"/>'
@@ -468,16 +475,16 @@ def mjcf(m, upright=False):
             yield from bodies(child, z)
             yield "</body>"
 
-    places = {"frame": 0j} | {child: j[4] for child, (_, j) in above.items()}
+    origins = {"frame": 0j} | {child: j[4] for child, (_, j) in above.items()}
     out = ['<mujoco model="m"><option gravity="0 0 0"/><worldbody>', *bodies("frame", 0j)]
     out += ["</worldbody><equality>"]
     for name, kind, first, second, z, _, z2 in loops:
         assert kind == "R"
-        one, two = (second, first) if first == "frame" else (first, second)
-        body2 = "" if two == "frame" else f' body2="{two}"'
-        at = z2 if one == second else z
+        inner, outer = (second, first) if first == "frame" else (first, second)
+        body2 = "" if outer == "frame" else f' body2="{outer}"'
+        at = z2 if inner == second else z
         out.append(
-            f'<connect name="{name}" body1="{one}"{body2} anchor="{xyz(at - places[one], upright)}"/>'
+            f'<connect name="{name}" body1="{inner}"{body2} anchor="{xyz(at - origins[inner], upright)}"/>'
         )
     out += [f'</equality><actuator><motor joint="{m.crank[0]}"/></actuator></mujoco>']
     return "".join(out)
@@ -486,26 +493,26 @@ def mjcf(m, upright=False):
 def urdf(m, upright=False):
     above, loops = tree_of(m)
     axis = "0 -1 0" if upright else "0 0 1"
-    places = {"frame": 0j} | {child: j[4] for child, (_, j) in above.items()}
+    origins = {"frame": 0j} | {child: j[4] for child, (_, j) in above.items()}
     out = ['<robot name="m"><link name="frame"/>']
     inertia = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/>'
     body = f'<inertial><origin xyz="0.1 0 0"/><mass value="1.5"/>{inertia}</inertial>'
     out += [f'<link name="{child}">{body}</link>' for child in above]
     for child, (parent, (name, kind, first, _, z, angle, _)) in above.items():
         sense = 1 if first == parent else -1
-        along = xyz(sense * cmath.exp(1j * angle), upright) if kind == "P" else axis
+        axis_text = xyz(sense * cmath.exp(1j * angle), upright) if kind == "P" else axis
         if sense < 0 and kind == "R":
-            along = " ".join(str(-int(x)) for x in axis.split())
+            axis_text = " ".join(str(-int(x)) for x in axis.split())
         limit = '<limit lower="-9" upper="9" effort="1" velocity="1"/>' if kind == "P" else ""
         out.append(
             f'<joint name="{name}" type="{"prismatic" if kind == "P" else "continuous"}">'
-            f'<parent link="{parent}"/><child link="{child}"/><axis xyz="{along}"/>{limit}'
-            f'<origin xyz="{xyz(z - places[parent], upright)}"/></joint>'
+            f'<parent link="{parent}"/><child link="{child}"/><axis xyz="{axis_text}"/>{limit}'
+            f'<origin xyz="{xyz(z - origins[parent], upright)}"/></joint>'
         )
     for name, _, first, second, z, _, z2 in loops:
         ends = [(first, z), (second, z2)]
         inner = "".join(
-            f'<link{k} link="{link}" xyz="{xyz(at - places[link], upright)}"/>'
+            f'<link{k} link="{link}" xyz="{xyz(at - origins[link], upright)}"/>'
             for k, (link, at) in enumerate(ends, 1)
         )
         out.append(
@@ -519,25 +526,25 @@ def sdf(m, upright=False):
     joints = joints_of(m)
     axis = "0 -1 0" if upright else "0 0 1"
     names = [x for x in dict.fromkeys(x for j in joints for x in j[2:4]) if x != "frame"]
-    places = {"frame": 0j} | {name: complex(0.5 * k, 0.25 * k) for k, name in enumerate(names)}
+    origins = {"frame": 0j} | {name: complex(0.5 * k, 0.25 * k) for k, name in enumerate(names)}
     out = ['<sdf version="1.9"><model name="m">']
     for name in names:
         inertia = "<inertia><ixx>1</ixx><iyy>2</iyy><izz>3</izz></inertia>"
         body = f"<inertial><pose>0.1 0 0 0 0 0</pose><mass>2</mass>{inertia}</inertial>"
         out.append(
-            f'<link name="{name}"><pose>{xyz(places[name], upright)} 0 0 0</pose>{body}</link>'
+            f'<link name="{name}"><pose>{xyz(origins[name], upright)} 0 0 0</pose>{body}</link>'
         )
     for name, kind, first, second, _, angle, z2 in joints:
-        one, two = (("world" if x == "frame" else x) for x in (first, second))
-        along, sort = (
+        parent, child = (("world" if x == "frame" else x) for x in (first, second))
+        axis_text, sort = (
             (axis, "revolute")
             if kind == "R"
             else (xyz(cmath.exp(1j * angle), upright), "prismatic")
         )
-        at = z2 - places[second]
+        at = z2 - origins[second]
         out.append(
-            f'<joint name="{name}" type="{sort}"><parent>{one}</parent><child>{two}</child>'
-            f'<pose>{xyz(at, upright)} 0 0 0</pose><axis><xyz expressed_in="__model__">{along}</xyz></axis></joint>'
+            f'<joint name="{name}" type="{sort}"><parent>{parent}</parent><child>{child}</child>'
+            f'<pose>{xyz(at, upright)} 0 0 0</pose><axis><xyz expressed_in="__model__">{axis_text}</xyz></axis></joint>'
         )
     return "".join([*out, "</model></sdf>"])
 
@@ -586,12 +593,12 @@ def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name, (_, text, _) in drawings().items():
         (FOLDER / name).write_text(text, "utf-8")
-    places = {}
+    positions = {}
     for name, machine in MACHINES.items():
         poses = machine.solver().follow(turn())
         rows_ = {p: [[z.real, z.imag] for z in row] for p, row in poses.items() if len(p) == 1}
-        places[name] = rows_
-    (FOLDER / "places.json").write_text(json.dumps(places), "utf-8")
+        positions[name] = rows_
+    (FOLDER / "places.json").write_text(json.dumps(positions), "utf-8")
 
 
 if __name__ == "__main__":

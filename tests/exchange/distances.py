@@ -44,45 +44,45 @@ class Distances:
     def residuals(self, x, q):
         z = dict(self.drawn)
         z |= dict(zip(self.moving, x[::2] + 1j * x[1::2], strict=True))
-        found = []
+        misfits = []
         for kind, at, value in self.conditions:
             if kind == "length":
-                found.append((abs(z[at[0]] - z[at[1]]) - value) / self.size)
+                misfits.append((abs(z[at[0]] - z[at[1]]) - value) / self.size)
             elif kind == "area":
                 a, b, c = (z[p] for p in at)
-                found.append((_cross(b - a, c - a) - value) / self.size**2)
+                misfits.append((_cross(b - a, c - a) - value) / self.size**2)
             else:
                 point, line = at
-                a, along = self._line(z, line)
-                found.append(_cross(along, z[point] - a) / self.size)
+                a, direction = self._line(z, line)
+                misfits.append(_cross(direction, z[point] - a) / self.size)
         arm = self.drawn[self.pin] - self.drawn[self.centre]
         off = z[self.pin] - z[self.centre] - arm * cmath.exp(1j * q)
-        return np.array([*found, off.real / self.size, off.imag / self.size])
+        return np.array([*misfits, off.real / self.size, off.imag / self.size])
 
     def _line(self, z, line):
         a, b = line
         if isinstance(b, str):
-            along = z[b] - z[a]
-            return z[a], along / abs(along)
+            vector = z[b] - z[a]
+            return z[a], vector / abs(vector)
         return self.drawn[a], cmath.exp(1j * b)
 
     def follow(self, angles, steps=12):
         """Places (name -> list) at crank angles from the drawn one, in order."""
         x = np.array([v for p in self.moving for v in (self.drawn[p].real, self.drawn[p].imag)])
-        q, found = 0.0, {p: [] for p in self.drawn}
+        q, paths = 0.0, {p: [] for p in self.drawn}
         for target in angles:
             for k in range(1, steps + 1):
-                here = q + (target - q) * k / steps
+                angle = q + (target - q) * k / steps
                 solved = least_squares(
-                    self.residuals, x, args=(here,), xtol=1e-15, ftol=1e-15, gtol=1e-15
+                    self.residuals, x, args=(angle,), xtol=1e-15, ftol=1e-15, gtol=1e-15
                 )
                 x = solved.x
             assert np.abs(solved.fun).max() < 1e-12, (target, solved.fun)
             q = target
             z = dict(self.drawn) | dict(zip(self.moving, x[::2] + 1j * x[1::2], strict=True))
-            for p in found:
-                found[p].append(z[p])
-        return {p: np.array(values) for p, values in found.items()}
+            for p in paths:
+                paths[p].append(z[p])
+        return {p: np.array(values) for p, values in paths.items()}
 
 
 def _cross(a, b):

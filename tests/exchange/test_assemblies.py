@@ -15,11 +15,11 @@ def block(depth, *lines):
     return [("\t" * depth) + line for line in lines]
 
 
-def pose(depth, place, axes=EYE):
+def pose(depth, position, axes=EYE):
     rows = ["\t".join(repr(float(x)) for x in row) for row in axes]
     return [
         *block(depth, "Position3D"),
-        *block(depth + 1, "\t".join(repr(float(x)) for x in place)),
+        *block(depth + 1, "\t".join(repr(float(x)) for x in position)),
         *block(depth, "RotationMatrix"),
         *block(depth + 1, *rows),
     ]
@@ -27,10 +27,10 @@ def pose(depth, place, axes=EYE):
 
 def points(depth, markers, z=0.0):
     lines = block(depth, "RefPoints")
-    for name, (place, axes) in markers.items():
+    for name, (position, axes) in markers.items():
         lines += block(depth + 1, "RefPoint") + pose(depth + 2, (0, 0, z))
         lines += block(depth + 2, "Markers") + block(depth + 3, "Marker")
-        lines += block(depth + 4, "Name") + block(depth + 5, name) + pose(depth + 4, place, axes)
+        lines += block(depth + 4, "Name") + block(depth + 5, name) + pose(depth + 4, position, axes)
     return lines
 
 
@@ -38,16 +38,16 @@ def assembly(frame, parts, joints, motions=(), gravity=(0, -9.81, 0), after=()):
     """A text ``.asmt``. Parts: name -> (place, axes, markers, mass, moments, centre)."""
     lines = ["OndselSolver", "Assembly", "\tName", "\t\tOwn", *pose(1, (0, 0, 0))]
     lines += [*points(1, frame), "\tParts"]
-    for name, (place, axes, markers, mass, moments, centre) in parts.items():
-        lines += block(2, "Part") + block(3, "Name") + block(4, name) + pose(3, place, axes)
+    for name, (position, axes, markers, mass, moments, centre) in parts.items():
+        lines += block(2, "Part") + block(3, "Name") + block(4, name) + pose(3, position, axes)
         lines += block(3, "PrincipalMassMarker") + pose(4, centre)
         lines += block(4, "Mass") + block(5, repr(mass)) + block(4, "MomentOfInertias")
         lines += block(5, "\t".join(map(repr, moments))) + points(3, markers, 0.1)
     lines += ["\tConstraintSets", "\t\tJoints"]
-    for name, (kind, one, two) in joints.items():
+    for name, (kind, first, second) in joints.items():
         lines += block(3, kind) + block(4, "Name") + block(5, name)
-        lines += block(4, "MarkerI") + block(5, f"/Own/{one}")
-        lines += block(4, "MarkerJ") + block(5, f"/Own/{two}")
+        lines += block(4, "MarkerI") + block(5, f"/Own/{first}")
+        lines += block(4, "MarkerJ") + block(5, f"/Own/{second}")
     lines.append("\t\tMotions")
     for name, (joint, formula) in dict(motions).items():
         lines += block(3, "RotationalMotion") + block(4, "Name") + block(5, name)
@@ -139,8 +139,8 @@ def fourbar(upright=False, **changes):
         n: (spatial(complex(*p[:2])), axes(0.0)) for n, (p, _) in FRAME.items()
     }
     gravity = (0, 0, -9.81) if upright else (0, -9.81, 0)
-    given = {"joints": JOINTS, "motions": {"Motion1": ("Joint1", "2.0d*pi*time")}}
-    return assembly(frame, parts, gravity=gravity, **given | changes)
+    fields = {"joints": JOINTS, "motions": {"Motion1": ("Joint1", "2.0d*pi*time")}}
+    return assembly(frame, parts, gravity=gravity, **fields | changes)
 
 
 @pytest.mark.parametrize("upright", [False, True])
@@ -152,22 +152,22 @@ def test_a_fourbar_moves_as_ondsel_moves_it(upright, tmp_path):
     assert data["gravity"] == pytest.approx([0.0, -9.81])
     assert data["drivers"]["motor"]["rate"] == pytest.approx(2 * math.pi)
     for name, (z, angle, _, mass, inertia, cm) in PARTS.items():
-        own = data["links"][name]
-        assert (own["mass"], own["inertia"]) == pytest.approx((mass, inertia))
-        assert complex(*own["cm"]) == pytest.approx(z + complex(*cm) * cmath.exp(1j * angle))
+        body = data["links"][name]
+        assert (body["mass"], body["inertia"]) == pytest.approx((mass, inertia))
+        assert complex(*body["cm"]) == pytest.approx(z + complex(*cm) * cmath.exp(1j * angle))
     times = list(THEIRS)
     run = linkage.run(at=[2 * math.pi * t for t in times], want=["link.*.p", "link.*.angle"])
     for k, t in enumerate(times):
-        for part, (place, angle) in THEIRS[t].items():
-            drawn, first = PARTS[part][:2]
+        for part, (position, angle) in THEIRS[t].items():
+            reference, first = PARTS[part][:2]
             turn = run[f"link.{part}.angle"][k]
-            result = run[f"link.{part}.p"][k] + drawn * cmath.exp(1j * turn)
-            assert abs(result - place) < 1e-9, (part, t)
+            result = run[f"link.{part}.p"][k] + reference * cmath.exp(1j * turn)
+            assert abs(result - position) < 1e-9, (part, t)
             assert abs(cmath.phase(cmath.exp(1j * (turn + first - angle)))) < 1e-9
 
 
 def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
-    along = ((0, 0, 1), (1, 0, 0), (0, 1, 0))  # z axis along x
+    axes = ((0, 0, 1), (1, 0, 0), (0, 1, 0))  # z axis along x
     parts = {
         "crank": (
             (0, 0, 0),
@@ -188,7 +188,7 @@ def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
         "piston": (
             (2, 0, 0),
             EYE,
-            {"a": ((0, 0, 0), EYE), "g": ((0, 0, 0), along)},
+            {"a": ((0, 0, 0), EYE), "g": ((0, 0, 0), axes)},
             1.0,
             (1, 1, 1),
             (0, 0, 0),
@@ -203,7 +203,7 @@ def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
         "welded": ("FixedJoint", "piston/a", "cap/a"),
         "flat": ("ScrewJoint", "piston/a", "o"),
     }
-    frame = {"o": ((0, 0, 0), EYE), "g": ((5, 0, 0), along)}
+    frame = {"o": ((0, 0, 0), EYE), "g": ((5, 0, 0), axes)}
     text = assembly(frame, parts, joints, {"m": ("A", "time*time")})
     (tmp_path / "s.asmt").write_text(text, "utf-8")
     linkage = bm.read(tmp_path / "s.asmt")
@@ -222,9 +222,9 @@ def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
     assert motor["acceleration"] == pytest.approx(2.0)
 
 
-def part(place, **markers):
+def part(position, **markers):
     """A part of 1 kg with markers in its own axes."""
-    return (place, EYE, {k: (z, EYE) for k, z in markers.items()}, 1.0, (1, 1, 1), (0, 0, 0))
+    return (position, EYE, {k: (z, EYE) for k, z in markers.items()}, 1.0, (1, 1, 1), (0, 0, 0))
 
 
 GENERAL = {"rIJI1": "0.3 - 2*time", "rIJI2": "0.1*sin(2*pi*time)", "rIJI3": "0", "angIJJ1": "0"}
@@ -249,8 +249,8 @@ def test_a_general_motion_is_two_slides_and_a_pin(order, tmp_path):
     assert laws == ["constant_rate", "constant_rate", "harmonic", "constant_rate"]
     t = 0.2
     run = linkage.run(times=[t], want=["joint.A.p", "link.boat.angle"])
-    place = complex(0.3 - 2 * t, 0.1 * math.sin(math.tau * t))
-    assert run["joint.A.p"][0] == pytest.approx(place, abs=1e-14)
+    position = complex(0.3 - 2 * t, 0.1 * math.sin(math.tau * t))
+    assert run["joint.A.p"][0] == pytest.approx(position, abs=1e-14)
     assert run["link.boat.angle"][0] == pytest.approx(0.5 * t)
 
 

@@ -34,36 +34,36 @@ def test_every_graph_of_the_gallery_has_the_bits_of_the_scalar_engine(name, tmp_
     program = CProgram(mech)
     general = bool(followed(mech.structure))
     many = 120 if general else 300
-    taken = states(mech, many, seed=7)
+    samples = states(mech, many, seed=7)
     level = "-O1" if name in OPTIMISED else "-O0"
-    found, words = Called(program, tmp_path, level=level)(taken)
-    expected = scalar(program, taken)
-    assert [WORDS[i] for i in words] == list(expected.quality.status)
-    good = words == 0
+    values, statuses = Called(program, tmp_path, level=level)(samples)
+    expected = scalar(program, samples)
+    assert [WORDS[i] for i in statuses] == list(expected.quality.status)
+    good = statuses == 0
     assert good.sum() > 2 * many / 3
     columns = np.stack([np.where(good, program.column(expected, n), 0) for n in program.outputs], 1)
     scales = program._scales(columns)
     for j, column in enumerate(program.outputs):
         at = good & np.isfinite(columns[:, j])
-        off = np.abs(found[at, j] - columns[at, j])
+        off = np.abs(values[at, j] - columns[at, j])
         if general:
             margins = [np.asarray(m)[at] for m in expected.quality.margin.values()]
-            near = np.minimum.reduce(margins)
-            assert (off <= GENERAL * scales[j] / np.minimum(near, 1.0)).all(), column
+            margin = np.minimum.reduce(margins)
+            assert (off <= GENERAL * scales[j] / np.minimum(margin, 1.0)).all(), column
         elif column.endswith(ANGLES):
             assert (off <= np.spacing(math.pi)).all(), column
         else:
-            assert (found[at, j] == columns[at, j]).all(), column
+            assert (values[at, j] == columns[at, j]).all(), column
 
 
 @NEEDS_C
 def test_the_word_says_why_there_is_no_answer(tmp_path):
     program = CProgram(ruiz(radius=4.0).compile(), "crank.drive")
-    taken = program.mechanism.samples(np.linspace(0.0, 6.0, 60), None, None, 10.0, None)
-    _, words = Called(program, tmp_path, level="-O0")(taken)
-    expected = scalar(program, taken).quality.status
+    samples = program.mechanism.samples(np.linspace(0.0, 6.0, 60), None, None, 10.0, None)
+    _, statuses = Called(program, tmp_path, level="-O0")(samples)
+    expected = scalar(program, samples).quality.status
     assert {"ok", "self-locked"} <= set(expected)
-    assert [WORDS[i] for i in words] == list(expected)
+    assert [WORDS[i] for i in statuses] == list(expected)
 
 
 @NEEDS_C
@@ -130,11 +130,11 @@ def test_what_no_c_text_can_say_is_refused_by_name():
 
 def test_signals_are_refused_by_name_where_they_count():
     mech = bm.Graph.load(GRAPHS / "control" / "speed_controlled_fourbar.json").compile()
-    with pytest.raises(RequestError) as told:
+    with pytest.raises(RequestError) as refusal:
         CProgram(mech)
     with pytest.raises(RequestError) as run:
         mech.run(at=[0.1])
-    assert told.value.problems == run.value.problems
+    assert refusal.value.problems == run.value.problems
     assert CProgram(mech, "*.p").outputs
 
 
@@ -158,13 +158,13 @@ def test_names_and_titles_cannot_leave_their_comment():
 def test_documents_of_links_and_joints_have_the_numbers_of_the_scalar_engine(name, tmp_path):
     mech = bm.Linkage.load(JOINTS / f"{name}.json").compile()
     program = CProgram(mech)
-    taken = states(mech, 60, seed=7)
-    found, words = Called(program, tmp_path, level="-O0")(taken)
-    expected = scalar(program, taken)
-    good = words == 0
+    samples = states(mech, 60, seed=7)
+    values, statuses = Called(program, tmp_path, level="-O0")(samples)
+    expected = scalar(program, samples)
+    good = statuses == 0
     assert good.sum() > 20
     columns = np.stack([np.where(good, program.column(expected, n), 0) for n in program.outputs], 1)
     scales = program._scales(columns)
     for j, column in enumerate(program.outputs):
         at = good & np.isfinite(columns[:, j])
-        assert (np.abs(found[at, j] - columns[at, j]) <= 8 * EPS * scales[j]).all(), column
+        assert (np.abs(values[at, j] - columns[at, j]) <= 8 * EPS * scales[j]).all(), column

@@ -54,22 +54,24 @@ def test_positions_are_those_of_the_distances(name):
     assert not linkage.check()
     assert len(linkage.drivers) == 1  # mobility 1
     run = linkage.run(at=turn(), want=["joint.*.p", "link.*.p"])
-    places = {}
+    positions = {}
     for output in run:
         parts = output.split(".")
         if parts[0] == "joint" or len(parts) == 4:
-            places.setdefault(parts[-2], run[output])
+            positions.setdefault(parts[-2], run[output])
     size = max(abs(a - b) for a in machine.points.values() for b in machine.points.values())
     called, compared = names_of(name, machine), 0
     for point, row in PLACES[key].items():
-        if called[point] not in places:
+        if called[point] not in positions:
             continue
         expected = np.array([complex(*z) for z in row])
-        assert np.abs(places[called[point]] / unit - expected).max() < EXACT * size, point
+        assert np.abs(positions[called[point]] / unit - expected).max() < EXACT * size, point
         compared += point not in machine.fixed
-    drawn = name.endswith(("asmt", "mjcf", "urdf", "sdf"))  # these have joints alone
-    joined = [p for p in machine.points if sum(p in own for own in machine.links.values()) > 1]
-    assert compared >= (len(joined) if drawn else len(machine.points) - len(machine.fixed))
+    jointed = name.endswith(("asmt", "mjcf", "urdf", "sdf"))  # these have joints alone
+    joined = [
+        p for p in machine.points if sum(p in corners for corners in machine.links.values()) > 1
+    ]
+    assert compared >= (len(joined) if jointed else len(machine.points) - len(machine.fixed))
 
 
 def notes_of(text):
@@ -91,10 +93,10 @@ ADDED = {  # format -> what finds a place for a thing that nobody knows, and how
 @pytest.mark.parametrize("suffix", ADDED)
 def test_what_nobody_knows_is_a_note_that_names_it(suffix):
     text = DRAWINGS[f"rocker.{suffix}"][1]
-    before, after, said = ADDED[suffix]
+    before, after, message = ADDED[suffix]
     assert before in text
-    more = set(notes_of(text.replace(before, after))) - set(notes_of(text))
-    assert [note for note in more if note.startswith(said) and "left out" in note], more
+    fresh = set(notes_of(text.replace(before, after))) - set(notes_of(text))
+    assert [note for note in fresh if note.startswith(message) and "left out" in note], fresh
 
 
 def stamped(code):
@@ -174,15 +176,15 @@ def mutations(count, seed):
         text, suffix = DRAWINGS[name][1], name.rpartition(".")[2]
         a, b = chance.choice(fields_of(suffix, text))
         field = text[a:b]
-        made = chance.choice(["", chance.choice(CHANGED), field * 2, None])
-        if made is None:
+        replacement = chance.choice(["", chance.choice(CHANGED), field * 2, None])
+        if replacement is None:
             text = text[:b]
-        elif suffix in ("asmt", "dxf") or made in ("", field * 2):
-            text = text[:a] + made + text[b:]
+        elif suffix in ("asmt", "dxf") or replacement in ("", field * 2):
+            text = text[:a] + replacement + text[b:]
         else:
             text = (
                 text[:a]
-                + re.sub(r'(?<=[":>\[])[^"\[\]<>]+(?="|$|<|\])|^[\w.-]+$', made, field)
+                + re.sub(r'(?<=[":>\[])[^"\[\]<>]+(?="|$|<|\])|^[\w.-]+$', replacement, field)
                 + text[b:]
             )
         if suffix in ("pmksplus",) and chance.random() < 0.9:

@@ -82,16 +82,16 @@ def test_variables_have_units_and_say_what_they_are(fmi, tmp_path):
 def test_it_moves_as_simulate_does(name, kind, fmi, unit):
     mech, end, path = mechanism(name), CASES[name], unit(name, fmi)
     times = np.linspace(0.0, end, 11)
-    more = {"solver": "CVode", "relative_tolerance": 1e-11} if kind == "ModelExchange" else {}
+    options = {"solver": "CVode", "relative_tolerance": 1e-11} if kind == "ModelExchange" else {}
     names = [mech._of_driver(d, "q") for d in mech.drivers]
     if not mech.scene.initial:
-        more["start_values"] = dict.fromkeys(names, 0.5) | {
+        options["start_values"] = dict.fromkeys(names, 0.5) | {
             mech._of_driver(d, "rate"): 2.0 for d in mech.drivers
         }
     result = fmpy.simulate_fmu(
-        str(path), fmi_type=kind, stop_time=end, output_interval=end / 10, output=names, **more
+        str(path), fmi_type=kind, stop_time=end, output_interval=end / 10, output=names, **options
     )
-    start = dict.fromkeys(mech.drivers, (0.5, 2.0)) if "start_values" in more else None
+    start = dict.fromkeys(mech.drivers, (0.5, 2.0)) if "start_values" in options else None
     ours = mech.simulate(f"time={end}", times=times, want=names, accuracy=1e-10, start=start)
     for column in names:
         assert np.abs(np.interp(times, result["time"], result[column]) - ours[column]).max() < AGREE
@@ -136,15 +136,18 @@ def controlled_fivebar(limits=None):
     g.add("right", bm.Crank(length=1.1, links={"crank": link}))
     g.add("dyad", bm.RRR(l_i=1.6, l_j=1.7, branch=1, links={"i": link, "j": link}))
     ends = (("frame.A", "left.A"), ("frame.E", "right.A"), ("left.B", "dyad.B"))
-    for one, other in (*ends, ("right.B", "dyad.D")):
-        g.connect(one, other)
+    for start, end in (*ends, ("right.B", "dyad.D")):
+        g.connect(start, end)
     g.add("goal", signals.Input(value=2.0))
     g.add("jump", signals.Step(value=1.2, time=0.33, before=1.0))
-    own = {"left": ("goal", "frame.A", {"limits": limits}), "right": ("jump", "frame.E", {})}
-    own["right"][2]["sample"] = 0.01
-    for crank, (goal, base, more) in own.items():
+    controllers = {
+        "left": ("goal", "frame.A", {"limits": limits}),
+        "right": ("jump", "frame.E", {}),
+    }
+    controllers["right"][2]["sample"] = 0.01
+    for crank, (goal, base, settings) in controllers.items():
         g.add(f"error_{crank}", signals.Sum(signs="+-"))
-        g.add(f"pid_{crank}", signals.Pid(kp=200.0, ki=100.0, kd=40.0, **more))
+        g.add(f"pid_{crank}", signals.Pid(kp=200.0, ki=100.0, kd=40.0, **settings))
         g.add(f"motor_{crank}", bm.Motor(law=bm.laws.Signal()))
         g.connect(base, f"motor_{crank}.a")
         g.connect(f"{crank}.crank", f"motor_{crank}.b")
@@ -178,9 +181,9 @@ def test_signal_blocks_are_inside(name, kind, tmp_path):
     mech = controlled_fivebar(limits) if name == "fivebar" else opened(path).compile()
     (path,) = bm.write(mech, tmp_path / "m.fmu", step=1e-4, fmi=fmi, want=names)
     assert validate_fmu(str(path)) == []
-    more = {"solver": "CVode", "relative_tolerance": 1e-10} if fmi == "2" else {}
+    options = {"solver": "CVode", "relative_tolerance": 1e-10} if fmi == "2" else {}
     result = fmpy.simulate_fmu(
-        str(path), fmi_type=kind, stop_time=end, output_interval=end / 40, output=names, **more
+        str(path), fmi_type=kind, stop_time=end, output_interval=end / 40, output=names, **options
     )
     times = np.linspace(0.0, end, 5)
     ours = mech.simulate(f"time={end}", times=times, want=names, accuracy=1e-9)
@@ -198,7 +201,7 @@ def test_what_a_controller_outside_gives_comes_in_by_name(tmp_path):
     stepper.reset()
     goals = [2.0, 1.5, 2.2]
     ours = [stepper.step(0.05, {"goal": x})["left.q"][0] for x in goals]
-    rows = [(0.05 * k + more, x) for k, x in enumerate(goals) for more in (0.0, 0.05)]
+    rows = [(0.05 * k + delay, x) for k, x in enumerate(goals) for delay in (0.0, 0.05)]
     fed = np.array(rows, [("time", float), ("goal", float)])
     result = fmpy.simulate_fmu(
         str(path),

@@ -18,12 +18,12 @@ EXACT = 1e-9  # of the drawing's size
 def places(linkage, angles):
     """Every named place of a linkage at driver angles from the drawn pose: joints and markers."""
     result = linkage.run(at=angles, want=["joint.*.p", "link.*.p"])
-    found = {}
+    positions = {}
     for name in result:
         parts = name.split(".")
         if parts[0] == "joint" or len(parts) == 4:
-            found.setdefault(parts[-2], result[name])
-    return found
+            positions.setdefault(parts[-2], result[name])
+    return positions
 
 
 def compared(linkage, solver, scale, sense=1.0, rename=lambda p: p):
@@ -67,15 +67,15 @@ def plus(code):
             crank = key
     bodies = []
     for raw in links:
-        words = raw.split(",")
-        own = [w for w in words[7:] if w in points]
-        if words[0][1] == "P":  # the piston's points are one
-            slots[own[0]] = (own[0], slots.pop(own[1])[1])
-            points.pop(own[1])
+        fields = raw.split(",")
+        members = [w for w in fields[7:] if w in points]
+        if fields[0][1] == "P":  # the piston's points are one
+            slots[members[0]] = (members[0], slots.pop(members[1])[1])
+            points.pop(members[1])
         else:
-            bodies.append(own)
-    other = next(p for body in bodies if crank in body for p in body if p != crank)
-    return Distances(points, bodies, fixed, slots, (crank, other))
+            bodies.append(members)
+    follower = next(p for body in bodies if crank in body for p in body if p != crank)
+    return Distances(points, bodies, fixed, slots, (crank, follower))
 
 
 @pytest.mark.parametrize("name", sorted(drawings.PMKS_PLUS))
@@ -97,9 +97,9 @@ def test_a_text_of_pmks(tmp_path):
     # 250, 383, 429 and 500 long: the crank does not turn fully, so small angles of both senses
     solver = Distances(points, bodies, ["A", "D"], {}, ("A", "B"))
     angles = [0.05 * k for k in range(1, 25)]
-    expected, found = solver.follow(angles), places(linkage, angles)
+    expected, positions = solver.follow(angles), places(linkage, angles)
     for point in solver.moving:
-        assert np.abs(found[point] * 1000 - expected[point]).max() < EXACT * solver.size
+        assert np.abs(positions[point] * 1000 - expected[point]).max() < EXACT * solver.size
     assert linkage.extras["notes"] == ["the file names no unit: lengths were taken as mm"]
 
 
@@ -107,17 +107,19 @@ def linkage_xml(anchors, inputs, points, links, slides):
     """The text of Linkage for a drawing."""
     rows = ['<linkage2><program zoom="1"xoffset="81" units="Millimeters" scalefactor="1"/>']
     for key, (x, y) in points.items():
-        more = ' anchor="true"' * (key in anchors)
+        attributes = ' anchor="true"' * (key in anchors)
         if key in inputs:
-            more += f' input="true" rpm="{inputs[key]}"'
+            attributes += f' input="true" rpm="{inputs[key]}"'
         if key in slides:
             a, b = slides[key]
-            rows.append(f'<connector id="{key}" x="{x}" y="{y}" slider="true"{more}>')
+            rows.append(f'<connector id="{key}" x="{x}" y="{y}" slider="true"{attributes}>')
             rows.append(f'<slidelimit id="{a}"/><slidelimit id="{b}"/></connector>')
         else:
-            rows.append(f'<connector id="{key}" x="{x}" y="{y}"{more}/>')
-    for i, own in enumerate(links):
-        rows.append(f'<Link id="{i}">' + "".join(f'<connector id="{p}"/>' for p in own) + "</Link>")
+            rows.append(f'<connector id="{key}" x="{x}" y="{y}"{attributes}/>')
+    for i, corners in enumerate(links):
+        rows.append(
+            f'<Link id="{i}">' + "".join(f'<connector id="{p}"/>' for p in corners) + "</Link>"
+        )
     return "".join([*rows, "</linkage2>"])
 
 
@@ -135,18 +137,18 @@ def test_files_of_linkage(name, tmp_path):
         off = ((at[str(point)] - at[str(a)]) / line).imag
         at[str(point)] -= 1j * off * line
     crank = str(next(iter(inputs)))
-    bodies = [[str(p) for p in own] for own in links]
-    other = next(p for body in bodies if crank in body for p in body if p != crank)
-    solver = Distances(at, bodies, map(str, anchors), lines, (crank, other))
+    bodies = [[str(p) for p in corners] for corners in links]
+    follower = next(p for body in bodies if crank in body for p in body if p != crank)
+    solver = Distances(at, bodies, map(str, anchors), lines, (crank, follower))
     full = name in ("klann", "hoeken", "slider1")
     sense = -math.copysign(1.0, inputs[int(crank)])
     if full:
         compared(linkage, solver, 1e-3, sense)
     else:
         angles = [sense * 0.02 * k for k in range(1, 25)]
-        expected, found = solver.follow(angles), places(linkage, angles)
+        expected, positions = solver.follow(angles), places(linkage, angles)
         for point in solver.moving:
-            assert np.abs(found[point] * 1000 - expected[point]).max() < EXACT * solver.size
+            assert np.abs(positions[point] * 1000 - expected[point]).max() < EXACT * solver.size
 
 
 def test_documents_come_back_unchanged(tmp_path):
@@ -181,9 +183,9 @@ def test_pyslvs_and_pmks_json_say_the_same_as_the_text(tmp_path):
     angles = [0.1, 0.2]
     first = places(bm.read(tmp_path / "a.txt", unit="mm"), angles)
     for source in (tmp_path / "a.pmks", f"M[{expression}]"):
-        other = places(bm.read(source, unit="mm"), angles)
+        second = places(bm.read(source, unit="mm"), angles)
         for point in "BCD":
-            assert np.abs(first[point] - other[point]).max() == 0.0
+            assert np.abs(first[point] - second[point]).max() == 0.0
 
 
 def test_what_cannot_be_taken_is_a_note_with_its_name():
@@ -243,12 +245,12 @@ def test_a_slot_on_an_arc_of_linkage_keeps_the_distance_from_its_centre(sign):
     assert not linkage.check()
     assert "connector 2 slides on an arc" in " ".join(linkage.extras["notes"])
     at = {str(k): complex(*xy) for k, xy in points.items()} | {"c": centre}
-    bodies = [[str(p) for p in own] for own in bars] + [["c", "2"]]
+    bodies = [[str(p) for p in corners] for corners in bars] + [["c", "2"]]
     solver = Distances(at, bodies, ["0", "3", "4", "c"], {}, ("0", "1"))
     angles = [-0.05 * k for k in range(1, 25)]
-    expected, found = solver.follow(angles), places(linkage, angles)
+    expected, positions = solver.follow(angles), places(linkage, angles)
     for point in ("2", "5"):
-        assert np.abs(found[point] * 1000 - expected[point]).max() < EXACT * solver.size
+        assert np.abs(positions[point] * 1000 - expected[point]).max() < EXACT * solver.size
 
 
 def test_a_link_with_two_pins_on_one_arc_turns_about_its_centre():
@@ -348,10 +350,10 @@ HOSTILE = {
 def test_hostile_files_are_one_message(name, tmp_path, capsys):
     from blockmech.cli import main
 
-    raw, said = HOSTILE[name]
+    raw, message = HOSTILE[name]
     path = tmp_path / "evil.xml"
     path.write_bytes(raw)
-    with pytest.raises(FormatError, match=said) as error:
+    with pytest.raises(FormatError, match=message) as error:
         bm.read(path)
     assert len(error.value.problems) == 1
     assert main(["import", str(path)]) == 2
@@ -395,13 +397,13 @@ def test_live_linkages_of_pylinkage_move_as_pylinkage_moves_them():
     from pylinkage.simulation import Linkage
 
     a, d = Ground(0.0, 0.0, name="A"), Ground(3.0, 0.0, name="D")
-    far = Ground(9.0, 0.5, name="E")
+    pivot = Ground(9.0, 0.5, name="E")
     step = math.tau / 24
     crank = Crank(anchor=a, radius=1.0, angular_velocity=step, name="B")
     rocker = RRRDyad(crank.output, d, distance1=3.0, distance2=2.0, name="C")
     eye = FixedDyad(crank.output, rocker, distance=1.5, angle=0.4, name="P")
-    slide = RRPDyad(eye, d, far, distance=6.0, name="S")
-    linkage = Linkage([a, d, far, crank, rocker, eye, slide], name="six")
+    slide = RRPDyad(eye, d, pivot, distance=6.0, name="S")
+    linkage = Linkage([a, d, pivot, crank, rocker, eye, slide], name="six")
     ours = None
     theirs = []
     for k, positions in enumerate(linkage.step(iterations=25)):
@@ -525,13 +527,13 @@ def test_xml_is_read_in_the_encoding_that_it_names(encoding, tmp_path):
     plain.write_text(text, "utf-8")
     with pytest.raises(FormatError) as same:
         bm.read(plain)
-    found, right = (error.value.problems[0].found for error in (refused, same))
-    assert found == right
+    message, expected = (error.value.problems[0].found for error in (refused, same))
+    assert message == expected
 
 
 def test_a_joint_without_links_is_a_note():
-    drawn = "M[J[R, P[0, 0], L[ground, crank]], J[R, P[10, 20], L[]], J[R, P[60, 50], L[crank]]]"
-    notes = bm.read(drawn).extras["notes"]
+    text = "M[J[R, P[0, 0], L[ground, crank]], J[R, P[10, 20], L[]], J[R, P[60, 50], L[crank]]]"
+    notes = bm.read(text).extras["notes"]
     assert [note for note in notes if "on no link" in note] == ["joint B is on no link: left out"]
 
 

@@ -41,10 +41,12 @@ def bare(name):
     scene["gravity"] = [0.0, -9.81]
     scene.pop("stops", None)
     if name in LIGHT:
-        for block, own in changed(data | {"scene": {"gravity": [0, 0]}}).structure.blocks.items():
-            for i, link in enumerate(own.link_names):
-                more = {"mass": 1.0 + 0.3 * i, "inertia": 0.1, "cm": [0.05, 0.02 * i]}
-                data["blocks"][block].setdefault("links", {}).setdefault(link, {}).update(more)
+        for block, block_data in changed(
+            data | {"scene": {"gravity": [0, 0]}}
+        ).structure.blocks.items():
+            for i, link in enumerate(block_data.link_names):
+                body = {"mass": 1.0 + 0.3 * i, "inertia": 0.1, "cm": [0.05, 0.02 * i]}
+                data["blocks"][block].setdefault("links", {}).setdefault(link, {}).update(body)
     if not scene.get("initial"):
         drivers = changed(data | {"scene": {"gravity": [0, 0]}}).drivers
         scene["initial"] = {d: {"q": STARTS.get(name, 1.0), "rate": 0.0} for d in drivers}
@@ -60,12 +62,12 @@ def test_mujoco_agrees(name, tmp_path):
     (path,) = bm.write(mech, tmp_path / "m.xml", step=step)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    times, found = [0.0], [np.zeros(len(mech.drivers))]
+    times, positions = [0.0], [np.zeros(len(mech.drivers))]
     joints = [model.joint(str(ref)).qposadr[0] for ref in mech.structure.driven.values()]
     while data.time < end - step / 2:
         mujoco.mj_step(model, data)
         times.append(data.time)
-        found.append(data.qpos[joints].copy())
+        positions.append(data.qpos[joints].copy())
     some = np.linspace(0, len(times) - 1, 7).astype(int)
     names = [mech._of_driver(d, "q") for d in mech.drivers]
     ours = mech.simulate(
@@ -74,7 +76,7 @@ def test_mujoco_agrees(name, tmp_path):
     for k, column in enumerate(names):
         moved = ours[column] - ours[column][0]
         assert np.ptp(moved) > 0.01
-        assert np.abs(np.array(found)[some, k] - moved).max() < AGREE * max(1.0, np.ptp(moved))
+        assert np.abs(np.array(positions)[some, k] - moved).max() < AGREE * max(1.0, np.ptp(moved))
 
 
 def test_what_is_left_out_is_named(tmp_path):
@@ -108,10 +110,10 @@ def test_what_was_written_comes_back_as_the_same_mechanism(name, tmp_path):
                 compared += 1
     assert compared >= 2
     if len(mech.drivers) == 1:
-        own, other = (
+        first, second = (
             r[f"{m._of_driver(m.drivers[0], 'J_red')}"] for r, m in ((ours, mech), (theirs, again))
         )
-        assert other == pytest.approx(own, rel=1e-6)  # links without mass come back with 1e-9
+        assert second == pytest.approx(first, rel=1e-6)  # links without mass come back with 1e-9
 
 
 def test_a_model_with_quaternions_and_degrees_in_the_upright_plane(tmp_path):

@@ -29,8 +29,8 @@ def test_a_dxf_has_links_as_closed_outlines_with_holes(tmp_path):
     for arc in arcs:  # each arc begins and ends where a line does
         for end in (arc.start_point, arc.end_point):
             assert min((end - p).magnitude for p in ends) < 1e-9
-    whole = sum((e.dxf.end - e.dxf.start).magnitude for e in lines)
-    assert whole == pytest.approx(4000.0)
+    length = sum((e.dxf.end - e.dxf.start).magnitude for e in lines)
+    assert length == pytest.approx(4000.0)
 
 
 def test_an_svg_is_to_scale(tmp_path):

@@ -21,10 +21,10 @@ POSES = 1000
 
 @pytest.fixture(scope="module")
 def browser():
-    how = {"executable_path": chromium(), "headless": True, "args": ARGUMENTS}
-    made = driver().chromium.launch(**how)
-    yield made
-    made.close()
+    options = {"executable_path": chromium(), "headless": True, "args": ARGUMENTS}
+    running = driver().chromium.launch(**options)
+    yield running
+    running.close()
 
 
 @pytest.fixture
@@ -32,8 +32,10 @@ def page(browser):
     """A window in which no script fails and which loads nothing."""
     page, wrong = browser.new_page(viewport={"width": 1280, "height": 800}), []
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
-    page.on("request", lambda asked: _note(asked.url, wrong))
+    page.on(
+        "console", lambda message: wrong.append(message.text) if message.type == "error" else None
+    )
+    page.on("request", lambda request: _note(request.url, wrong))
     yield page
     page.close()
     assert wrong == []
@@ -44,9 +46,9 @@ def _note(url, wrong):
         wrong.append(url)
 
 
-def written(folder, name, **how):
+def written(folder, name, **options):
     path = folder / "page.html"
-    bm.write(opened(GRAPHS / f"{name}.json"), path, **how)
+    bm.write(opened(GRAPHS / f"{name}.json"), path, **options)
     return path
 
 
@@ -111,12 +113,12 @@ def test_a_browser_has_the_numbers_of_python(page, tmp_path, name, want):
     )
     found = np.array([[float(x.replace("Infinity", "inf")) for x in row] for row in found])
     assert found.shape == (POSES, len(script.outputs))
-    known = np.isfinite(expected)
-    assert known.any()
-    assert (np.isfinite(found) == known).all()
-    size = np.max(np.abs(np.where(known, expected, 0)), axis=0)
-    off = np.abs(np.where(known, found - expected, 0)) / np.spacing(np.where(size > 0, size, 1))
-    same = np.mean((found == expected)[known])
+    finite = np.isfinite(expected)
+    assert finite.any()
+    assert (np.isfinite(found) == finite).all()
+    size = np.max(np.abs(np.where(finite, expected, 0)), axis=0)
+    off = np.abs(np.where(finite, found - expected, 0)) / np.spacing(np.where(size > 0, size, 1))
+    same = np.mean((found == expected)[finite])
     print(f"{name}: {100 * same:.2f} % the same bits, at most {off.max():.1f} units off")
     assert off.max() <= 2
 
@@ -211,9 +213,9 @@ def test_texts_of_a_hostile_document_run_nothing_in_a_page(page, tmp_path):
 
 
 def test_the_command_writes_a_page(tmp_path, call):
-    file, made = GRAPHS / "whitworth_shaper.json", tmp_path / "p.html"
-    assert str(made) in call("page", file, "-o", made, "--samples", "31").out
-    assert '"n": 31' in made.read_text("utf-8")
-    outcome = call("page", file, "-o", made, "--slider", "crank.lenght")
+    file, target = GRAPHS / "whitworth_shaper.json", tmp_path / "p.html"
+    assert str(target) in call("page", file, "-o", target, "--samples", "31").out
+    assert '"n": 31' in target.read_text("utf-8")
+    outcome = call("page", file, "-o", target, "--slider", "crank.lenght")
     assert outcome.code == 2
     assert "crank_length" in outcome.err

@@ -18,7 +18,7 @@ BEGIN = {
 
 
 @pytest.mark.parametrize(
-    ("name", "to", "how"),
+    ("name", "to", "options"),
     [
         ("poses.png", None, {"at": [0.1, 0.7]}),
         ("poses.svg", "picture", {"trace": "dyad.S", "samples": 3}),
@@ -28,9 +28,9 @@ BEGIN = {
         ("film.html", "film", {"times": [0.0, 0.1]}),
     ],
 )
-def test_pictures_and_films_are_written_like_other_files(name, to, how, tmp_path):
+def test_pictures_and_films_are_written_like_other_files(name, to, options, tmp_path):
     fourbar = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
-    (path,) = bm.write(fourbar, tmp_path / name, to, **how)
+    (path,) = bm.write(fourbar, tmp_path / name, to, **options)
     assert path.read_bytes()[:20].lower().startswith(BEGIN[path.suffix].lower())
 
 

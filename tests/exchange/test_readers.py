@@ -164,10 +164,10 @@ def test_a_linkage_that_is_drawn_at_its_dead_centre_moves(source):
         joint(7, "P", 6 + 0j),
     ]
     links = ["YRAB,AB,0,0,0,0,,A,B,,", "YRBC,BC,0,0,0,0,,B,C,,", "YPCP,CP,0,0,0,0,,C,P,,"]
-    drawn, scale = address(joints, links), 0.01
+    text, scale = address(joints, links), 0.01
     if source == "pyslvs":
-        drawn, scale = "ground,a,R,0,0,0,tfff\na,b,R,2,0,0,tfff\nground,b,RP,6,0,0,tfft\n", 1.0
-    linkage = bm.read(drawn)
+        text, scale = "ground,a,R,0,0,0,tfff\na,b,R,2,0,0,tfff\nground,b,RP,6,0,0,tfft\n", 1.0
+    linkage = bm.read(text)
     assert not linkage.check()
     assert any("drawn at a dead centre of motor" in note for note in linkage.extras["notes"])
     q = np.linspace(-0.8, 0.0, 5)
@@ -219,12 +219,12 @@ def test_what_is_no_formula_is_refused(text):
 )
 def test_laws_of_formulas_are_the_formulas(text, law):
     formula = Formula(text, "here")
-    made = law_of(formula, 2.0, False)
-    assert made["law"] == law
+    driver = law_of(formula, 2.0, False)
+    assert driver["law"] == law
     m = bm.Linkage("m")
     m.add_link("a")
     m.add_joint("A", "R", ["frame", "a"], point=(0, 0))
-    data = m.to_data() | {"drivers": {"d": {"joint": "A", **made}}}
+    data = m.to_data() | {"drivers": {"d": {"joint": "A", **driver}}}
     times = np.linspace(0.0, 1.9, 7)
     q = bm.Linkage.from_data(data).run(times=times, want="driver.d.q")["driver.d.q"]
     right = [formula(time=t) for t in times]
@@ -246,10 +246,10 @@ def gears(joints, motions="", limits="", forces="", tilt=0.0):
     side = X_UP if rack else EYE
     eye = [[x + tilt * (i != j) for j, x in enumerate(row)] for i, row in enumerate(EYE)]
     frame = {"a": ((0, 0, 0), EYE), "b": (at_b, side)}
-    own = {"m": ((0, 0, 0), EYE), "b": ((0, 0, 0), side)}
+    markers = {"m": ((0, 0, 0), EYE), "b": ((0, 0, 0), side)}
     parts = {
-        "A": ((0, 0, 0), eye, own, 1.0, (1, 1, 1), (0, 0, 0)),
-        "B": (at_b, turned(0.0), own, 1.0, (1, 1, 1), (0, 0, 0)),
+        "A": ((0, 0, 0), eye, markers, 1.0, (1, 1, 1), (0, 0, 0)),
+        "B": (at_b, turned(0.0), markers, 1.0, (1, 1, 1), (0, 0, 0)),
     }
     pairs = {
         "Ja": ("RevoluteJoint", "a", "A/m"),
@@ -262,26 +262,26 @@ def gears(joints, motions="", limits="", forces="", tilt=0.0):
     return text.replace("\tForceTorques\n", f"\tForceTorques\n{forces}")
 
 
-def record(kind, name, one, two, **fields):
+def record(kind, name, first, second, **fields):
     lines = [
         f"\t\t\t{kind}",
         "\t\t\t\tName",
         f"\t\t\t\t\t{name}",
         "\t\t\t\tMarkerI",
-        f"\t\t\t\t\t/Own/{one}",
+        f"\t\t\t\t\t/Own/{first}",
     ]
-    lines += ["\t\t\t\tMarkerJ", f"\t\t\t\t\t/Own/{two}"]
+    lines += ["\t\t\t\tMarkerJ", f"\t\t\t\t\t/Own/{second}"]
     for key, value in fields.items():
         lines += [f"\t\t\t\t{key}", f"\t\t\t\t\t{value}"]
     return "\n".join([*lines, ""])
 
 
 @pytest.mark.parametrize(
-    ("one", "two", "ratio"), [(1.0, 2.0, -0.5), (1.0, -2.0, 0.5), (4.0, -1.0, 4.0)]
+    ("first", "second", "ratio"), [(1.0, 2.0, -0.5), (1.0, -2.0, 0.5), (4.0, -1.0, 4.0)]
 )
 @pytest.mark.parametrize("tilt", [0.0, 6e-6])
-def test_a_gear_joint_turns_by_its_radii(one, two, ratio, tilt):
-    pair = record("GearJoint", "mesh", "A/m", "B/b", radiusI=one, radiusJ=two)
+def test_a_gear_joint_turns_by_its_radii(first, second, ratio, tilt):
+    pair = record("GearJoint", "mesh", "A/m", "B/b", radiusI=first, radiusJ=second)
     linkage = bm.read(gears(pair, tilt=tilt))
     assert not linkage.check()
     run = linkage.run(at=[0.0, 0.7], want="link.B.angle")
@@ -619,10 +619,10 @@ def test_poses_of_sdf(turn, around):
     assert not linkage.check()
     data = linkage.to_data()
     assert data["joints"].pop("fixed")["links"] == ["frame", "base"]
-    places = {name: complex(*joint["at"][0]) for name, joint in data["joints"].items()}
+    positions = {name: complex(*joint["at"][0]) for name, joint in data["joints"].items()}
     pin = 1j + 0.1 * np.exp(0.7j)
     expected = {"A": 1j, "B": pin, "E": 0.35 + 1j, "C": 0.35 + 1.2j}
-    assert places == pytest.approx(expected, abs=1e-14)
+    assert positions == pytest.approx(expected, abs=1e-14)
     assert not data.get("stops")
     assert data["links"]["crank"]["mass"] == 2.0
     assert complex(*data["links"]["crank"]["cm"]) == pytest.approx(pin)

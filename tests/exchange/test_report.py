@@ -28,8 +28,8 @@ def test_a_report_has_drawing_dimensions_values_and_verification(tmp_path, name)
     assert text.count("<img") == 3  # drawing, curves, reactions
     assert "Verified: " in text
     numbers = re.findall(r"<tr><td>([^<]+)</td><td>([^ <]+) ?[^<]*</td></tr>", text)
-    known = {p.address: f"{p.value:.6g}" for p in mechanism.parameters().values()}
-    assert dict(numbers).items() >= known.items()
+    expected = {p.address: f"{p.value:.6g}" for p in mechanism.parameters().values()}
+    assert dict(numbers).items() >= expected.items()
     assert "FAILS" not in text
     assert "reaction" not in text.partition("<h2>Values")[2].partition("<h2>")[0]
 
@@ -51,8 +51,8 @@ def test_the_largest_reactions_are_those_of_the_run(tmp_path):
     text = report_of(linkage, tmp_path / "r.html", samples=61)
     rows = dict(re.findall(r"<tr><td>(joint[^<]+)</td><td>([^<]+)</td><td>", text))
     run = linkage.run(samples=61, want=list(rows))
-    for name, shown in rows.items():
-        assert float(shown) == pytest.approx(np.abs(run[name]).max(), rel=1e-5)
+    for name, printed in rows.items():
+        assert float(printed) == pytest.approx(np.abs(run[name]).max(), rel=1e-5)
     assert len(rows) == 4
 
 
@@ -62,8 +62,8 @@ def test_the_table_has_the_wanted_outputs_where_the_run_has_them(tmp_path):
     rows = re.findall(r"<tr><td>([-\d.e]+)</td><td>([^<]+)</td></tr>", text)
     assert len(rows) == 13
     run = shaper.run(samples=25, want=["dyad.C.reaction"])["dyad.C.reaction"][::2]
-    shown = [complex(*map(float, values.split(", "))) for _, values in rows]
-    assert np.abs(np.array(shown) - run).max() < 1e-5 * np.abs(run).max()
+    printed = [complex(*map(float, values.split(", "))) for _, values in rows]
+    assert np.abs(np.array(printed) - run).max() < 1e-5 * np.abs(run).max()
 
 
 def test_a_mechanism_without_laws_is_reported_over_a_turn_or_at_poses(tmp_path):

@@ -34,8 +34,8 @@ def test_outlines_come_back_as_the_same_links(name, suffix, tmp_path):
     theirs = linkage.run(at=angles, want="joint.*.p")
     size = max(abs(theirs[c]).max() for c in theirs)
     for column in theirs:
-        near = min(np.abs(ours[c] - theirs[column]).max() for c in ours)
-        assert near < 1e-9 * size, column
+        distance = min(np.abs(ours[c] - theirs[column]).max() for c in ours)
+        assert distance < 1e-9 * size, column
 
 
 SVG = """<svg width="100mm" height="50mm" viewBox="0 0 200 100" xmlns:inkscape="i">

@@ -82,22 +82,22 @@ class Press:
     def moments_of(self, numbers: Sequence[Any]) -> list[tuple[int, Any]]:
         """Moments of numbers (mpf)."""
         r, l, rho, mu = numbers
-        q, way = mpf(self.q), self.sense
+        q, sense = mpf(self.q), self.sense
         phi = -mp.asin(r * mp.sin(q) / l)
-        rod = -r * mp.cos(q) / (l * mp.cos(phi)) * way  # its rate at unit rate of the crank
-        ram = -way * mp.sin(q) * r * (1 + r * mp.cos(q) / (l * mp.cos(phi)))
-        at_b, at_c = mp.sign(rod - way), mp.sign(-rod)
+        rod = -r * mp.cos(q) / (l * mp.cos(phi)) * sense  # its rate at unit rate of the crank
+        ram = -sense * mp.sin(q) * r * (1 + r * mp.cos(q) / (l * mp.cos(phi)))
+        at_b, at_c = mp.sign(rod - sense), mp.sign(-rod)
         aside = (at_c - at_b) * rho / l
-        found = []
+        solutions = []
         for push in (1, -1):
             if abs(aside) >= 1:
                 break  # the circles overlap: the rod carries nothing
             along = phi + mp.asin(push * aside)
-            kept = push * mp.cos(along) - mp.sign(ram) * mu * abs(mp.sin(along))
-            if kept > 0:  # else the guide holds whatever presses it
-                lever = push * r * mp.sin(along - q) + (way - at_b) * rho
-                found.append((push, lever * LOAD / kept))
-        return found
+            remainder = push * mp.cos(along) - mp.sign(ram) * mu * abs(mp.sin(along))
+            if remainder > 0:  # else the guide holds whatever presses it
+                lever = push * r * mp.sin(along - q) + (sense - at_b) * rho
+                solutions.append((push, lever * LOAD / remainder))
+        return solutions
 
     @property
     def at(self) -> float:
@@ -161,27 +161,27 @@ class Rocker:
     def moments_of(self, numbers: Sequence[Any]) -> list[tuple[int, Any]]:
         """As those of a press."""
         r, l, c, rho, x, y = numbers
-        tip, way = r * mp.expj(mpf(self.at)), self.sense
+        tip, sense = r * mp.expj(mpf(self.at)), self.sense
         aside = mp.mpc(x, y) - tip
         reach = abs(aside)
         bend = mp.acos((l**2 + reach**2 - c**2) / (2 * l * reach))
         rod = l * aside / reach * mp.expj(-SIDE * bend)
         arm = tip + rod - mp.mpc(x, y)
-        turn_i = -way * _dot(1j * tip, arm) / _dot(1j * rod, arm)
-        turn_j = way * _dot(1j * tip, rod) / _dot(1j * arm, rod)
-        at_b, at_c = mp.sign(turn_i - way), mp.sign(turn_i - turn_j)
+        turn_i = -sense * _dot(1j * tip, arm) / _dot(1j * rod, arm)
+        turn_j = sense * _dot(1j * tip, rod) / _dot(1j * arm, rod)
+        at_b, at_c = mp.sign(turn_i - sense), mp.sign(turn_i - turn_j)
         at_d = mp.sign(turn_j)
-        found = []
+        solutions = []
         for push in (1, -1):
             sine = -push * (at_b + at_c) * rho / l
             if abs(sine) >= 1:
                 break
             force = push * rod / l * mp.expj(mp.asin(sine))  # on the rocker, for each newton
-            kept = SIDE * (_cross(arm, force) + (at_c - at_d) * rho)
-            if kept > 0:
-                lever = _cross(tip, force) + (way - at_b) * rho
-                found.append((push, lever * LOAD / kept))
-        return found
+            remainder = SIDE * (_cross(arm, force) + (at_c - at_d) * rho)
+            if remainder > 0:
+                lever = _cross(tip, force) + (sense - at_b) * rho
+                solutions.append((push, lever * LOAD / remainder))
+        return solutions
 
 
 def _dot(a: Any, b: Any) -> Any:
@@ -202,8 +202,8 @@ def rockers() -> Iterator[Rocker]:
     """Friction from almost none to what locks, ever nearer the dead centre of the dyad."""
     for gap in (1e-1, 1e-3, 1e-6):
         for rho in (1e-14, 1e-4, 1e-2, 0.1, 0.4):
-            for sense, way in ((1, "forward"), (-1, "back")):
-                name = f"rocker {way}, {gap:.0e} short of stretched, rho {rho}"
+            for sense, direction in ((1, "forward"), (-1, "back")):
+                name = f"rocker {direction}, {gap:.0e} short of stretched, rho {rho}"
                 yield Rocker(name, gap, rho, sense)
                 if gap > 1e-6:
                     yield Rocker(f"general, {name}", gap, rho, sense, True)

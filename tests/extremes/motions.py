@@ -246,21 +246,21 @@ def _pulls(g: Graph) -> tuple[Any, Any]:
 
 def _down(g: Graph) -> Callable[..., dict[str, Any]]:
     def truth(q: Any, rate: Any, t: Any) -> dict[str, Any]:
-        along, kept = _pulls(g)
-        return {"slider": q + (along - kept) * t**2 / 2}
+        along, friction = _pulls(g)
+        return {"slider": q + (along - friction) * t**2 / 2}
 
     return truth
 
 
 def _up_and_down(g: Graph, start: dict[str, tuple[float, float]]) -> Callable[..., dict[str, Any]]:
     def truth(q: Any, rate: Any, t: Any) -> dict[str, Any]:
-        along, kept = _pulls(g)
-        places = {}
+        along, friction = _pulls(g)
+        positions = {}
         for name, (_, thrown) in start.items():
-            turns = -mpf(thrown) / (along + kept)  # it comes to a stop, and slides back
+            turns = -mpf(thrown) / (along + friction)  # it comes to a stop, and slides back
             top = mpf(thrown) * turns / 2
-            places[name] = top + (along - kept) * (t - turns) ** 2 / 2
-        return places
+            positions[name] = top + (along - friction) * (t - turns) ** 2 / 2
+        return positions
 
     return truth
 
@@ -318,7 +318,7 @@ class Cell:
 
 def moved(case: Motion) -> Cell:
     """Run a case, and compare its end with the truth."""
-    begun = time.process_time()
+    start = time.process_time()
     run = case.graph.compile().simulate(
         f"time={case.time!r}", start=case.start, times=[case.time]
     )  # fmt: skip
@@ -329,6 +329,6 @@ def moved(case: Motion) -> Cell:
             truth = case.truth(mpf(first[0]), mpf(first[1]), mpf(case.time))
             off = [abs(mpf(float(run[f"{d}.q"][-1])) - there) for d, there in truth.items()]
             error = float(max(off))
-    told = "; ".join([f"{m.method}, {m.status}: {m.end} at {m.t_end:.3g} s", *m.notes])
+    summary = "; ".join([f"{m.method}, {m.status}: {m.end} at {m.t_end:.3g} s", *m.notes])
     way = float(np.abs(np.subtract(m.q_end, m.at(m.t_start).q)).max())
-    return Cell(error, m.error, way, m.cost.evaluations, time.process_time() - begun, told)
+    return Cell(error, m.error, way, m.cost.evaluations, time.process_time() - start, summary)

@@ -91,19 +91,19 @@ def as_general_group(graph: Graph, at: dict[str, float]) -> Graph:
     """A graph whose dyad is a general group that closes from its pose."""
     dyad = graph.blocks["dyad"]
     run = graph.compile().run(at=at, want=["dyad.?.p", "dyad.?.angle"])
-    place = {name: complex(run[f"dyad.{name}.p"][0]) for name in "ij"}
-    poses = {n: (z.real, z.imag, float(run[f"dyad.{n}.angle"][0])) for n, z in place.items()}
+    positions = {name: complex(run[f"dyad.{name}.p"][0]) for name in "ij"}
+    poses = {n: (z.real, z.imag, float(run[f"dyad.{n}.angle"][0])) for n, z in positions.items()}
     pairs = {
         "B": {"type": "R", "link": "i", "at": (0.0, 0.0)},
         "C": {"type": "R", "links": ["i", "j"], "at": [(dyad.l_i, 0.0), (dyad.l_j, 0.0)]},
         "D": {"type": "R", "link": "j", "at": (0.0, 0.0)},
     }
     home = {"drivers": at, "poses": poses}
-    made = Graph.from_data(graph.to_data())
-    made.blocks["dyad"] = bm.GeneralGroup(
+    general = Graph.from_data(graph.to_data())
+    general.blocks["dyad"] = bm.GeneralGroup(
         pairs=pairs, links=dyad.links, home=home, friction=dyad.friction
     )
-    return made
+    return general
 
 
 def near_tangent() -> Iterator[Scene]:
@@ -180,13 +180,13 @@ def sliding(kind: str, size: float = 1.0, mass: float = 1.0, inner: float = 1.0)
     arm = bm.Link(mass=1.0, inertia=size**2 / 12, cm=(size / 2, 0.0), markers=slot)
     g.add("crank", bm.Crank(length=size, links={"crank": arm}))
     links = {"i": bar(inner, size), "j": bar(mass, size / 2)}
-    made: dict[str, Any] = {
+    examples: dict[str, Any] = {
         "rrp": (bm.RRP, {"l": 2 * size, "h": 0.1 * size}, ("crank.B d.B", "frame.G d.S")),
         "rpr": (bm.RPR, {"h_i": 0.1 * size, "h_j": -0.2 * size}, ("crank.B d.B", "frame.D d.D")),
         "prp": (bm.PRP, {"h1": 0.1 * size, "h2": 0.2 * size}, ("crank.g d.S1", "frame.G d.S2")),
         "rpp": (bm.RPP, {"beta": 1.1, "h_i": 0.1 * size}, ("crank.B d.B", "frame.G d.S")),
     }
-    block, numbers, wires = made[kind]
+    block, numbers, wires = examples[kind]
     g.add("d", block(**numbers, links=links))
     return wire(g, "frame.A crank.A", *wires)
 

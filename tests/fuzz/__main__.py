@@ -19,25 +19,26 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for the documents that show something")
     parser.add_argument("--show", action="store_true", help="only print the document")
-    asked = parser.parse_args()
-    numbers = range(asked.first, asked.first + asked.documents)
-    if asked.show:
+    options = parser.parse_args()
+    numbers = range(options.first, options.first + options.documents)
+    if options.show:
         for number in numbers:
-            print(mutant(asked.seed, number).text)
+            print(mutant(options.seed, number).text)
         return 0
-    findings, begun = Findings(), time.process_time()
+    findings, start = Findings(), time.process_time()
     for number in numbers:
         before, clock = len(findings.problems), time.process_time()
-        findings.judge(asked.seed, number)
-        for made, kind, detail in findings.problems[before:]:
+        findings.judge(options.seed, number)
+        for mutated, kind, detail in findings.problems[before:]:
             spent = time.process_time() - clock
-            print(f"--- {kind}: --seed {asked.seed} --first {number} ({made.base}, {spent:.1f} s)")
+            command = f"--seed {options.seed} --first {number}"
+            print(f"--- {kind}: {command} ({mutated.base}, {spent:.1f} s)")
             print(detail.rstrip(), flush=True)
-            if asked.keep:
-                asked.keep.mkdir(parents=True, exist_ok=True)
-                (asked.keep / f"{asked.seed}-{number}.json").write_text(made.text, "utf-8")
-    spent = time.process_time() - begun
-    print(f"seed {asked.seed}, {asked.documents} documents, {spent:.0f} s: {findings.reached}")
+            if options.keep:
+                options.keep.mkdir(parents=True, exist_ok=True)
+                (options.keep / f"{options.seed}-{number}.json").write_text(mutated.text, "utf-8")
+    spent = time.process_time() - start
+    print(f"seed {options.seed}, {options.documents} documents, {spent:.0f} s: {findings.reached}")
     print(f"{len(findings.problems)} findings")
     return 1 if findings.problems else 0
 

@@ -51,35 +51,35 @@ class Findings:
 
     def judge(self, seed: int, number: int) -> None:
         """Make a mutant and see what becomes of it."""
-        made = mutant(seed, number)
+        document = mutant(seed, number)
         try:
             with soon(LONGEST), warnings.catch_warnings(record=True) as warned:
                 warnings.simplefilter("always")
-                for stage, kind, detail in judged(made.text):
+                for stage, kind, detail in judged(document.text):
                     self.reached[stage] += 1
                     if kind:
-                        self.problems.append((made, kind, detail))
-                for said in sorted({f"{w.filename}:{w.lineno}: {w.message}" for w in warned}):
-                    self.problems.append((made, "warning", said))
+                        self.problems.append((document, kind, detail))
+                for message in sorted({f"{w.filename}:{w.lineno}: {w.message}" for w in warned}):
+                    self.problems.append((document, "warning", message))
         except Hang:
-            self.problems.append((made, "hang", last_lines()))
+            self.problems.append((document, "hang", last_lines()))
         except Exception:
-            self.problems.append((made, "traceback", traceback.format_exc()))
+            self.problems.append((document, "traceback", traceback.format_exc()))
 
 
 def judged(text: str) -> Iterator[tuple[str, str, str]]:
     """(Stage, kind of finding, detail) of each stage that a document comes through."""
-    found = _answer(lambda: read(text, "mutant.json", _kind), FILE_CODES | set(LINKAGE_CODES))
-    if found is None:
+    document = _answer(lambda: read(text, "mutant.json", _kind), FILE_CODES | set(LINKAGE_CODES))
+    if document is None:
         yield "refused", "", ""
         return
-    repr(found)
-    written = found.to_json()
-    if type(found).from_json(written).to_json() != written:
+    repr(document)
+    written = document.to_json()
+    if type(document).from_json(written).to_json() != written:
         yield "read", "written otherwise when it is read again", written
-    mechanism = _answer(found.compile)
+    mechanism = _answer(document.compile)
     if mechanism is None:
-        yield "not compiled", "" if found.check() else "check finds nothing wrong", ""
+        yield "not compiled", "" if document.check() else "check finds nothing wrong", ""
         return
     yield "compiled", "", ""
     result = _answer(lambda: mechanism.run(samples=SAMPLES, on_gap="mark"))
@@ -95,7 +95,7 @@ def judged(text: str) -> Iterator[tuple[str, str, str]]:
     moved = _answer(lambda: mechanism.simulate(MOVES))
     if moved is not None:
         yield f"moved: {moved.motion.status}", *_numbers(moved)
-    subject = Subject(found, mechanism)
+    subject = Subject(document, mechanism)
     for call in random.Random(text).sample(ASKED, EACH):
         for fault in faults(subject, call):
             yield call, fault.kind, f"{call}: {fault.detail}"
@@ -105,12 +105,12 @@ def _kind(raw: dict[str, Any]) -> type[Opened]:
     return Linkage if "joints" in raw else Graph
 
 
-def _answer(ask: Callable[[], T], known: Collection[str] = ()) -> T | None:
+def _answer(ask: Callable[[], T], accepted: Collection[str] = ()) -> T | None:
     """What is asked for; None where blockmech refuses in its own words, and by known codes."""
     try:
         return ask()
     except bm.BlockmechError as error:
-        if known and not {p.code for p in error.problems} <= set(known):
+        if accepted and not {p.code for p in error.problems} <= set(accepted):
             raise RuntimeError("a code that a file should not cause") from error
         if not all(p.code and p.found and str(p).isprintable() for p in error.problems):
             raise RuntimeError("an error without words, or with signs that are none") from error
@@ -151,10 +151,10 @@ def soon(longest: float) -> Iterator[None]:
 
     Threads of linear algebra that wait for each other on a busy machine do not count.
     """
-    begun = time.thread_time()
+    start = time.thread_time()
 
     def look(signum: int, frame: Any) -> None:
-        if time.thread_time() - begun > longest:
+        if time.thread_time() - start > longest:
             _STOPPED[:] = traceback.format_stack(frame)[-6:]
             raise Hang
 

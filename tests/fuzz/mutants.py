@@ -59,13 +59,13 @@ class Mutant(NamedTuple):
 @cache
 def bases() -> tuple[tuple[str, Any], ...]:
     """Documents of the gallery by name, without the numbers that they expect."""
-    found = []
+    documents = []
     for folder in FOLDERS:
         for path in sorted((GRAPHS / folder).glob("*.json")):
             data = json.loads(path.read_text("utf-8"))
             data.pop("expect", None)
-            found.append((path.relative_to(GRAPHS).as_posix(), data))
-    return tuple(found)
+            documents.append((path.relative_to(GRAPHS).as_posix(), data))
+    return tuple(documents)
 
 
 def mutant(seed: int, number: int) -> Mutant:
@@ -102,10 +102,10 @@ def _places(data: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def _somewhere(
-    rng: random.Random, data: Any, fits: Callable[[Any], bool] = lambda item: True
+    rng: random.Random, data: Any, accepts: Callable[[Any], bool] = lambda item: True
 ) -> tuple[Any, Any] | None:
     """A place at random whose item fits."""
-    result = [(box, key) for box, key in _places(data) if fits(box[key])]
+    result = [(box, key) for box, key in _places(data) if accepts(box[key])]
     return rng.choice(result) if result else None
 
 
@@ -115,41 +115,41 @@ def _is_number(item: Any) -> bool:
 
 def _scaled(rng: random.Random, data: Any) -> None:
     """A number by a power of ten: a slip of units, or far worse."""
-    if place := _somewhere(rng, data, _is_number):
-        box, key = place
+    if item := _somewhere(rng, data, _is_number):
+        box, key = item
         box[key] = float(box[key]) * 10.0 ** rng.choice((-9, -6, -3, -1, 1, 3, 3, 6, 9, 20))
 
 
 def _moved(rng: random.Random, data: Any) -> None:
     """A number as a designer would change it."""
-    if place := _somewhere(rng, data, _is_number):
-        box, key = place
+    if item := _somewhere(rng, data, _is_number):
+        box, key = item
         box[key] = float(box[key]) * rng.uniform(-2, 2) + rng.choice((0, 0, 1, -1))
 
 
 def _extreme(rng: random.Random, data: Any) -> None:
-    if place := _somewhere(rng, data, _is_number):
-        box, key = place
+    if item := _somewhere(rng, data, _is_number):
+        box, key = item
         box[key] = rng.choice(EXTREME)
 
 
 def _retyped(rng: random.Random, data: Any) -> None:
-    if place := _somewhere(rng, data):
-        box, key = place
+    if item := _somewhere(rng, data):
+        box, key = item
         box[key] = rng.choice(OTHERS)
 
 
 def _injected(rng: random.Random, data: Any) -> None:
     """A text in place of a value, or of a key."""
-    if place := _somewhere(rng, data, lambda item: isinstance(item, str)):
-        box, key = place
+    if spot := _somewhere(rng, data, lambda item: isinstance(item, str)):
+        box, key = spot
         box[key] = rng.choice(TEXTS)
 
 
 def _renamed(rng: random.Random, data: Any) -> None:
     """A key; or a block, together with every wire that names it."""
-    if (place := _somewhere(rng, data)) and isinstance(place[0], dict):
-        box, key = place
+    if (item := _somewhere(rng, data)) and isinstance(item[0], dict):
+        box, key = item
         name = rng.choice((*TEXTS, key + "_", key.upper()))
         if rng.random() < 0.5:
             text = json.dumps(data).replace(json.dumps(key)[:-1], json.dumps(name)[:-1])
@@ -160,8 +160,8 @@ def _renamed(rng: random.Random, data: Any) -> None:
 
 
 def _removed(rng: random.Random, data: Any) -> None:
-    if place := _somewhere(rng, data):
-        box, key = place
+    if item := _somewhere(rng, data):
+        box, key = item
         del box[key]
 
 
@@ -178,20 +178,20 @@ def _copied(rng: random.Random, data: Any) -> None:
 
 def _grafted(rng: random.Random, data: Any) -> None:
     """A section of another document of the gallery."""
-    _, other = rng.choice(bases())
-    if shared := sorted(set(other) & set(data)):
+    _, donor = rng.choice(bases())
+    if shared := sorted(set(donor) & set(data)):
         key = rng.choice(shared)
-        if isinstance(data[key], dict) and isinstance(other[key], dict) and rng.random() < 0.7:
-            data[key] |= copy.deepcopy(other[key])
+        if isinstance(data[key], dict) and isinstance(donor[key], dict) and rng.random() < 0.7:
+            data[key] |= copy.deepcopy(donor[key])
         else:
-            data[key] = copy.deepcopy(other[key])
+            data[key] = copy.deepcopy(donor[key])
 
 
 def _crossed(rng: random.Random, data: Any) -> None:
     """Two items of a list or an object change places."""
-    place = _somewhere(rng, data, lambda item: isinstance(item, dict | list) and len(item) > 1)
-    if place is not None:
-        box = place[0][place[1]]
+    spot = _somewhere(rng, data, lambda item: isinstance(item, dict | list) and len(item) > 1)
+    if spot is not None:
+        box = spot[0][spot[1]]
         keys = list(box) if isinstance(box, dict) else range(len(box))
         a, b = rng.sample(list(keys), 2)
         box[a], box[b] = box[b], box[a]

@@ -20,10 +20,10 @@ def test_no_document_breaks_anything(batch):
     findings = Findings()
     for number in range(batch * DOCUMENTS, (batch + 1) * DOCUMENTS):
         findings.judge(SEED, number)
-    said = [
+    problems = [
         f"--seed {SEED} --first {m.number}: {kind}: {why}" for m, kind, why in findings.problems
     ]
-    assert said == []
+    assert problems == []
     assert findings.reached["verified"] > DOCUMENTS / 10  # most do not end at the parser
 
 
@@ -41,8 +41,8 @@ def loop(*_, **__):
     ("verify", "kinds"), [(loop, {"hang"}), (lambda *_, **__: 1 / 0, {"traceback"}), (None, set())]
 )
 def test_the_judge_sees_what_may_not_happen(monkeypatch, verify, kinds):
-    whole = mutant(0, 0)._replace(text=json.dumps(dict(bases())["ruiz_fourbar.json"]))
-    monkeypatch.setattr("tests.fuzz.judge.mutant", lambda seed, number: whole)
+    document = mutant(0, 0)._replace(text=json.dumps(dict(bases())["ruiz_fourbar.json"]))
+    monkeypatch.setattr("tests.fuzz.judge.mutant", lambda seed, number: document)
     if verify is not None:
         monkeypatch.setattr("tests.fuzz.judge.LONGEST", 0.5)
         monkeypatch.setattr("blockmech.mechanism.Mechanism.verify", verify)

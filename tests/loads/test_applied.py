@@ -17,11 +17,11 @@ SIZE = 40.0  # [N] what the laws below reach
 LINE = laws.Polynomial(coefficients=[5.0, -30.0])
 
 
-def arm(force, place=0.5 + 0.2j):
+def arm(force, position=0.5 + 0.2j):
     """An arm on a pivot at the origin, pushed at a point of it."""
     g = bm.Graph("arm")
     g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
-    link = bm.Link(mass=2.0, inertia=0.5, markers={"P": place})
+    link = bm.Link(mass=2.0, inertia=0.5, markers={"P": position})
     g.add("crank", bm.Crank(length=1.0, links={"crank": link}))
     g.add("push", force)
     g.connect("frame.O", "crank.A")
@@ -30,10 +30,10 @@ def arm(force, place=0.5 + 0.2j):
     return g
 
 
-def point(q, place=0.5 + 0.2j):
+def point(q, position=0.5 + 0.2j):
     """Position and velocity of the point, and the link's x axis."""
     e = np.exp(1j * q)
-    return e * place, 1j * RATE * e * place, e
+    return e * position, 1j * RATE * e * position, e
 
 
 @pytest.mark.parametrize("axes", ["ground", "link"])

@@ -40,8 +40,8 @@ def moment(element, wires, **request):
     return -run["crank.drive"]
 
 
-def close(found, wanted):
-    return np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
+def close(result, expected):
+    return np.abs(result - expected).max() <= ROUNDING * np.abs(expected).max()
 
 
 def wrapped(angle):
@@ -144,15 +144,15 @@ THRUSTS = {
 }
 
 
-@pytest.mark.parametrize(("more", "of"), THRUSTS.values(), ids=list(THRUSTS))
-def test_thrust_follows_its_law_of_stroke_or_rate(more, of):
+@pytest.mark.parametrize(("options", "of"), THRUSTS.values(), ids=list(THRUSTS))
+def test_thrust_follows_its_law_of_stroke_or_rate(options, of):
     d = np.exp(1j * Q) - P
-    along = (1 + 2j) / abs(1 + 2j) + 0 * Q if more else d / np.abs(d)
+    direction = (1 + 2j) / abs(1 + 2j) + 0 * Q if options else d / np.abs(d)
     v = 1j * RATE * np.exp(1j * Q)
-    x = ((d if of == "coordinate" else v) * along.conj()).real
-    force = (3.0 - 4.0 * x) * along
+    x = ((d if of == "coordinate" else v) * direction.conj()).real
+    force = (3.0 - 4.0 * x) * direction
     law = {"kind": "polynomial", "of": of, "coefficients": [3.0, -4.0]}
-    result = moment(bm.Thrust(law=law, **more), POINTS)
+    result = moment(bm.Thrust(law=law, **options), POINTS)
     assert close(result, (np.exp(-1j * Q) * force).imag)
 
 
@@ -206,13 +206,13 @@ def test_what_a_load_depends_on_is_declared():
     assert bm.Motor(law={"kind": "constant", "value": 1.0}).reads() == {}
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_the_coordinate_of_a_thrust_is_measured_along_its_direction(way):
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_the_coordinate_of_a_thrust_is_measured_along_its_direction(sense):
     g = bm.Graph("press")
     g.add("frame", bm.Frame(markers={"O": bm.Marker(at=(0.0, 0.0), angle=0.0)}))
     g.add("ram", bm.SlideDrive(offset=0.3))
     law = {"kind": "polynomial", "coefficients": [0.0, 100.0]}  # 100 N per metre
-    g.add("push", bm.Thrust(law=law, direction=(way, 0.0)))
+    g.add("push", bm.Thrust(law=law, direction=(sense, 0.0)))
     for source, target in (("frame.O", "ram.S"), ("frame.O", "push.a"), ("ram.S", "push.b")):
         g.connect(source, target)
     # the ram is at 0.5 m: a coordinate of 0.5 m pushes along +x, one of -0.5 m along -(-x)

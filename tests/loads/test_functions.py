@@ -52,9 +52,9 @@ def linkage(law):
 @pytest.mark.parametrize("driver", [None, "crank"])
 @pytest.mark.parametrize("of", LINES)
 def test_a_function_is_worth_what_typed_data_of_the_same_line_are(of, driver, engine):
-    more = {"driver": driver} if driver and of != "time" else {}
-    typed = arm({"kind": "polynomial", "of": of, "coefficients": TERMS}, **more)
-    runs = [g.run(samples=9, engine=engine) for g in (arm(LINES[of], **more), typed)]
+    options = {"driver": driver} if driver and of != "time" else {}
+    typed = arm({"kind": "polynomial", "of": of, "coefficients": TERMS}, **options)
+    runs = [g.run(samples=9, engine=engine) for g in (arm(LINES[of], **options), typed)]
     for name in ("crank.drive", "dyad.D.reaction", "motor.b.couple", "crank.tau_red"):
         assert np.array_equal(runs[0][name], runs[1][name]), name
 
@@ -110,9 +110,9 @@ def test_where_a_function_has_no_answer_no_number_is_handed_out(engine):
     assert np.isfinite(r["dyad.C.p"]).all()
 
 
-@pytest.mark.parametrize("made", [arm, linkage])
-def test_a_function_is_not_written_to_a_file_and_the_message_says_what_is(made, tmp_path):
+@pytest.mark.parametrize("machine", [arm, linkage])
+def test_a_function_is_not_written_to_a_file_and_the_message_says_what_is(machine, tmp_path):
     file = tmp_path / "arm.json"
     with pytest.raises(FormatError, match=r"motor\.law: a function of Python.*table"):
-        made(LINES["rate"]).save(file)
+        machine(LINES["rate"]).save(file)
     assert not file.exists()

@@ -19,14 +19,14 @@ X = np.array([-7.0, -0.3, 0.0, 0.5, 1.0, 1.9, 3.0, 6.2, 100.0, 1e6])
 def value(law, x):
     """Values of a law by both engines, which must agree to rounding."""
     numbers = law.numbers()
-    one = np.array([law.kernel()(float(a), numbers) for a in x])
+    single = np.array([law.kernel()(float(a), numbers) for a in x])
     batch = bind_functions({"law": law.kernel()}, primitives(np.float64))["law"]
     with np.errstate(all="ignore"):
         many = np.broadcast_to(batch(x, _arrays(numbers)), x.shape)
-    assert np.array_equal(np.isnan(one), np.isnan(many))
-    scale = np.nanmax(np.abs(one), initial=1e-300)
-    assert np.nanmax(np.abs(one - many), initial=0.0) <= ROUNDING * scale
-    return one
+    assert np.array_equal(np.isnan(single), np.isnan(many))
+    scale = np.nanmax(np.abs(single), initial=1e-300)
+    assert np.nanmax(np.abs(single - many), initial=0.0) <= ROUNDING * scale
+    return single
 
 
 def _arrays(numbers):
@@ -66,9 +66,9 @@ def test_table_over_turns_repeats_at_any_angle(interpolation, turns):
     law = laws.Table(arguments=angles, values=values, interpolation=interpolation, turns=turns)
     assert np.abs(value(law, np.array(angles)) - values).max() <= 10 * ROUNDING * 5.0
     # Sine and cosine of a double tell where in its turn it is, however large it is.
-    far = 1e9
-    near = math.atan2(math.sin(far / turns), math.cos(far / turns)) * turns
-    assert abs(np.diff(value(law, np.array([far, near])))) <= 100 * ROUNDING * 5.0
+    large = 1e9
+    reduced = math.atan2(math.sin(large / turns), math.cos(large / turns)) * turns
+    assert abs(np.diff(value(law, np.array([large, reduced])))) <= 100 * ROUNDING * 5.0
 
 
 def test_periodic_cubic_table_is_smooth_across_its_end():
@@ -77,9 +77,9 @@ def test_periodic_cubic_table_is_smooth_across_its_end():
         of="time", arguments=x.tolist(), values=np.sin(math.pi * x).tolist(), period=2.0
     )
     h = 1e-4
-    left, here, right = value(law, np.array([2.0 - h, 2.0, 2.0 + h]))
-    assert abs(here) <= ROUNDING
-    assert right - here == pytest.approx(here - left, rel=1e-6)
+    left, middle, right = value(law, np.array([2.0 - h, 2.0, 2.0 + h]))
+    assert abs(middle) <= ROUNDING
+    assert right - middle == pytest.approx(middle - left, rel=1e-6)
     assert right / h == pytest.approx(math.pi, rel=1e-3)  # a spline of 12 points
     t = np.linspace(0.1, 1.9, 7)
     for periods in (-3, 5):
@@ -113,7 +113,7 @@ def test_infinite_argument_of_a_repeating_law_gives_nan_and_no_exception():
 
 
 @pytest.mark.parametrize(
-    ("made", "because"),
+    ("law", "because"),
     [
         (lambda: laws.Table(arguments=[0.0, 1.0], values=[1.0, 2.0, 3.0]), "same length"),
         (lambda: laws.Table(arguments=[0.0, 0.0], values=[1.0, 2.0]), "increase"),
@@ -126,6 +126,6 @@ def test_infinite_argument_of_a_repeating_law_gives_nan_and_no_exception():
         (lambda: laws.Polynomial(coefficients=[]), "at least 1"),
     ],
 )
-def test_law_that_makes_no_sense_is_refused(made, because):
+def test_law_that_makes_no_sense_is_refused(law, because):
     with pytest.raises(bm.GraphError, match=because):
-        made()
+        law()

@@ -70,16 +70,16 @@ def slider_crank() -> Document:
 
 def rough(name: str) -> Document:
     """A document of the gallery with masses, weight and friction, its points off their lines."""
-    found: Document = json.loads((JOINTS / f"{name}.json").read_text("utf-8"))
-    found.pop("expect", None)
-    for k, link in enumerate(found["links"].values()):
+    document: Document = json.loads((JOINTS / f"{name}.json").read_text("utf-8"))
+    document.pop("expect", None)
+    for k, link in enumerate(document["links"].values()):
         link |= {"mass": 1.0 + k, "inertia": 0.1, "cm": [0.1, 0.02]}
-    for joint in found["joints"].values():
+    for joint in document["joints"].values():
         joint["friction"] = PIN if joint["type"] == "R" else GUIDE
-    for driver in found["drivers"].values():
+    for driver in document["drivers"].values():
         driver |= {"from": driver.get("from", 0.0), "to": driver.get("to", 6.0)}
-    push = {"type": "force", "link": list(found["links"])[-1], "at": [0, 0.1], "force": [5, -90]}
-    return found | {"gravity": [1.0, -9.81], "loads": {"push": push}}
+    push = {"type": "force", "link": list(document["links"])[-1], "at": [0, 0.1], "force": [5, -90]}
+    return document | {"gravity": [1.0, -9.81], "loads": {"push": push}}
 
 
 def arm() -> Document:
@@ -175,20 +175,20 @@ def reframed(document: Document, link: str, origin: complex, turn: float) -> Doc
     result = copy.deepcopy(document)
 
     def seen(at: Any) -> list[float]:
-        place = cmath.rect(*at["polar"]) if isinstance(at, dict) else complex(*at)
-        z = (place - origin) * cmath.exp(-1j * turn)
+        position = cmath.rect(*at["polar"]) if isinstance(at, dict) else complex(*at)
+        z = (position - origin) * cmath.exp(-1j * turn)
         return [z.real, z.imag]
 
-    said = result["links"][link]
-    x, y, angle = said["pose"]
+    link_data = result["links"][link]
+    x, y, angle = link_data["pose"]
     o = complex(x, y) + cmath.exp(1j * angle) * origin
-    said["pose"] = [o.real, o.imag, angle + turn]
-    said["cm"] = seen(said.get("cm", [0, 0]))
-    for marker in said.get("markers", {}).values():
+    link_data["pose"] = [o.real, o.imag, angle + turn]
+    link_data["cm"] = seen(link_data.get("cm", [0, 0]))
+    for marker in link_data.get("markers", {}).values():
         marker["at"] = seen(marker["at"])
     for name, joint in result["joints"].items():
-        for k, other in enumerate(joint["links"]):
-            if other == link:
+        for k, member in enumerate(joint["links"]):
+            if member == link:
                 joint["at"][k] = seen(joint["at"][k])
                 if "angle" in joint:
                     joint["angle"][k] -= turn

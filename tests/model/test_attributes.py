@@ -50,13 +50,13 @@ def test_setting_gravity_keeps_the_rest_of_the_scene():
 
 @pytest.mark.parametrize(("make", "driver"), [(heavy_crank, "crank"), (heavy_link, "motor")])
 def test_a_document_that_was_read_is_changed_like_one_that_was_made(make, driver):
-    made = make()
-    for m in (made, type(made).from_json(made.to_json())):
+    document = make()
+    for m in (document, type(document).from_json(document.to_json())):
         m.gravity = (0.0, G)
         m.start(driver, q=1.0)
         m.add_stop(driver, high=2.0)
         assert m.compile().simulate("time=0.1").motion.end == "time"
-        assert m.to_data() == made.to_data()
+        assert m.to_data() == document.to_data()
 
 
 REFUSED = {
@@ -80,11 +80,11 @@ KNOWN = {
 @pytest.mark.parametrize("cls", KNOWN)
 @pytest.mark.parametrize("name", REFUSED)
 def test_an_attribute_that_is_none_is_refused_with_those_that_are(cls, name):
-    made = cls()
+    document = cls()
     with pytest.raises(GraphError) as caught:
-        setattr(made, name, 0.0)
+        setattr(document, name, 0.0)
     assert str(caught.value) == REFUSED[name].format(cls=cls.__name__, known=KNOWN[cls])
-    assert name not in vars(made)
+    assert name not in vars(document)
 
 
 def test_what_follows_from_the_rest_is_not_set():
@@ -94,10 +94,10 @@ def test_what_follows_from_the_rest_is_not_set():
 
 @pytest.mark.parametrize("cls", KNOWN)
 def test_gravity_that_is_no_vector_is_refused_at_once(cls):
-    made = cls()
+    document = cls()
     with pytest.raises(GraphError, match="gravity must be a vector"):
-        made.gravity = -9.81
-    assert made.gravity.z == 0
+        document.gravity = -9.81
+    assert document.gravity.z == 0
 
 
 def test_what_is_no_scene_is_refused_and_a_scene_does_not_change():

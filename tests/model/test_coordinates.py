@@ -19,13 +19,13 @@ def test_a_single_pose_is_named_by_the_documents_coordinate():
     document = slider_crank()
     want = ["link.piston.*", "joint.B.reaction", "driver.motor.rate"]
     result = linkage(document).run(at=0.4, want=want)
-    other = linkage(flipped(document, "O")).run(at=-0.4, want=want)
-    assert result.engine == other.engine == "scalar"
-    assert other.drivers["driver.motor.q"].tolist() == [-0.4]
-    assert other["driver.motor.rate"].tolist() == [-3.0]
+    mirrored = linkage(flipped(document, "O")).run(at=-0.4, want=want)
+    assert result.engine == mirrored.engine == "scalar"
+    assert mirrored.drivers["driver.motor.q"].tolist() == [-0.4]
+    assert mirrored["driver.motor.rate"].tolist() == [-3.0]
     same = [name for name in want if name != "driver.motor.rate"]
     for name in linkage(document).compile().outputs.match(same):
-        assert np.array_equal(result[name], other[name])
+        assert np.array_equal(result[name], mirrored[name])
 
 
 def test_samples_of_a_cycle_are_the_same_whatever_the_frame_of_the_crank():
@@ -33,13 +33,13 @@ def test_samples_of_a_cycle_are_the_same_whatever_the_frame_of_the_crank():
     document = slider_crank()
     document["drivers"]["motor"].update({"from": 0.0, "to": 2 * math.pi})
     turned = flipped(reframed(document, "crank", 0j, 0.7), "O")  # q -> -0.7 - q
-    one, other = (linkage(d).compile() for d in (document, turned))
-    low, same = (m.extremes("joint.B.reaction.magnitude") for m in (one, other))
+    original, rotated = (linkage(d).compile() for d in (document, turned))
+    low, same = (m.extremes("joint.B.reaction.magnitude") for m in (original, rotated))
     for mine, theirs in ((low.minimum, same.minimum), (low.maximum, same.maximum)):
         assert theirs.value == pytest.approx(mine.value, rel=1e-11)
         apart = theirs.at["driver.motor.q"] - (-0.7 - mine.at["driver.motor.q"])
         assert abs(math.remainder(apart, 2 * math.pi)) <= 1e-7  # a flat place: half the digits
-    strokes = [m.stroke("link.piston.p") for m in (one, other)]
+    strokes = [m.stroke("link.piston.p") for m in (original, rotated)]
     assert strokes[0].length == pytest.approx(strokes[1].length, rel=1e-12)
     assert strokes[0].time_ratio == pytest.approx(strokes[1].time_ratio, rel=1e-7)
 
@@ -58,14 +58,14 @@ def rocker():
         "joints": {},
         "drivers": {"arm": {"joint": "A", "law": "constant_rate", "rate": 1.0}},
     }
-    for name, first, at, second, there in (
+    for name, first, at, second, second_position in (
         ("A", "frame", (0, 0), "crank", (0, 0)),
         ("B", "crank", (2, 0), "rod", (0, 0)),
         ("C", "rod", (2.5, 0), "rocker", (2.5, 0)),
         ("D", "frame", (5.5, 0), "rocker", (0, 0)),
     ):
-        places = [list(at), list(there)]
-        document["joints"][name] = {"type": "R", "links": [first, second], "at": places}
+        positions = [list(at), list(second_position)]
+        document["joints"][name] = {"type": "R", "links": [first, second], "at": positions}
     document["drivers"]["arm"] |= {"from": 0.0, "to": 6.0}
     return document
 
@@ -76,9 +76,9 @@ def test_feasible_arcs_are_told_in_the_documents_coordinate():
     turned = flipped(reframed(document, "crank", 0j, 0.3), "A")  # q -> -0.3 - q
     limits = linkage(turned).compile().limits()
     (mirrored,) = limits.arcs
-    for end, other in ((mirrored.start, arc.end), (mirrored.end, arc.start)):
-        assert abs(end.q - (-0.3 - other.q)) <= 4 * ROUNDING
-        assert (end.block, end.how) == (other.block, other.how)
+    for end, expected in ((mirrored.start, arc.end), (mirrored.end, arc.start)):
+        assert abs(end.q - (-0.3 - expected.q)) <= 4 * ROUNDING
+        assert (end.block, end.how) == (expected.block, expected.how)
     assert limits.sentence().startswith("feasible arc of driver.arm.q: [")
     assert limits.arc_at((mirrored.start.q + mirrored.end.q) / 2) == mirrored
 
@@ -99,46 +99,48 @@ def watt():
     return document
 
 
-def agree(one, other, within):
+def agree(motion, expected, within):
     """Two motions that are one, each as exact as it says."""
-    assert np.abs(np.asarray(one) - np.asarray(other)).max() <= within
+    assert np.abs(np.asarray(motion) - np.asarray(expected)).max() <= within
 
 
 def test_a_free_motion_is_the_same_in_the_other_coordinate():
     document = watt()
     result = linkage(document).compile().simulate("time=2", want=["driver.crank.*", "link.6.p"])
     mechanism = linkage(flipped(document, "O2")).compile()
-    found = mechanism.simulate("time=2", want=["driver.crank.*", "link.6.p"])
-    within = result.motion.error + found.motion.error
+    mirrored = mechanism.simulate("time=2", want=["driver.crank.*", "link.6.p"])
+    within = result.motion.error + mirrored.motion.error
     assert within < 1e-12
-    agree(found["driver.crank.q"], -result["driver.crank.q"], within)
+    agree(mirrored["driver.crank.q"], -result["driver.crank.q"], within)
     sway = np.abs(np.diff(result["driver.crank.acceleration"])).max()
     sway /= np.abs(np.diff(result["driver.crank.q"])).max()  # [1/s2] how errors of the angle show
-    agree(found["driver.crank.acceleration"], -result["driver.crank.acceleration"], sway * within)
-    agree(found["link.6.p"], result["link.6.p"], within)
+    agree(
+        mirrored["driver.crank.acceleration"], -result["driver.crank.acceleration"], sway * within
+    )
+    agree(mirrored["link.6.p"], result["link.6.p"], within)
     assert len(result.motion.events) > 0
-    agree([e.q for e in found.motion.events], [-e.q for e in result.motion.events], within)
-    agree(found.motion.q_end, -result.motion.q_end, within)
-    agree(found.motion.at(1.0).qd, -result.motion.at(1.0).qd, sway * within)
-    assert set(found.to_dict()["events"][0]) >= {"driver.crank.q", "driver.crank.rate"}
+    agree([e.q for e in mirrored.motion.events], [-e.q for e in result.motion.events], within)
+    agree(mirrored.motion.q_end, -result.motion.q_end, within)
+    agree(mirrored.motion.at(1.0).qd, -result.motion.at(1.0).qd, sway * within)
+    assert set(mirrored.to_dict()["events"][0]) >= {"driver.crank.q", "driver.crank.rate"}
 
 
 def test_a_free_motion_of_several_drivers_is_told_by_each_drivers_coordinate():
     document = DOCUMENTS["arm"]()
     document["initial"] = {"lift": {"q": 1.0, "rate": 0.2}, "bend": {"q": -1.4, "rate": 0.0}}
     want = ["driver.*.q", "link.lid.p"]
-    asked = {"until": "time=0.05", "friction": "none", "want": want}
-    result = linkage(document).compile().simulate(**asked)
+    options = {"until": "time=0.05", "friction": "none", "want": want}
+    result = linkage(document).compile().simulate(**options)
     mechanism = linkage(flipped(document, "elbow")).compile()
-    found = mechanism.simulate(**asked)
-    within = result.motion.error + found.motion.error
-    agree(found["driver.lift.q"], result["driver.lift.q"], within)
-    agree(found["driver.bend.q"], -result["driver.bend.q"], within)
-    agree(found["link.lid.p"], result["link.lid.p"], within)
+    mirrored = mechanism.simulate(**options)
+    within = result.motion.error + mirrored.motion.error
+    agree(mirrored["driver.lift.q"], result["driver.lift.q"], within)
+    agree(mirrored["driver.bend.q"], -result["driver.bend.q"], within)
+    agree(mirrored["link.lid.p"], result["link.lid.p"], within)
     k = mechanism.drivers.index("bend")
-    agree(found.motion.q_end[k], -result.motion.q_end[k], within)
-    held = mechanism.simulate(**asked, stops={"bend": (1.39, 1.41)})
-    assert held.motion.end == "end stop of bend"
+    agree(mirrored.motion.q_end[k], -result.motion.q_end[k], within)
+    stopped = mechanism.simulate(**options, stops={"bend": (1.39, 1.41)})
+    assert stopped.motion.end == "end stop of bend"
 
 
 # -- the graph of a document ----------------------------------------------------------------
@@ -148,15 +150,18 @@ def test_a_saved_graph_counts_as_its_document(tmp_path):
     """Its drivers have the document's names and coordinates, in general groups as well."""
     document = flipped(DOCUMENTS["boom"](), "bore")
     for general in ("", "groups"):
-        made = linkage(document).decompose(general)
-        made.graph.save(tmp_path / "boom.json")
+        decomposed = linkage(document).decompose(general)
+        decomposed.graph.save(tmp_path / "boom.json")
         graph = bm.Graph.load(tmp_path / "boom.json").compile()
-        one, other = made.compile(), graph
-        (driver,) = one.drivers
+        ours, read = decomposed.compile(), graph
+        (driver,) = ours.drivers
         assert graph.drivers == (driver,)
-        want = [f"{driver}.{what}" for what in ("q", "rate", "drive", "J_red", "tau_red", "dJ_red")]
+        want = [
+            f"{driver}.{quantity}"
+            for quantity in ("q", "rate", "drive", "J_red", "tau_red", "dJ_red")
+        ]
         at = {"at": -0.9, "rates": -0.3, "accelerations": 0.1}
-        mine = one.run(**at, want=[f"driver.{name}" for name in want])
-        theirs = other.run(**at, want=want)
+        mine = ours.run(**at, want=[f"driver.{name}" for name in want])
+        theirs = read.run(**at, want=want)
         assert [mine[f"driver.{name}"] for name in want] == [theirs[name] for name in want]
         assert theirs[f"{driver}.q"] == [-0.9]

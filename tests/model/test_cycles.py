@@ -17,9 +17,9 @@ def rings(number, size, hub=False):
     for r in range(number):
         names = [f"r{r}d{k}" for k in range(size)]
         g.blocks |= dict.fromkeys(names, bm.RRR(l_i=1, l_j=1))
-        for k, (one, after) in enumerate(zip(names, names[1:] + names[:1], strict=True)):
-            g.wires.append(Wire(f"{one}.C", f"{after}.B"))
-            g.wires.append(Wire(f"frame.A{k}", f"{one}.D"))
+        for k, (name, following) in enumerate(zip(names, names[1:] + names[:1], strict=True)):
+            g.wires.append(Wire(f"{name}.C", f"{following}.B"))
+            g.wires.append(Wire(f"frame.A{k}", f"{name}.D"))
     return g
 
 
@@ -55,12 +55,12 @@ def test_two_dyads_that_wait_for_each_other_are_a_group_of_class_four():
 
 def test_waiting_dyads_with_an_over_constrained_part_are_named():
     # 3n = 2p, but a, b, c, d is a quadrilateral with a diagonal and x hangs on
-    found, text = waiting(*chain("A:a-b B:b-c C:c-a D:a-frame E:b-frame F:c-x"), FRAME)
-    assert not found.complete
+    order, text = waiting(*chain("A:a-b B:b-c C:c-a D:a-frame E:b-frame F:c-x"), FRAME)
+    assert not order.complete
     assert text.endswith("no Assur group; over-constrained: a, b, c, frame; loose: x")
 
 
 def test_waiting_links_that_are_several_groups_are_put_in_order():
-    found, text = waiting(*chain("A:a-frame B:a-b C:b-frame D:c-a E:c-d F:d-b"), FRAME)
-    assert [u.links for u in found.units] == [("a", "b"), ("c", "d")]
+    order, text = waiting(*chain("A:a-frame B:a-b C:b-frame D:c-a E:c-d F:d-b"), FRAME)
+    assert [u.links for u in order.units] == [("a", "b"), ("c", "d")]
     assert text.startswith("the links can be placed in the order II RRR(a, b) -> II")

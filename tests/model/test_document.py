@@ -236,9 +236,9 @@ def test_what_could_not_be_read_again_is_not_saved(spoil, tmp_path):
 
 
 def test_a_place_that_cannot_be_written_is_said(tmp_path):
-    for place in (tmp_path, tmp_path / "no" / "folder.json"):
+    for path in (tmp_path, tmp_path / "no" / "folder.json"):
         with pytest.raises(RequestError):
-            ruiz().save(place)
+            ruiz().save(path)
     assert files_of(tmp_path) == []
 
 
@@ -256,9 +256,9 @@ def test_lines_are_short_and_long_lists_filled():
 
 def test_a_line_that_just_fits_stays_one_line():
     item = "x" * (WIDTH - len('    "k": {"n": [""]}'))
-    fits = canonical_text({"section": {"k": {"n": [item]}}})
+    text = canonical_text({"section": {"k": {"n": [item]}}})
     opened = canonical_text({"section": {"k": {"n": [item]}, "last": 1}})
-    assert fits.splitlines()[2] == f'    "k": {{"n": ["{item}"]}}'
+    assert text.splitlines()[2] == f'    "k": {{"n": ["{item}"]}}'
     assert opened.splitlines()[2] == '    "k": {'
 
 

@@ -145,8 +145,8 @@ def test_unknown_block_is_kept_and_refused_by_name():
     assert problem.valid.startswith("known types: ")
     assert "dyad.rrr" in problem.valid
     assert problem.remedy == "install the package that defines it"
-    near = with_block("d", UnknownBlock("dyad.rrrr", {}))
-    assert near.check()[0].remedy == 'did you mean "dyad.rrr"?'
+    misspelt = with_block("d", UnknownBlock("dyad.rrrr", {}))
+    assert misspelt.check()[0].remedy == 'did you mean "dyad.rrr"?'
 
 
 def test_element_that_follows_a_driver_needs_one():

@@ -34,10 +34,10 @@ def test_rate_is_the_derivative_of_the_coordinate_and_acceleration_of_the_rate(n
     t = np.array([0.13, 0.41, 0.77, 1.3, 1.77])
     h = 1e-5
     _, rate, acceleration = LAWS[name].at_times(t)
-    ahead, behind = LAWS[name].at_times(t + h), LAWS[name].at_times(t - h)
+    after, before = LAWS[name].at_times(t + h), LAWS[name].at_times(t - h)
     # central differences: h^2 / 6 times a third derivative of at most A w^4 = 770 (harmonic)
     for k, derivative in ((0, rate), (1, acceleration)):
-        difference = (ahead[k] - behind[k]) / (2 * h)
+        difference = (after[k] - before[k]) / (2 * h)
         assert np.max(np.abs(difference - derivative)) < 2e-8
 
 

@@ -40,8 +40,8 @@ def run(document, **options):
 
 def joints_of(kind=""):
     for name, make in DOCUMENTS.items():
-        for joint, said in make()["joints"].items():
-            if len(said["links"]) == 2 and kind in ("", said["type"]):
+        for joint, data in make()["joints"].items():
+            if len(data["links"]) == 2 and kind in ("", data["type"]):
                 yield pytest.param(name, joint, id=f"{name}-{joint}")
 
 
@@ -52,32 +52,32 @@ def links_of():
 
 def largest(result):
     """Unit -> the largest size of an output in it."""
-    found = {}
+    maxima = {}
     for name in result:
         values = np.abs(np.atleast_1d(result[name]))
         values = values[np.isfinite(values)]
         unit = result.unit(name)
-        found[unit] = max(found.get(unit, 0.0), float(values.max(initial=0.0)))
-    return found
+        maxima[unit] = max(maxima.get(unit, 0.0), float(values.max(initial=0.0)))
+    return maxima
 
 
-def differing(one, other, sign=None, skip=()):
+def differing(result, reference, sign=None, skip=()):
     """Outputs that differ by more than rounding; ``sign`` tells which are negated."""
-    assert set(one) == set(other)
-    scale, found = largest(one), {}
-    for name in one:
+    assert set(result) == set(reference)
+    scale, differences = largest(result), {}
+    for name in result:
         if name in skip:
             continue
-        expected = np.asarray(one[name]) * (sign(name) if sign else 1)
-        got = np.asarray(other[name])
+        expected = np.asarray(result[name]) * (sign(name) if sign else 1)
+        got = np.asarray(reference[name])
         assert (np.isnan(expected) == np.isnan(got)).all(), name
         off = float(np.nan_to_num(np.abs(expected - got)).max(initial=0.0))
-        if name.endswith(".angle") or (name.endswith(".coordinate") and one.unit(name) == "rad"):
+        if name.endswith(".angle") or (name.endswith(".coordinate") and result.unit(name) == "rad"):
             turns = (expected - got) / (2 * math.pi)
             off = float(np.nan_to_num(np.abs(turns - np.round(turns))).max(initial=0.0))
-        if off > ROUNDING * (scale[one.unit(name)] or 1.0):
-            found[name] = off / (scale[one.unit(name)] or 1.0)
-    return found
+        if off > ROUNDING * (scale[result.unit(name)] or 1.0):
+            differences[name] = off / (scale[result.unit(name)] or 1.0)
+    return differences
 
 
 def driver_of(document, joint):
@@ -90,10 +90,10 @@ def signs(document, joint, of_joint):
     order = [linkage(document).compile().drivers.index(driver)] if driver else []
 
     def sign(name):
-        head, _, what = name.rpartition(".")
-        if head == f"joint.{joint}" and what in of_joint:
+        head, _, quantity = name.rpartition(".")
+        if head == f"joint.{joint}" and quantity in of_joint:
             return -1
-        if driver and head == f"driver.{driver}" and what in ALONG_DRIVER:
+        if driver and head == f"driver.{driver}" and quantity in ALONG_DRIVER:
             return -1
         if driver and name in ("mechanism.M", "mechanism.Q"):
             turned = np.ones(len(document["drivers"]))
@@ -110,38 +110,38 @@ def signs(document, joint, of_joint):
 @pytest.mark.parametrize(("name", "joint"), list(joints_of()))
 def test_a_joint_named_the_other_way_round_changes_its_own_signs(name, joint):
     document = DOCUMENTS[name]()
-    one, other = run(document), run(flipped(document, joint))
-    assert differing(one, other, signs(document, joint, ON_SECOND)) == {}
+    plain, flipped_run = run(document), run(flipped(document, joint))
+    assert differing(plain, flipped_run, signs(document, joint, ON_SECOND)) == {}
 
 
 @pytest.mark.parametrize(("name", "joint"), list(joints_of("P")))
 def test_a_guide_that_points_back_changes_what_is_measured_along_it(name, joint):
     document = DOCUMENTS[name]()
-    one, other = run(document), run(pointed_back(document, joint))
-    assert differing(one, other, signs(document, joint, ALONG_GUIDE)) == {}
+    plain, reversed_run = run(document), run(pointed_back(document, joint))
+    assert differing(plain, reversed_run, signs(document, joint, ALONG_GUIDE)) == {}
 
 
 @pytest.mark.parametrize(("name", "link"), list(links_of()))
 def test_a_frame_that_is_moved_on_its_link_moves_its_own_outputs_only(name, link):
     document, origin, turn = DOCUMENTS[name](), 0.03 - 0.02j, 2.5
-    one, other = run(document), run(reframed(document, link, origin, turn))
-    own = {f"link.{link}.{what}" for what in ("p", "v", "a", "angle")}
+    plain, moved = run(document), run(reframed(document, link, origin, turn))
+    local = {f"link.{link}.{quantity}" for quantity in ("p", "v", "a", "angle")}
     drivers = {f"driver.{d}.q" for d in document["drivers"]}
-    pins = {n for n in one if n.endswith(".coordinate") and one.unit(n) == "rad"}
-    assert differing(one, other, skip=own | drivers | pins) == {}
+    pins = {n for n in plain if n.endswith(".coordinate") and plain.unit(n) == "rad"}
+    assert differing(plain, moved, skip=local | drivers | pins) == {}
     for pin in pins:  # angles of one link's axes against another's
-        changes = np.exp(1j * (other[pin] - one[pin]))
+        changes = np.exp(1j * (moved[pin] - plain[pin]))
         options = [np.abs(changes - np.exp(1j * x)).max() for x in (0.0, turn, -turn)]
         mine = link in document["joints"][pin.split(".")[1]]["links"]
         assert (min(options) if mine else options[0]) <= ROUNDING, pin
-    scale = largest(one)
-    e = np.exp(1j * one[f"link.{link}.angle"])
-    p = one[f"link.{link}.p"] + e * origin
-    assert np.abs(other[f"link.{link}.p"] - p).max() <= ROUNDING * scale["m"]
-    turned = np.exp(1j * other[f"link.{link}.angle"]) - e * cmath.exp(1j * turn)
+    scale = largest(plain)
+    e = np.exp(1j * plain[f"link.{link}.angle"])
+    p = plain[f"link.{link}.p"] + e * origin
+    assert np.abs(moved[f"link.{link}.p"] - p).max() <= ROUNDING * scale["m"]
+    turned = np.exp(1j * moved[f"link.{link}.angle"]) - e * cmath.exp(1j * turn)
     assert np.abs(turned).max() <= ROUNDING
-    v = one[f"link.{link}.v"] + 1j * one[f"link.{link}.omega"] * e * origin
-    assert np.abs(other[f"link.{link}.v"] - v).max() <= ROUNDING * scale["m/s"]
+    v = plain[f"link.{link}.v"] + 1j * plain[f"link.{link}.omega"] * e * origin
+    assert np.abs(moved[f"link.{link}.v"] - v).max() <= ROUNDING * scale["m/s"]
 
 
 # -- right by the document's own links ----------------------------------------------------
@@ -149,20 +149,22 @@ def test_a_frame_that_is_moved_on_its_link_moves_its_own_outputs_only(name, link
 
 def guide(document, result, joint):
     """Unit direction (n,) of the directed line of a P joint on its first link."""
-    said = document["joints"][joint]
-    first, angle = said["links"][0], said["angle"][0]
+    joint_data = document["joints"][joint]
+    first, angle = joint_data["links"][0], joint_data["angle"][0]
     turn = 0.0 if first == "frame" else result[f"link.{first}.angle"]
     return np.exp(1j * (turn + angle)) * np.ones(result.n)
 
 
 def placed(document, result, joint):
     """Where each link of a pin has it, (links, n)."""
-    said = document["joints"][joint]
-    for link, (x, y) in zip(said["links"], said["at"], strict=True):
-        own = complex(x, y) + np.zeros(result.n)
+    joint_data = document["joints"][joint]
+    for link, (x, y) in zip(joint_data["links"], joint_data["at"], strict=True):
+        position = complex(x, y) + np.zeros(result.n)
         if link != "frame":
-            own = result[f"link.{link}.p"] + np.exp(1j * result[f"link.{link}.angle"]) * own
-        yield own
+            position = (
+                result[f"link.{link}.p"] + np.exp(1j * result[f"link.{link}.angle"]) * position
+            )
+        yield position
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
@@ -170,10 +172,10 @@ def test_a_pin_is_where_each_of_its_links_has_it(name):
     document = DOCUMENTS[name]()
     result = run(document)
     scale = largest(result)
-    pins = [joint for joint, said in document["joints"].items() if said["type"] == "R"]
+    pins = [joint for joint, data in document["joints"].items() if data["type"] == "R"]
     for pin in pins:
-        for own in placed(document, result, pin):
-            assert np.abs(result[f"joint.{pin}.p"] - own).max() <= ROUNDING * scale["m"]
+        for position in placed(document, result, pin):
+            assert np.abs(result[f"joint.{pin}.p"] - position).max() <= ROUNDING * scale["m"]
     sliders = set(document["joints"]) - set(pins)
     assert not {f"joint.{slider}.p" for slider in sliders} & set(result)
 
@@ -184,8 +186,8 @@ def test_the_transmission_angle_is_that_at_the_pin_between_coupler_and_rocker():
     B, C, D = (result[f"joint.{pin}.p"] for pin in "BCD")
     between = np.abs(np.angle((B - C) / (D - C)))
     acute = np.minimum(between, math.pi - between)
-    found = result["joint.C.transmission_angle"]
-    assert np.abs(found - acute).max() <= ROUNDING
+    angle = result["joint.C.transmission_angle"]
+    assert np.abs(angle - acute).max() <= ROUNDING
     assert [name for name in result if name.endswith("transmission_angle")] == [
         "joint.C.transmission_angle"
     ]
@@ -273,9 +275,9 @@ def test_a_damped_spring_along_a_guide_is_one_load():
     document["loads"]["damper"] = {"type": "torsion_spring", "joint": "S"} | numbers
     result = run(document)
     u = guide(document, result, "S")
-    place = complex(*document["joints"]["S"]["at"][0])
+    anchor = complex(*document["joints"]["S"]["at"][0])
     e = np.exp(1j * result["link.piston.angle"])
-    s = result["link.piston.p"] + e * complex(*document["joints"]["S"]["at"][1]) - place
+    s = result["link.piston.p"] + e * complex(*document["joints"]["S"]["at"][1]) - anchor
     force = -k * ((s * np.conj(u)).real - rest) - c * result["joint.S.slip"]
     assert np.abs(result["damper.b.force"] - force * u).max() <= ROUNDING * np.abs(force).max()
     power = force * result["joint.S.slip"]

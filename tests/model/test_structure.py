@@ -95,10 +95,10 @@ def test_structure_is_the_same_for_any_order_of_writing(case, seed):
 def test_every_random_mechanism_has_the_mobility_of_its_drivers(case):
     structure = case.graph.structure()
     assert structure.mobility == len(structure.drivers)
-    done = {structure.frame}
+    placed = {structure.frame}
     for name in structure.blocks:
-        assert set(structure.supports(name)) <= done
-        done.add(name)
+        assert set(structure.supports(name)) <= placed
+        placed.add(name)
 
 
 def test_pair_is_between_the_earlier_and_the_later_link():

@@ -40,11 +40,11 @@ def two_knees(first, second, join=".") -> bm.Graph:
     return graph
 
 
-def same(found, wanted, called=lambda name: name.replace("a.", "a-", 1).replace("b.", "b-", 1)):
+def same(result, expected, called=lambda name: name.replace("a.", "a-", 1).replace("b.", "b-", 1)):
     """Raise where an output of two runs differs in a bit."""
-    assert len(found.mechanism.outputs) == len(wanted.mechanism.outputs)
-    for name in found.mechanism.outputs:
-        a, b = found[name], wanted[called(name)]
+    assert len(result.mechanism.outputs) == len(expected.mechanism.outputs)
+    for name in result.mechanism.outputs:
+        a, b = result[name], expected[called(name)]
         assert np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True), name
 
 
@@ -54,8 +54,8 @@ def written_out():
 
 
 def test_one_library_twice_with_other_numbers_equals_its_blocks():
-    other = bm.Subgraph(graph=knee(), parameters={"shin": 3.3, "thigh": 5.0})
-    graph = two_knees(knee(), other)
+    longer = bm.Subgraph(graph=knee(), parameters={"shin": 3.3, "thigh": 5.0})
+    graph = two_knees(knee(), longer)
     assert graph.check() == []
     same(graph.run(at=np.linspace(0, 1, 30)), written_out().run(at=np.linspace(0, 1, 30)))
     again = bm.Graph.from_json(graph.to_json())
@@ -67,8 +67,8 @@ def test_files_are_found_from_the_document_and_follow_it_into_other_folders(tmp_
     (tmp_path / "legs").mkdir()
     knee().save(tmp_path / "legs" / "knee.json")
     monkeypatch.chdir(tmp_path)
-    other = bm.Subgraph(file="legs/knee.json", parameters={"shin": 3.3, "thigh": 5.0})
-    graph = two_knees(bm.Subgraph(file="legs/knee.json"), other)
+    longer = bm.Subgraph(file="legs/knee.json", parameters={"shin": 3.3, "thigh": 5.0})
+    graph = two_knees(bm.Subgraph(file="legs/knee.json"), longer)
     (tmp_path / "far").mkdir()
     graph.save(tmp_path / "far" / "robot.json")
     monkeypatch.chdir(tmp_path / "legs")
@@ -119,8 +119,8 @@ def test_graphs_inside_of_graphs_inside(tmp_path):
     names = {"leg.upper.": "a-", "leg.lower.": "b-"}
 
     def called(name):
-        for way, flat in names.items():
-            name = name.replace(way, flat)
+        for prefix, flat in names.items():
+            name = name.replace(prefix, flat)
         return name
 
     same(graph.run(at=[0.2, 0.9]), written_out().run(at=[0.2, 0.9]), called)
@@ -170,25 +170,25 @@ def test_any_blocks_of_a_mechanism_may_be_a_part(seed):
     chance = Random(seed)
     options = Options(drivers=(1, 2), groups=(2, 4), friction=bool(seed % 2), springs=True)
     case = random_mechanism(chance, options)
-    own, part, graph, plain = case.graph, bm.Graph("part"), bm.Graph("whole"), bm.Graph("plain")
-    inside = {n for n in own.blocks if n != "frame" and chance.random() < 0.5} or {"drive1"}
+    source, part, graph, plain = case.graph, bm.Graph("part"), bm.Graph("whole"), bm.Graph("plain")
+    inside = {n for n in source.blocks if n != "frame" and chance.random() < 0.5} or {"drive1"}
 
     def called(name, sign):
         head, dot, rest = name.partition(".")
         return f"part{sign}{head}{dot}{rest}" if head in inside else name
 
     for g in (graph, plain):
-        g.gravity = own.gravity
-    graph.add("frame", own.blocks["frame"])
+        g.gravity = source.gravity
+    graph.add("frame", source.blocks["frame"])
     graph.blocks["part"] = bm.Subgraph(graph=part)
-    for name, block in own.blocks.items():
+    for name, block in source.blocks.items():
         (part if name in inside else graph).blocks[name] = block
         plain.blocks[called(name, "-")] = renamed(block, lambda d: called(d, "-"))
     del graph.blocks["part"]
     for name in list(graph.blocks):  # what is outside refers to what is inside by its way in
         graph.blocks[name] = renamed(graph.blocks[name], lambda d: called(d, "."))
     outer = []
-    for wire in own.wires:
+    for wire in source.wires:
         heads = {end.partition(".")[0] for end in wire.ends}
         (part.wires if heads <= inside else outer).append(wire)
         plain.connect(called(wire.source, "-"), called(wire.target, "-"))
@@ -199,11 +199,11 @@ def test_any_blocks_of_a_mechanism_may_be_a_part(seed):
     assert graph.check() == [], back
 
     def request(sign):
-        at, rates, more = (
+        at, rates, accelerations = (
             {called(d, sign): x for d, x in case.request[key].items()}
             for key in ("at", "rates", "accelerations")
         )
-        return {"at": at, "rates": rates, "accelerations": more, "on_gap": "mark"}
+        return {"at": at, "rates": rates, "accelerations": accelerations, "on_gap": "mark"}
 
     again = bm.Graph.from_json(graph.to_json())
     names = lambda name: name.replace("part.", "part-")  # noqa: E731
@@ -211,8 +211,8 @@ def test_any_blocks_of_a_mechanism_may_be_a_part(seed):
 
 
 def test_studies_and_derivatives_reach_inside():
-    other = bm.Subgraph(graph=knee(), parameters={"shin": 3.3, "thigh": 5.0})
-    mech, plain = two_knees(knee(), other).compile(), written_out().compile()
+    longer = bm.Subgraph(graph=knee(), parameters={"shin": 3.3, "thigh": 5.0})
+    mech, plain = two_knees(knee(), longer).compile(), written_out().compile()
     sensitivity = mech.sensitivity("crank.drive", to=["b.shin", "a.thigh"], at=[1.3, 1.8])
     expected = plain.sensitivity("crank.drive", to=["b-dyad.l_j", "a-dyad.l_i"], at=[1.3, 1.8])
     assert np.array_equal(sensitivity["crank.drive"], expected["crank.drive"])
@@ -238,8 +238,8 @@ def refused(make) -> list[str]:
 
 
 def test_each_mistake_is_one_message_that_says_where_inside(tmp_path):
-    def part(**how):
-        return lambda: bm.Graph("g").add("knee", bm.Subgraph(**how))
+    def part(**fields):
+        return lambda: bm.Graph("g").add("knee", bm.Subgraph(**fields))
 
     where = "blocks.knee"
     assert refused(part(file="no.json")) == [f"no-file {where}.file"]
@@ -261,10 +261,10 @@ def test_each_mistake_is_one_message_that_says_where_inside(tmp_path):
 
 
 def test_a_file_that_holds_itself_is_told(tmp_path):
-    for one, other in (("a", "b"), ("b", "a")):
-        text = {"format": "blockmech/graph", "version": 1, "name": one, "wires": []}
-        text["blocks"] = {"part": {"type": "graph", "file": f"{other}.json"}}
-        (tmp_path / f"{one}.json").write_text(json.dumps(text), encoding="utf-8")
+    for outer, inner in (("a", "b"), ("b", "a")):
+        text = {"format": "blockmech/graph", "version": 1, "name": outer, "wires": []}
+        text["blocks"] = {"part": {"type": "graph", "file": f"{inner}.json"}}
+        (tmp_path / f"{outer}.json").write_text(json.dumps(text), encoding="utf-8")
     with pytest.raises(FormatError, match=r"a.json -> b.json -> a.json") as caught:
         bm.Graph.load(tmp_path / "a.json")
     assert len(caught.value.problems) == 1
@@ -304,9 +304,9 @@ def nested(folder, files, times):
 
 
 def test_more_blocks_than_a_mechanism_has_are_one_message(tmp_path):
-    with pytest.raises(FormatError, match=r"9\.json: blocks: 64000 blocks .* 10000") as told:
+    with pytest.raises(FormatError, match=r"9\.json: blocks: 64000 blocks .* 10000") as caught:
         bm.Graph.load(nested(tmp_path, 12, 40)).compile()
-    assert [p.code for p in told.value.problems] == ["too-large"]
+    assert [p.code for p in caught.value.problems] == ["too-large"]
     outer = bm.Graph("outer")
     for name in "ab":
         outer.add(name, bm.Subgraph(file=str(tmp_path / "11.json")))
@@ -316,14 +316,14 @@ def test_more_blocks_than_a_mechanism_has_are_one_message(tmp_path):
 
 
 def test_whoever_opens_bounds_depth_and_size_of_what_is_read(tmp_path):
-    with pytest.raises(FormatError, match="nested more than 20 deep") as told:
+    with pytest.raises(FormatError, match="nested more than 20 deep") as caught:
         bm.Graph.load(nested(tmp_path, 30, 2))
-    assert [p.code for p in told.value.problems] == ["too-deep"]
+    assert [p.code for p in caught.value.problems] == ["too-deep"]
     first = nested(tmp_path, 3, 2)
     for bounds in ({"depth": 1}, {"size": first.stat().st_size + 100}, {"blocks": 3}):
-        with resolving(Resolver(**bounds)), pytest.raises(bm.BlockmechError) as told:
+        with resolving(Resolver(**bounds)), pytest.raises(bm.BlockmechError) as caught:
             bm.Graph.load(first)
-        assert [p.code.partition("-")[0] for p in told.value.problems] == ["too"]
+        assert [p.code.partition("-")[0] for p in caught.value.problems] == ["too"]
     with resolving(Resolver(blocks=4, depth=2)):
         assert bm.Graph.load(first).size == 4
 
@@ -404,8 +404,8 @@ def test_couplings_signals_and_starts_inside_keep_their_names():
     plain = geared("unit-")
     plain.start("unit-sun", rate=3.0)
     assert graph.check() == plain.check() == []
-    how = {"method": "dop853", "times": [0.1, 0.5], "want": ["*"]}
-    runs = [g.compile().simulate("time=0.5", **how) for g in (graph, plain)]
+    options = {"method": "dop853", "times": [0.1, 0.5], "want": ["*"]}
+    runs = [g.compile().simulate("time=0.5", **options) for g in (graph, plain)]
     for name in ("unit.planet.q", "unit.sun.rate", "unit.pid.y", "unit.planet.A.reaction"):
-        found, expected = runs[0][name], runs[1][name.replace("unit.", "unit-")]
-        assert np.array_equal(found, expected), name
+        values, expected = runs[0][name], runs[1][name.replace("unit.", "unit-")]
+        assert np.array_equal(values, expected), name

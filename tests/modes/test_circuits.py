@@ -83,34 +83,34 @@ def newton(machine, q, o, e):
 
 @BY_CHANCE
 def test_an_arc_is_one_mode_followed_along_the_driver(seed):
-    machine, found = by_chance(seed)
+    machine, circuits = by_chance(seed)
     compared = 0
-    for passes in found.passes:
+    for passes in circuits.passes:
         for (j, k), (i, n) in itertools.pairwise(passes):
-            begin, end = found.nodes[j], found.nodes[i]
+            begin, end = circuits.nodes[j], circuits.nodes[i]
             end += TURN * (end < begin)
-            one, other = found.modes[j][k], found.modes[i][n]
-            if min(one.margin, other.margin) < 1e-4:
+            first, second = circuits.modes[j][k], circuits.modes[i][n]
+            if min(first.margin, second.margin) < 1e-4:
                 continue  # too close to a dead centre for steps by the driver
-            o, e = one.o, one.e
+            o, e = first.o, first.e
             for q in np.linspace(begin, end, STEPS + 1)[1:]:
                 o, e = newton(machine, q, o, e)
-            assert abs(o - other.o) + abs(e - other.e) <= FOUND
+            assert abs(o - second.o) + abs(e - second.e) <= FOUND
             compared += 1
     assert compared > 20
 
 
 @BY_CHANCE
 def test_two_modes_appear_or_vanish_at_each_dead_centre(seed):
-    machine, found = by_chance(seed)
-    for n, arc in enumerate(found.arcs):
+    machine, circuits = by_chance(seed)
+    for n, arc in enumerate(circuits.arcs):
         for end, inward in ((arc.start, 1), (arc.end, -1)):
             if end.how != "dead centre":
                 continue
             inside, outside = (machine.exact(end.q + side * inward * BESIDE) for side in (1, -1))
             assert inside == outside + 2
             assert any(m.double for m in triad_modes(machine.triad, machine.outer(end.q)))
-            partner = found.arcs[end.other]
+            partner = circuits.arcs[end.other]
             assert partner.circuit == arc.circuit
             assert partner.sign == -arc.sign != 0
             same = (partner.start, partner.end)
@@ -121,24 +121,24 @@ def test_two_modes_appear_or_vanish_at_each_dead_centre(seed):
 
 @BY_CHANCE
 def test_every_mode_at_every_check_point_is_on_one_arc(seed):
-    _, found = by_chance(seed)
-    passed = sorted(at for passes in found.passes for at in passes)
-    every = [(j, k) for j, modes in enumerate(found.modes) for k in range(len(modes))]
+    _, circuits = by_chance(seed)
+    passed = sorted(at for passes in circuits.passes for at in passes)
+    every = [(j, k) for j, modes in enumerate(circuits.modes) for k in range(len(modes))]
     assert passed == every
     for j, k in every:
-        assert found.arcs[found.arc_of((j, k))].sign == found.modes[j][k].sign
+        assert circuits.arcs[circuits.arc_of((j, k))].sign == circuits.modes[j][k].sign
 
 
 @BY_CHANCE
 def test_between_dead_centres_the_number_of_arcs_is_the_exact_number_of_modes(seed):
-    machine, found = by_chance(seed)
+    machine, circuits = by_chance(seed)
     for q in np.random.default_rng(seed).uniform(0, TURN, size=6):
-        there = 0
-        for arc in found.arcs:
+        count = 0
+        for arc in circuits.arcs:
             first = math.ceil((arc.start.q - q) / TURN)
             last = math.floor((arc.end.q - q) / TURN)
-            there += arc.turns or last - first + 1
-        assert there == machine.exact(q)
+            count += arc.turns or last - first + 1
+        assert count == machine.exact(q)
 
 
 # ---- a turn ------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ def test_equation_of_motion_holds_at_any_state():
     q, qd, qdd = rng.uniform(-3, 3, 40), rng.normal(size=40) * 5, rng.normal(size=40) * 20
     r = mech.run(at=q, rates=qd, accelerations=qdd, friction="none")
     J, dJ = r["crank.J_red"], r["crank.dJ_red"]
-    left = J * qdd + dJ * qd**2 / 2
+    inertial = J * qdd + dJ * qd**2 / 2
     size = np.abs(J * qdd) + np.abs(dJ * qd**2 / 2) + np.abs(r["crank.tau_red"])
     worst = np.sqrt(np.minimum(r["first.margin"], r["last.margin"]).min())
-    assert np.max(np.abs(left - r["crank.drive"] - r["crank.tau_red"]) / size) <= DIGITS / worst
+    assert np.max(np.abs(inertial - r["crank.drive"] - r["crank.tau_red"]) / size) <= DIGITS / worst

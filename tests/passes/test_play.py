@@ -36,12 +36,12 @@ def mechanism(kind, clearance=CLEARANCE, friction=None, at="dyad.Mj"):
     loose_at = {k: {p: clearance[p] for p in pins if p in clearance} for k, pins in PINS[kind]}
     rubbing = {"friction": friction} if friction else {}
     g.add("crank", bm.Crank(length=1.0, links={"crank": crank}, clearance=loose_at["crank"]))
-    more = {"links": {"i": i, "j": j}, "clearance": loose_at["dyad"], **rubbing}
+    fields = {"links": {"i": i, "j": j}, "clearance": loose_at["dyad"], **rubbing}
     if kind == "four_bar":
-        g.add("dyad", bm.RRR(l_i=3.5, l_j=2.5, **more))
+        g.add("dyad", bm.RRR(l_i=3.5, l_j=2.5, **fields))
         g.connect("frame.Q", "dyad.D")
     else:
-        g.add("dyad", bm.RRP(l=3.5, **more))
+        g.add("dyad", bm.RRP(l=3.5, **fields))
         g.connect("frame.G", "dyad.S")
     g.connect("frame.O", "crank.A")
     g.connect("crank.B", "dyad.B")
@@ -67,9 +67,9 @@ def test_play_is_that_of_massless_links_that_are_put_in(kind, rate):
     want = ["crank.M.play", "dyad.M.play", "dyad.Mj.play"]
     run = mechanism(kind).run(at=PLACES, rates=rate, want=want)
     for k, q in enumerate(PLACES):
-        other = loose.play(CLOSED[kind], BODIES, gaps, q, rate, (2, -60.0 + 25.0j))
+        expected = loose.play(CLOSED[kind], BODIES, gaps, q, rate, (2, -60.0 + 25.0j))
         mine = np.array([run[name][k] for name in want])
-        assert abs(mine - other).max() <= 1e-9 * sum(gaps)
+        assert abs(mine - expected).max() <= 1e-9 * sum(gaps)
 
 
 def test_a_pendulum_hangs_lower_by_its_clearance():
@@ -176,10 +176,10 @@ def test_teeth_lean_as_the_loads_that_there_are_press_them(name, direction):
     names = [f"{pin}.reaction" for pin in pins]
     at = samples_of(mechanism)
     run = mechanism.run(at=at, static=True, friction="none", want=[f"{marker}.play", *names])
-    along = (run[f"{marker}.play"] * force.conjugate()).real / abs(force)
+    component = (run[f"{marker}.play"] * force.conjugate()).real / abs(force)
     pressed = sum(2e-5 * abs(run[r]) for r in names) / abs(force)
     assert pressed.max() > 1e-6
-    assert along == pytest.approx(pressed, rel=1e-10)
+    assert component == pytest.approx(pressed, rel=1e-10)
 
 
 def test_friction_turns_the_reactions_and_with_them_the_journals():
@@ -198,13 +198,15 @@ def test_without_the_key_nothing_moves():
     assert not [name for name in tight.outputs if "play" in name]
     assert [n for n in loose_one.outputs if "play" not in n] == list(tight.outputs)
     want = ["*.reaction", "crank.drive", "dyad.M.*"]
-    plan, other = (
+    plan, loose_plan = (
         m.plan([n for n in m.plan(want).want if "play" not in n]) for m in (tight, loose_one)
     )
-    assert plan.explain() == other.explain()
-    one, two = (m.run(at=PLACES, rates=3.0, want=plan.want) for m in (tight, loose_one))
-    assert all((one[name] == two[name]).all() for name in plan.want)
-    assert one.quality.flags == tuple(f for f in two.quality.flags if f.code != "reaction-reversal")
+    assert plan.explain() == loose_plan.explain()
+    rigid, playing = (m.run(at=PLACES, rates=3.0, want=plan.want) for m in (tight, loose_one))
+    assert all((rigid[name] == playing[name]).all() for name in plan.want)
+    assert rigid.quality.flags == tuple(
+        f for f in playing.quality.flags if f.code != "reaction-reversal"
+    )
 
 
 def test_play_has_derivatives_by_clearance_and_lengths():

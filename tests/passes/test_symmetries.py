@@ -39,15 +39,15 @@ def numbers(result):
     return {k: np.asarray(result[k]) for k in result if result.output(k).kind != "number"}
 
 
-def same(found, wanted, result):
+def same(values, expected, result):
     """Equal to the last bit; to rounding where continuation took its steps to the answer.
 
     Numbers below the least normal one have fewer bits, which scaling alone changes.
     """
     stepped = any(f.code == "by-continuation" for f in result.quality.flags)
-    size = STEPPED * np.nanmax(np.abs(wanted), initial=0.0) if stepped else 0.0
-    least = np.finfo(float).tiny
-    return np.allclose(found, wanted, rtol=0, atol=max(size, least), equal_nan=True)
+    size = STEPPED * np.nanmax(np.abs(expected), initial=0.0) if stepped else 0.0
+    floor = np.finfo(float).tiny
+    return np.allclose(values, expected, rtol=0, atol=max(size, floor), equal_nan=True)
 
 
 # ---- mirrored ----------------------------------------------------------------------------
@@ -59,21 +59,21 @@ UNSIGNED = (".transmission_angle",)
 def image(result):
     """What a result must become in the mirror."""
     rotary = np.array([-1 if u == "rad" else 1 for u in map(result.unit, result.drivers)])
-    found = {}
+    images = {}
     for name, values in numbers(result).items():
         output = result.output(name)
         if output.kind == "vector":
-            found[name] = values.conj()
+            images[name] = values.conj()
         elif name == "mechanism.M":
-            found[name] = values * np.outer(rotary, rotary)
+            images[name] = values * np.outer(rotary, rotary)
         elif name == "mechanism.Q":
-            found[name] = values * rotary
+            images[name] = values * rotary
         elif name.endswith(UNSIGNED):
-            found[name] = values
+            images[name] = values
         else:
-            odd = output.unit in TURNING or name.endswith(".N")
-            found[name] = -values if odd else values
-    return found
+            is_odd = output.unit in TURNING or name.endswith(".N")
+            images[name] = -values if is_odd else values
+    return images
 
 
 def in_the_mirror(mech, request):
@@ -88,13 +88,13 @@ def in_the_mirror(mech, request):
 
 def check_mirror(graph, request):
     solution = solve(graph, request)
-    other = solve(mirrored(graph), in_the_mirror(graph.compile(), request))
-    assert other.quality.status == solution.quality.status
+    mirror = solve(mirrored(graph), in_the_mirror(graph.compile(), request))
+    assert mirror.quality.status == solution.quality.status
     for name, values in image(solution).items():
-        found = other[name]
+        mirrored_values = mirror[name]
         if name.endswith(".angle"):
-            found, values = half_turns_alike(found), half_turns_alike(values)
-        assert same(found, values, solution), name
+            mirrored_values, values = half_turns_alike(mirrored_values), half_turns_alike(values)
+        assert same(mirrored_values, values, solution), name
 
 
 def half_turns_alike(angle):
@@ -174,7 +174,7 @@ def test_other_units_change_no_digit_of_a_random_mechanism(case, length, force):
 @settings(max_examples=12)
 def test_order_of_writing_changes_no_bit_of_a_random_mechanism(case, seed):
     solution = solve(case.graph, case.request)
-    other = solve(rewired(case.graph, random.Random(seed)), case.request)
-    assert set(solution) == set(other)
-    assert same_bits(numbers(solution), numbers(other)) == []
-    assert str(solution.mechanism) == str(other.mechanism)
+    reordered = solve(rewired(case.graph, random.Random(seed)), case.request)
+    assert set(solution) == set(reordered)
+    assert same_bits(numbers(solution), numbers(reordered)) == []
+    assert str(solution.mechanism) == str(reordered.mechanism)

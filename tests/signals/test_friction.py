@@ -47,18 +47,18 @@ def motor():
 @pytest.mark.parametrize("method", ["dop853", "radau"])
 def test_a_current_that_rises_at_rest_starts_the_wheel(method, engine):
     mech = motor()
-    held = held_moment(mech)
-    assert 0.1 * K * U / R < held < 0.9 * K * U / R
-    begin = -L / R * math.log(1 - held * R / (K * U))
+    breakaway = held_moment(mech)
+    assert 0.1 * K * U / R < breakaway < 0.9 * K * U / R
+    begin = -L / R * math.log(1 - breakaway * R / (K * U))
     t = np.array([0.5 * begin, begin + 0.1, begin + (0.2 if method == "radau" else 0.7)])
     want = ["wheel.rate", "wheel.q", "motor.current"]
-    how = {"method": method, "engine": engine, "accuracy": 1e-10}
-    run = mech.simulate(f"time={float(t[-1])!r}", times=t, want=want, **how)
+    options = {"method": method, "engine": engine, "accuracy": 1e-10}
+    run = mech.simulate(f"time={float(t[-1])!r}", times=t, want=want, **options)
     A = np.zeros((4, 4))  # q, w, i, 1
     A[0, 1] = 1.0
-    A[1, 2:] = K / J, -held / J
+    A[1, 2:] = K / J, -breakaway / J
     A[2, 1:] = -K / L, -R / L, U / L
-    start = np.array([0.0, 0.0, held / K, 1.0])
+    start = np.array([0.0, 0.0, breakaway / K, 1.0])
     exact = [[0.0, 0.0, U / R * (1 - math.exp(-R / L * t[0]))]]
     exact += [(expm(A * (s - begin)) @ start)[:3] for s in t[1:]]
     result = np.transpose([run["wheel.q"], run["wheel.rate"], run["motor.current"]])
@@ -73,20 +73,20 @@ def test_a_sampled_controller_lets_it_go_at_an_instant():
         "ramp": signals.Pid(ki=1.0, sample=0.1),
     }
     mech = rubbing(blocks, [("one.y", "ramp.u"), ("ramp.y", "drive.law")])
-    held = held_moment(mech)
-    first = math.floor(held) + 1  # the moment is k at the instant 0.1 k
+    breakaway = held_moment(mech)
+    first = math.floor(breakaway) + 1  # the moment is k at the instant 0.1 k
     t = 0.1 * first
     run = mech.simulate(f"time={t + 0.05}", times=[t, t + 0.05], want=["wheel.rate"])
-    assert run["wheel.rate"] == pytest.approx([0.0, 0.05 * (first - held) / J], abs=1e-12)
+    assert run["wheel.rate"] == pytest.approx([0.0, 0.05 * (first - breakaway) / J], abs=1e-12)
 
 
 def test_a_position_controller_stops_where_friction_holds_it():
     blocks = {"pd": signals.Pid(kp=-40.0, kd=-4.0, n=200.0)}
     mech = rubbing(blocks, [("wheel.q", "pd.u"), ("pd.y", "drive.law")], rate=3.0)
-    held = held_moment(mech)
+    breakaway = held_moment(mech)
     run = mech.simulate("time=4", want=["wheel.q", "wheel.rate", "drive.b.couple"])
     assert run["wheel.rate"][-1] == 0.0
-    assert abs(run["drive.b.couple"][-1]) <= held
+    assert abs(run["drive.b.couple"][-1]) <= breakaway
     balance = run.motion.facts["energy_balance"]
     assert balance < 1e-9
 

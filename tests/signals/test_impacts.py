@@ -44,11 +44,13 @@ def test_a_controlled_wheel_bounces_lies_and_leaves_as_by_another_integration(me
     assert r.motion.end == "time"
     states = np.transpose([r[name] for name in WANT])
     np.testing.assert_allclose(states, [state for state, _ in expected], rtol=1e-9, atol=1e-9)
-    seen = np.array([i.t for i in r.motion.impacts])
+    impacts = np.array([i.t for i in r.motion.impacts])
     for t, (_, blows) in zip(times, expected, strict=True):
-        np.testing.assert_allclose(seen[seen < t][:7], blows[:7], rtol=1e-9)
-    left = [e.t for e in r.motion.events if e.kind == "leaves its stop"]
-    counts = [(sum(at < t for at in left), sum(x.begin < t for x in r.motion.lying)) for t in times]
+        np.testing.assert_allclose(impacts[impacts < t][:7], blows[:7], rtol=1e-9)
+    separations = [e.t for e in r.motion.events if e.kind == "leaves its stop"]
+    counts = [
+        (sum(at < t for at in separations), sum(x.begin < t for x in r.motion.lying)) for t in times
+    ]
     assert counts == [(0, 0), (1, 1), (1, 2)][: len(times)]
 
 
@@ -68,15 +70,15 @@ def test_a_controller_that_switches_pulls_the_wheel_off_its_stop_and_counts_once
     g.start("wheel", 1.0, 0.0)
     g.add_stop("wheel", high=1.0, restitution=0.0)
     r = g.compile().simulate("time=3", want=["hold.integral", "hold.y"])
-    integral, held, left = 0.0, [], None
+    integral, forces, separation = 0.0, [], None
     for k in range(12):  # the instants before 3 s
         u = np.interp(0.25 * k, ROWS["arguments"], ROWS["values"])
-        held.append(4 * u + integral)
-        left = 0.25 * k if left is None and held[-1] < 0 else left
+        forces.append(4 * u + integral)
+        separation = 0.25 * k if separation is None and forces[-1] < 0 else separation
         integral += 0.25 * u
     assert r["hold.integral"][-1] == pytest.approx(integral, rel=1e-12)
     (leaves,) = [e.t for e in r.motion.events if e.kind == "leaves its stop"]
-    assert leaves == pytest.approx(left, abs=1e-12)
+    assert leaves == pytest.approx(separation, abs=1e-12)
 
 
 @pytest.mark.parametrize("restitution", [None, 0.0])

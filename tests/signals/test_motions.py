@@ -387,12 +387,12 @@ def test_a_run_of_given_motions_names_the_states_that_it_lacks(fourbar):
 
 def remembering():
     """A PI controller as a closure, which keeps its integral in itself."""
-    kept = {"t": 0.0, "total": 0.0}
+    memory = {"t": 0.0, "total": 0.0}
 
     def law(rate, time):
-        kept["total"] += (10.0 - rate) * max(time - kept["t"], 0.0)
-        kept["t"] = time
-        return 3.0 * (10.0 - rate) + 5.0 * kept["total"]
+        memory["total"] += (10.0 - rate) * max(time - memory["t"], 0.0)
+        memory["t"] = time
+        return 3.0 * (10.0 - rate) + 5.0 * memory["total"]
 
     return law
 
@@ -407,11 +407,11 @@ def test_a_law_that_remembers_is_refused_before_anything_is_computed():
 
 
 def test_a_block_that_remembers_in_itself_is_refused():
-    seen = []
+    inputs = []
 
     def control(u):
-        seen.append(u)
-        return float(len(seen))
+        inputs.append(u)
+        return float(len(inputs))
 
     mech = speed_control(signals.Python(call=control)).compile()
     with pytest.raises(RequestError, match="pid: its function gives another value"):

@@ -21,9 +21,9 @@ def fourbar():
     data = data_of("sampled_fourbar")
     del data["blocks"]["pid"], data["blocks"]["setpoint"], data["blocks"]["error"]
     data["blocks"]["volts"] = {"type": "signal.input"}
-    kept = [w for w in data["wires"] if w["to"].split(".")[0] in data["blocks"]]
+    wires = [w for w in data["wires"] if w["to"].split(".")[0] in data["blocks"]]
     data["wires"] = [
-        w if w["to"] != "motor.u" else {"from": "volts.y", "to": "motor.u"} for w in kept
+        w if w["to"] != "motor.u" else {"from": "volts.y", "to": "motor.u"} for w in wires
     ]
     return compiled(data)
 
@@ -33,27 +33,27 @@ def test_a_sampled_controller_in_a_loop_of_steps_is_the_sampled_block():
     names = ["crank.q", "crank.rate", "motor.current"]
     expected = block.simulate("time=0.2", times=[0.2], want=names, accuracy=1e-10)
     env = fourbar().stepper(names, accuracy=1e-12)
-    seen, total = env.observe(), 0.0
+    state, total = env.observe(), 0.0
     for _ in range(20):
-        e = 10.0 - seen["crank.rate"][0]
+        e = 10.0 - state["crank.rate"][0]
         v = 20.0 * e + 40.0 * total
         beyond = (v > 150.0 and e > 0) or (v < -150.0 and e < 0)
         total += 0.0 if beyond else 0.01 * e
-        seen = env.step(0.01, {"volts": min(max(v, -150.0), 150.0)})
+        state = env.step(0.01, {"volts": min(max(v, -150.0), 150.0)})
     assert env.t == pytest.approx([0.2])
     for name in names:
-        assert seen[name][0] == pytest.approx(expected[name][0], rel=1e-9)
+        assert state[name][0] == pytest.approx(expected[name][0], rel=1e-9)
 
 
 def test_copies_go_their_own_ways_and_come_back():
     env = fed().stepper(["wheel.q", "wheel.rate", "wheel.acceleration"], copies=3)
-    seen = env.step(0.5, {"moment": np.array([1.0, 0.0, -2.0])})
-    assert seen["wheel.rate"] == pytest.approx([0.25, 0.0, -0.5])
-    assert seen["wheel.acceleration"] == pytest.approx([0.5, 0.0, -1.0])
-    seen = env.step(0.5)  # what was fed stays
-    assert seen["wheel.q"] == pytest.approx([0.25, 0.0, -0.5])
-    seen = env.reset(copies=2, start={"wheel": (1.0, 2.0)})
-    assert seen["wheel.q"] == pytest.approx([0.25, 0.0, 1.0])
+    state = env.step(0.5, {"moment": np.array([1.0, 0.0, -2.0])})
+    assert state["wheel.rate"] == pytest.approx([0.25, 0.0, -0.5])
+    assert state["wheel.acceleration"] == pytest.approx([0.5, 0.0, -1.0])
+    state = env.step(0.5)  # what was fed stays
+    assert state["wheel.q"] == pytest.approx([0.25, 0.0, -0.5])
+    state = env.reset(copies=2, start={"wheel": (1.0, 2.0)})
+    assert state["wheel.q"] == pytest.approx([0.25, 0.0, 1.0])
     assert env.t.tolist() == [1.0, 1.0, 0.0]
     assert env.step(0.5)["wheel.q"][2] == pytest.approx(2.0)  # nothing is fed any more
 

@@ -157,8 +157,8 @@ def test_a_force_at_hand_is_the_inverse_of_the_drive(rates):
     force = bm.design.available(g.compile(), "weightlike.force.y", 500.0, q, **options)
     for x, f in zip(q, force, strict=True):
         again = g.replace({"weightlike.force.y": float(f)}).compile()
-        given = {} if rates is None else {"rates": rates, "accelerations": 0.0}
-        run = again.run(float(x), want="crank.drive", static=True, **given)
+        motion = {} if rates is None else {"rates": rates, "accelerations": 0.0}
+        run = again.run(float(x), want="crank.drive", static=True, **motion)
         assert run["crank.drive"][0] == pytest.approx(500.0, rel=1e-11)
 
 

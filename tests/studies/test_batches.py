@@ -51,10 +51,10 @@ def test_a_design_in_a_batch_equals_the_same_design_alone(name):
             size = np.nanmax(np.abs(single[label][0]), initial=0.0)
             sizes[kind_of(label)] = max(size, sizes[kind_of(label)])
         for label in together.found.values:
-            one, other_one = together[label][k], single[label][0]
+            batched, alone = together[label][k], single[label][0]
             if general:  # LAPACK's
                 size = sizes[kind_of(label)]
-                np.testing.assert_allclose(one, other_one, rtol=0.0, atol=1e-11 * size)
+                np.testing.assert_allclose(batched, alone, rtol=0.0, atol=1e-11 * size)
             else:
-                np.testing.assert_array_equal(one, other_one, err_msg=label)
+                np.testing.assert_array_equal(batched, alone, err_msg=label)
         assert together.status[k] == single.status[0]

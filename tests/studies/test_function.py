@@ -50,8 +50,8 @@ def test_a_call_names_what_it_gives():
 
 def test_patterns_leave_out_what_cannot_vary():
     strict = pytest.importorskip("array_api_strict", reason="it holds us to the standard")
-    asked = {"library": strict, "friction": "none"}
-    f = mechanism("engine").function("crank.q", "crank.drive", ["*"], **asked)
+    options = {"library": strict, "friction": "none"}
+    f = mechanism("engine").function("crank.q", "crank.drive", ["*"], **options)
     parameters = mechanism("engine").parameters()
     assert {"crank.length", "piston.l", "gas.law.values[3]"} & {*f.parameters} == {
         "crank.length",
@@ -59,7 +59,7 @@ def test_patterns_leave_out_what_cannot_vary():
     }
     assert f.parameters == {a: parameters[a].value for a in f.parameters}
     with pytest.raises(bm.RequestError, match="cubic table"):
-        mechanism("engine").function("crank.q", "crank.drive", ["gas.law.values[3]"], **asked)
+        mechanism("engine").function("crank.q", "crank.drive", ["gas.law.values[3]"], **options)
 
 
 def test_a_rate_that_is_not_named_is_that_of_the_law():
@@ -100,9 +100,9 @@ def test_rates_leave_nothing_for_the_drive(name):
     qdd = dict(zip(mech.drivers, np.atleast_1d(second), strict=True))
     motion = {"rates": rate, "accelerations": qdd, "friction": "none"}
     result = mech.run(q, want="*.drive", **motion)
-    held = mech.run(q, want="*.drive", rates=rate, friction="none")
+    constrained = mech.run(q, want="*.drive", rates=rate, friction="none")
     for name in result:
-        assert abs(result[name][0]) < 1e-11 * max(1.0, abs(held[name][0]))
+        assert abs(result[name][0]) < 1e-11 * max(1.0, abs(constrained[name][0]))
     heavier = rhs(0.0, state, {"scene.gravity.y": -20.0})[1]
     assert not np.allclose(heavier, second)
 

@@ -98,8 +98,8 @@ def test_what_acts_alike_is_told_together():
 def test_what_is_not_seen_has_no_value():
     """A centre of mass that moves square to the crank changes its inertia in second order only."""
     data = record(80, friction="none")
-    asked = ["dyad.links.i.mass", "crank.links.crank.cm.y"]
-    identification = bm.design.identify(BENCH, asked, data, friction="none")
+    addresses = ["dyad.links.i.mass", "crank.links.crank.cm.y"]
+    identification = bm.design.identify(BENCH, addresses, data, friction="none")
     assert "crank.links.crank.cm.y" in identification.unseen
     assert "crank.links.crank.cm.y" not in identification.values
     assert "not seen in the data: crank.links.crank.cm.y" in str(identification)
@@ -143,8 +143,8 @@ def test_files_and_frames_are_read(tmp_path):
     plain, german = tmp_path / "a.csv", tmp_path / "b.csv"
     pd.DataFrame(degrees).to_csv(plain, index=False)
     frame.to_csv(german, index=False, sep=";", decimal=",")
-    for given in (frame, plain, str(german)):
-        identification = bm.design.identify(drawn(), NUMBERS, given)
+    for source in (frame, plain, str(german)):
+        identification = bm.design.identify(drawn(), NUMBERS, source)
         assert identification[NUMBERS[0]] == pytest.approx(30.0, rel=1e-6)
     run = BENCH.run(samples=20, want="crank.drive")
     run.to_csv(tmp_path / "own.csv")
@@ -154,7 +154,7 @@ def test_files_and_frames_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("data", "message"),
     [
         ({"crank.drive": [1.0, 2.0]}, "no column of crank.q"),
         ({"crank.q": [1.0, 2.0]}, "nothing was measured"),
@@ -164,8 +164,8 @@ def test_files_and_frames_are_read(tmp_path):
         ("nowhere.csv", "no such file"),
     ],
 )
-def test_data_that_are_none_are_refused(data, words):
-    with pytest.raises(bm.RequestError, match=words):
+def test_data_that_are_none_are_refused(data, message):
+    with pytest.raises(bm.RequestError, match=message):
         bm.design.identify(BENCH, "dyad.links.i.mass", data)
 
 

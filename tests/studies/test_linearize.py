@@ -103,9 +103,9 @@ def test_inputs_and_outputs_have_names():
     assert linear.inputs == ("crank.drive", "push.force.x")
     w = np.array([2.0])
     H_ = 1 / (9.81 - 0.6 * w**2 + 1j * 0.8 * w)
-    whole = linear.response(w)[0]
-    assert whole[0] == pytest.approx(np.array([H_[0], H_[0]]), rel=1e-12)  # hangs: x = l phi
-    assert whole[1] == pytest.approx(-(w[0] ** 2) * np.array([H_[0], H_[0]]), rel=1e-12)
+    responses = linear.response(w)[0]
+    assert responses[0] == pytest.approx(np.array([H_[0], H_[0]]), rel=1e-12)  # hangs: x = l phi
+    assert responses[1] == pytest.approx(-(w[0] ** 2) * np.array([H_[0], H_[0]]), rel=1e-12)
     assert linear.units["push.force.x"] == "N"
 
 
@@ -129,8 +129,8 @@ def test_control_takes_the_system_with_its_names():
 
 def test_small_motions_are_the_linear_ones():
     mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
-    place = mech.equilibria().stable[0]
-    linear, q0, d = mech.linearize(place), float(place.q[0]), 1e-5
+    rest = mech.equilibria().stable[0]
+    linear, q0, d = mech.linearize(rest), float(rest.q[0]), 1e-5
     t = np.linspace(0.1, 1.5, 8)
     run = mech.simulate(times=t.tolist(), start={"crank": (q0 + d, 0.0)})
     x = np.array([(expm(linear.A * s) @ [d, 0.0])[0] for s in t])

@@ -20,9 +20,9 @@ FALL = {"until": "standstill"}
 
 def test_columns_are_those_of_single_simulations():
     watt, masses = mechanism("watt_sixbar"), [0.5, 1.0, 2.0]
-    kept = ["max_abs(crank.rate)", "final(first.C.p)", "mean(mechanism.kinetic_energy)"]
-    own = ["motion.t_end", "motion.q_end", "motion.error", "motion.fluctuation"]
-    study = watt.study({MASS: masses}, want=[*kept, *own], simulate=FALL)
+    reductions = ["max_abs(crank.rate)", "final(first.C.p)", "mean(mechanism.kinetic_energy)"]
+    facts = ["motion.t_end", "motion.q_end", "motion.error", "motion.fluctuation"]
+    study = watt.study({MASS: masses}, want=[*reductions, *facts], simulate=FALL)
     for k, mass in enumerate(masses):
         outputs = ["crank.rate", "first.C.p", "mechanism.kinetic_energy"]
         run = remade(watt, {MASS: mass}).simulate("standstill", want=outputs)
@@ -36,8 +36,8 @@ def test_columns_are_those_of_single_simulations():
         assert study["final(first.C.p)"][k] == run["first.C.p"][-1]
         energy = run["mechanism.kinetic_energy"]
         assert study["mean(mechanism.kinetic_energy)"][k] == pytest.approx(energy.mean(), rel=1e-14)
-        one = [m.t_end, m.q_end, m.error, m.fluctuation(0.0, m.t_end)]
-        assert [study[name][k] for name in own] == one
+        expected = [m.t_end, m.q_end, m.error, m.fluctuation(0.0, m.t_end)]
+        assert [study[name][k] for name in facts] == expected
     assert study.status == ("ok",) * 3
     assert study.unit("motion.t_end") == "s"
     assert study.unit("final(first.C.p)") == "m"
@@ -61,8 +61,8 @@ def test_the_period_of_a_pendulum_from_three_lengths():
             a, b = (a + b) / 2, math.sqrt(a * b)
         exact = math.pi * math.sqrt(2 / 3 / 9.81) / a
         assert half == pytest.approx(exact, rel=1e-12)
-        shown = np.linspace(0.0, 3.0, 31) <= half
-        assert np.isfinite(row).tolist() == shown.tolist()
+        finite = np.linspace(0.0, 3.0, 31) <= half
+        assert np.isfinite(row).tolist() == finite.tolist()
 
 
 def test_time_to_rest_is_where_friction_stops_it():
@@ -76,8 +76,8 @@ def test_time_to_rest_is_where_friction_stops_it():
         motion = data.replace({address: mu}).compile().simulate("time=60", want=[]).motion
         rests = [e.t for e in motion.events if e.kind == "rest"]
         assert study["motion.time_to_rest"][k] == rests[-1]
-        stands = sum(e.kind == "standstill" for e in motion.events)
-        assert study["motion.standstills"][k] == stands
+        standstills = sum(e.kind == "standstill" for e in motion.events)
+        assert study["motion.standstills"][k] == standstills
 
 
 def test_settling_of_a_damped_slide():
@@ -126,7 +126,7 @@ def test_a_design_without_a_motion_is_a_row_with_its_reason():
 
 
 @pytest.mark.parametrize(
-    ("how", "text"),
+    ("options", "text"),
     [
         ({"want": "motion.t_end", "simulate": {"untl": "standstill"}}, 'did you mean "until"'),
         ({"want": "motion.t_end", "simulate": {"until": "swing"}}, "no stopping condition"),
@@ -139,11 +139,11 @@ def test_a_design_without_a_motion_is_a_row_with_its_reason():
         ({"want": "motion.t_end", "simulate": FALL, "engine": "numpy"}, "no engine"),
     ],
 )
-def test_what_cannot_be_is_refused(how, text):
+def test_what_cannot_be_is_refused(options, text):
     rod = bare_rod()
     rod.start("crank", q=0.0)
     with pytest.raises(bm.RequestError, match=text):
-        rod.compile().study({MASS: [1.0, 2.0]}, **how)
+        rod.compile().study({MASS: [1.0, 2.0]}, **options)
 
 
 def test_objective_has_derivatives_by_differences():
@@ -165,14 +165,14 @@ def test_parts_in_a_folder_and_by_processes(tmp_path):
     rod.start("crank", q=0.0)
     mech, masses = rod.compile(), np.linspace(1.0, 2.0, 300)
     settings = {"want": ["motion.t_end", "max_abs(crank.rate)"], "simulate": FALL}
-    here = mech.study({MASS: masses}, **settings)
+    local = mech.study({MASS: masses}, **settings)
     study = mech.study({MASS: masses}, out=tmp_path / "parts", workers=2, **settings)
     for label in settings["want"]:
-        np.testing.assert_array_equal(here[label], study[label])
-    assert here.status == study.status
+        np.testing.assert_array_equal(local[label], study[label])
+    assert local.status == study.status
     assert len(list((tmp_path / "parts").iterdir())) == 2
-    assert "300 designs in motion, until standstill" in repr(here)
-    here.to_csv(tmp_path / "table.csv")
+    assert "300 designs in motion, until standstill" in repr(local)
+    local.to_csv(tmp_path / "table.csv")
     assert (tmp_path / "table.csv").read_text("utf-8").count("\n") == 301
 
 
@@ -225,9 +225,9 @@ def test_motions_side_by_side_are_the_single_ones_within_their_errors(name, monk
     monkeypatch.setattr(
         MotionRunner, "moved", lambda self, row: moved_alone.append(row) or single(self, row)
     )
-    own = ("t_end", "q_end", "error", "time_error", "standstills")
-    outputs = [f"poses({mech.drivers[0]}.{what})" for what in ("q", "rate")]
-    want = [*(f"motion.{x}" for x in own), *outputs]
+    facts = ("t_end", "q_end", "error", "time_error", "standstills")
+    outputs = [f"poses({mech.drivers[0]}.{quantity})" for quantity in ("q", "rate")]
+    want = [*(f"motion.{x}" for x in facts), *outputs]
     values = np.linspace(*ends, 16)
     study = mech.study({address: values}, want=want, simulate=request)
     assert not moved_alone

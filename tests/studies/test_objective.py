@@ -25,21 +25,21 @@ def test_values_are_those_of_a_study(asked):
     x = asked.start * 1.01
     vary = {a: [value] for a, value in asked.numbers(x).items()}
     study = mechanism("ruiz_fourbar").study(vary, want=WANT, at=TURN)
-    kept = [np.atleast_1d(row[0]) for row in study.found.values.values()]
-    rows = [np.concatenate([r.real, r.imag]) if np.iscomplexobj(r) else r for r in kept]
+    columns = [np.atleast_1d(row[0]) for row in study.found.values.values()]
+    rows = [np.concatenate([r.real, r.imag]) if np.iscomplexobj(r) else r for r in columns]
     np.testing.assert_array_equal(asked(x), np.concatenate(rows))
 
 
 def test_derivatives_of_every_reduction_are_those_of_differences(asked):
     x = asked.start + np.array([0.01, 0.02, 0.3, 1e-4])
-    exact, whole = asked.jacobian(x), asked(x)
-    assert exact.shape == (len(whole), len(x))
+    exact, values = asked.jacobian(x), asked(x)
+    assert exact.shape == (len(values), len(x))
     for k in range(len(x)):
         h = 1e-6 * (abs(x[k]) or 1.0)  # steps of differences: error h^2 and rounding / h
         step = h * np.eye(len(x))[k]
-        near = (asked(x + step) - asked(x - step)) / (2 * h)
-        allowed = 1e-6 * np.maximum(np.abs(exact[:, k]), np.abs(whole) / (abs(x[k]) or 1.0)) + 1e-8
-        assert (np.abs(exact[:, k] - near) <= allowed).all()
+        difference = (asked(x + step) - asked(x - step)) / (2 * h)
+        allowed = 1e-6 * np.maximum(np.abs(exact[:, k]), np.abs(values) / (abs(x[k]) or 1.0)) + 1e-8
+        assert (np.abs(exact[:, k] - difference) <= allowed).all()
 
 
 def test_of_places_that_tie_the_one_that_goes_ahead_counts():

@@ -20,8 +20,8 @@ def document(path):
 def numbers(data):
     """Numbers in the data of a file, but for what is not computed with."""
     if isinstance(data, dict):
-        kept = (x for key, x in data.items() if key not in ("version", "view", "expect"))
-        return sum(map(numbers, kept))
+        sections = (x for key, x in data.items() if key not in ("version", "view", "expect"))
+        return sum(map(numbers, sections))
     if isinstance(data, list):
         return sum(map(numbers, data))
     return isinstance(data, int | float) and not isinstance(data, bool)
@@ -36,9 +36,9 @@ def test_every_number_of_a_file_has_an_address(path):
 
 @pytest.mark.parametrize("path", SMALL, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_the_same_numbers_make_the_same_mechanism(path):
-    made = document(path)
-    parameters = parameters_of(made.sections())
-    again = made.replace({address: p.value for address, p in parameters.items()})
+    source = document(path)
+    parameters = parameters_of(source.sections())
+    again = source.replace({address: p.value for address, p in parameters.items()})
     assert parameters_of(again.sections()) == parameters
 
 
@@ -69,7 +69,7 @@ def test_addresses_are_those_of_the_file_as_well(address):
 
 def test_of_a_linkage_sections_are_said_as_in_the_file_or_in_outputs():
     linkage = bm.Linkage.load(JOINTS / "ruiz_fourbar.json")
-    link = next(name for name, given in linkage.links.items() if given.mass)
+    link = next(name for name, link_data in linkage.links.items() if link_data.mass)
     for address in (f"links.{link}.mass", f"link.{link}.mass"):
         assert linkage.replace({address: 7.0}).links[link].mass == 7.0
 
@@ -131,9 +131,9 @@ def has_no_unit(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_every_number_but_a_ratio_has_its_unit(path):
-    known = parameters_of(document(path).sections()).values()
-    assert {p.address for p in known if not p.unit and not has_no_unit(p.path)} == set()
-    assert {p.address for p in known if p.unit and isinstance(p.value, int)} == set()
+    parameters = parameters_of(document(path).sections()).values()
+    assert {p.address for p in parameters if not p.unit and not has_no_unit(p.path)} == set()
+    assert {p.address for p in parameters if p.unit and isinstance(p.value, int)} == set()
 
 
 @pytest.mark.parametrize("document", [bm.Graph, bm.Linkage])
@@ -155,8 +155,8 @@ def test_forces_stiffnesses_and_sizes_of_laws_have_their_units(document):
     assert units("fivebar_falling")["rate"] == "rad/s"
 
 
-def units_of(load, **beside):
-    parameters = parameters_of({"blocks": {"load": load, **beside}})
+def units_of(load, **blocks):
+    parameters = parameters_of({"blocks": {"load": load, **blocks}})
     return {a.removeprefix("load."): p.unit for a, p in parameters.items() if a.startswith("load.")}
 
 
@@ -179,10 +179,10 @@ def test_a_coefficient_has_the_unit_of_its_power(element, driver, of, units):
 
 
 def test_a_law_has_the_unit_of_what_its_element_gives():
-    for element, unit, own in ((bm.Motor, "N m", "rad"), (bm.Thrust, "N", "m")):
+    for element, unit, argument_unit in ((bm.Motor, "N m", "rad"), (bm.Thrust, "N", "m")):
         law = {"kind": "fourier", "mean": 2.0, "sines": [1.0], "period": 3.0}
-        known = units_of(element(law=law))
-        assert known == {"law.mean": unit, "law.sines[0]": unit, "law.period": own}
+        units = units_of(element(law=law))
+        assert units == {"law.mean": unit, "law.sines[0]": unit, "law.period": argument_unit}
     assert units_of(bm.Force(force=(3.0, 4.0))) == {"force.x": "N", "force.y": "N"}
 
 

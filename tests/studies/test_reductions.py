@@ -79,13 +79,13 @@ def test_the_stroke_of_a_slider():
 
 
 def test_tolerance_takes_reductions():
-    made = {"dyad.l_i": bm.dist.Normal(6.0, 0.005), "dyad.l_j": bm.dist.Normal(3.0, 0.005)}
+    scatter = {"dyad.l_i": bm.dist.Normal(6.0, 0.005), "dyad.l_j": bm.dist.Normal(3.0, 0.005)}
     label = "range(dyad.j.angle)"
-    bands = MECH.tolerance(made, want=[label, "dyad.C.p.x"], at=POSES, count=800)
+    bands = MECH.tolerance(scatter, want=[label, "dyad.C.p.x"], at=POSES, count=800)
     assert bands[label].shape == (1,)
     assert bands["dyad.C.p.x"].shape == (59,)
-    drawn = MECH.study(made, want=label, at=POSES, sampling=bm.dist.Sample(800))[label]
-    assert bands[label][0] == pytest.approx(np.std(drawn, ddof=1), rel=0.1)
+    sampled = MECH.study(scatter, want=label, at=POSES, sampling=bm.dist.Sample(800))[label]
+    assert bands[label][0] == pytest.approx(np.std(sampled, ddof=1), rel=0.1)
     assert bands.sampled[label].deviation[0] == pytest.approx(bands[label][0], rel=0.1)
     assert bands.shares(label)[:, 0].sum() == pytest.approx(1.0)
     assert f"{label}: deviation " in str(bands)
@@ -102,9 +102,9 @@ def test_objective_takes_a_stroke():
 
 
 def test_pictures_and_tables_have_them(tmp_path):
-    made = {"dyad.l_i": bm.dist.Normal(6.0, 0.005)}
-    MECH.tolerance(made, want=["range(dyad.j.angle)"], at=POSES).plot(tmp_path / "a.png")
-    MECH.tolerance(made, want=["range(dyad.j.angle)", "dyad.C.p.x"], at=POSES).plot(
+    scatter = {"dyad.l_i": bm.dist.Normal(6.0, 0.005)}
+    MECH.tolerance(scatter, want=["range(dyad.j.angle)"], at=POSES).plot(tmp_path / "a.png")
+    MECH.tolerance(scatter, want=["range(dyad.j.angle)", "dyad.C.p.x"], at=POSES).plot(
         tmp_path / "b.png"
     )
     derivatives = MECH.sensitivity(["max_abs(crank.drive)", "dyad.C.p.x"], to=TO, at=POSES)

@@ -30,30 +30,32 @@ for number in (mpmath.mpf, mpmath.mpc):
 SPLINES = (".law.arguments", ".law.values")  # whose coefficients SciPy finds, in double
 
 
-def by_differences(mech, found, request, ways):
+def by_differences(mech, derivatives, request, ways):
     """Derivatives of all outputs along one way, by output, from formulas and kernels in 60 digits.
 
     ``ways`` is a change of each number.
     """
-    want = list(found)
-    family = Family(mech, found.parameters)
+    want = list(derivatives)
+    family = Family(mech, derivatives.parameters)
     precise = Precise(family.general, want, "newton")
     program = precise.plan.program
-    given = found.result.samples.given(program.inputs)
+    inputs = derivatives.result.samples.given(program.inputs)
     columns = {name: [] for name in want}
     with mpmath.workdps(DIGITS):
         sides = []
         for h in (STEP, -STEP):
-            moved = {p: mpmath.mpf(p.value) + h * ways[a] for a, p in found.parameters.items()}
+            moved = {
+                p: mpmath.mpf(p.value) + h * ways[a] for a, p in derivatives.parameters.items()
+            }
             sides.append(program.values(*family.design(moved)))
-        for k in range(found.result.n):
-            one = {x: float(np.asarray(given[x])[k]) for x in given}
-            ahead, behind = (precise.run(one, side) for side in sides)
+        for k in range(derivatives.result.n):
+            sample = {x: float(np.asarray(inputs[x])[k]) for x in inputs}
+            forward, backward = (precise.run(sample, side) for side in sides)
             for name in want:
                 output = mech.outputs[name]
                 if output.read.__name__ == "_same":
                     (i,) = precise.plan.layout[name]
-                    columns[name].append(complex((ahead[i] - behind[i]) / (2 * STEP)))
+                    columns[name].append(complex((forward[i] - backward[i]) / (2 * STEP)))
     return {name: np.array(column) for name, column in columns.items() if column}
 
 
@@ -79,9 +81,9 @@ def test_derivatives_by_address_agree_with_60_digits(name):
         largest[unit] = max(size, largest.get(unit, 0.0))
     assert len(exact) > 10
     for x, d in exact.items():
-        along = np.einsum("m,mn->n", list(ways.values()), derivatives[x])
+        slopes = np.einsum("m,mn->n", list(ways.values()), derivatives[x])
         scale = largest[mech.outputs[x].unit.removesuffix("/rad")] / margin
-        assert np.abs(along - d).max() <= EXACT * scale, x
+        assert np.abs(slopes - d).max() <= EXACT * scale, x
 
 
 DOCUMENTS = (  # of every kind of block, and with cylinders and pins of three links
@@ -138,18 +140,18 @@ def test_what_coincides_by_chance_moves_by_itself():
 
 
 def test_a_mass_without_a_place_is_at_the_origin_of_its_link():
-    text, default = (pendulum(**more).compile() for more in ({"cm": (0.0, 0.0)}, {}))
+    text, default = (pendulum(**fields).compile() for fields in ({"cm": (0.0, 0.0)}, {}))
     for mech in (text, default):
         run = mech.run(at=0.0, want=["driver.motor.drive"])
         assert run["driver.motor.drive"][0] == pytest.approx(-0.5 * 20.0, rel=1e-14)
 
 
 def test_numbers_are_equal_if_they_stay_equal():
-    x, same, other = Varied(2.0, [1.0, 0.0]), Varied(2.0, [1.0, 0.0]), Varied(2.0, [0.0, 1.0])
+    x, same, unequal = Varied(2.0, [1.0, 0.0]), Varied(2.0, [1.0, 0.0]), Varied(2.0, [0.0, 1.0])
     assert x == same
     assert {x: "found"}[same] == "found"
-    assert x not in (other, 2.0)
-    assert (bool(x - other), bool(x - same)) == (True, False)
+    assert x not in (unequal, 2.0)
+    assert (bool(x - unequal), bool(x - same)) == (True, False)
     assert settled({"a": [x, (1j * x,)]}) == {"a": [2.0, (2j,)]}
 
 
@@ -223,9 +225,9 @@ def test_where_a_number_sets_a_resting_pair_going_there_is_no_derivative():
     assert not derivatives.jumps["piston.C.p"].any()
     text = "no derivative by frame.O.y, crank.q at 1 of 2 samples: a pair with friction rests"
     assert text in derivatives.text()
-    ahead, behind = mech.run(at=[1e-9, -1e-9], want="piston.S.friction")["piston.S.friction"]
-    assert ahead == pytest.approx(-behind, rel=1e-6)
-    assert abs(ahead) > 1.0
+    forward, backward = mech.run(at=[1e-9, -1e-9], want="piston.S.friction")["piston.S.friction"]
+    assert forward == pytest.approx(-backward, rel=1e-6)
+    assert abs(forward) > 1.0
     for number in ("frame.O.y", "crank.q"):  # the rest of the output has its derivative
         without = mech.sensitivity("crank.drive", number, at=0.0, friction="none")
         assert derivatives["crank.drive", number][0] == without["crank.drive", number][0]

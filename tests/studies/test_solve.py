@@ -23,8 +23,8 @@ def test_every_place_of_a_driver_is_found_to_rounding():
             # rounding of the angle, and of the place times its slope
             assert abs((off + np.pi) % (2 * np.pi) - np.pi) <= 8 * EPS * (1 + q)
             h = 1e-5
-            beside = RUIZ.run([q - h, q + h], want=ANGLE)[ANGLE]
-            assert solution.slopes[0, 0] == pytest.approx(2 * h / np.diff(beside)[0], rel=1e-8)
+            angles = RUIZ.run([q - h, q + h], want=ANGLE)[ANGLE]
+            assert solution.slopes[0, 0] == pytest.approx(2 * h / np.diff(angles)[0], rel=1e-8)
 
 
 @pytest.mark.parametrize("name", ["crank.q", "crank.crank.angle"])
@@ -35,15 +35,15 @@ def test_what_grows_over_a_turn_does_not_close_on_it(name):
 
 
 def test_a_value_may_have_a_unit():
-    solutions, other = RUIZ.solve({ANGLE: "80deg"}), RUIZ.solve({ANGLE: np.radians(80.0)})
-    assert [s["crank.q"] for s in solutions] == [s["crank.q"] for s in other]
+    solutions, in_radians = RUIZ.solve({ANGLE: "80deg"}), RUIZ.solve({ANGLE: np.radians(80.0)})
+    assert [s["crank.q"] for s in solutions] == [s["crank.q"] for s in in_radians]
 
 
 def test_forces_are_solved_for_as_well():
     solutions = RUIZ.solve({"crank.drive": 1000.0})
     assert len(solutions) == 4
-    there = RUIZ.run([s["crank.q"] for s in solutions], want="crank.drive")["crank.drive"]
-    assert there == pytest.approx(1000.0, rel=1e-11)
+    drives = RUIZ.run([s["crank.q"] for s in solutions], want="crank.drive")["crank.drive"]
+    assert drives == pytest.approx(1000.0, rel=1e-11)
 
 
 def test_a_value_that_is_only_touched_has_one_place_and_none_beyond():
@@ -57,14 +57,14 @@ def test_a_value_that_is_only_touched_has_one_place_and_none_beyond():
 
 
 def test_all_assembly_modes_are_gone_through():
-    there = RUIZ.run(0.7, want="dyad.C.p")["dyad.C.p"][0].real
+    target = RUIZ.run(0.7, want="dyad.C.p")["dyad.C.p"][0].real
     design = RUIZ.document.replace({"dyad.branch": -1}).compile()
-    solutions = RUIZ.solve({"dyad.C.p.x": float(there)}, modes=True)
+    solutions = RUIZ.solve({"dyad.C.p.x": float(target)}, modes=True)
     assert {s.mode["dyad.branch"] for s in solutions} == {1, -1}
     for s in solutions:
         mech = RUIZ if s.mode["dyad.branch"] == 1 else design
         x = mech.run(s["crank.q"], want="dyad.C.p")["dyad.C.p"][0].real
-        assert x == pytest.approx(there, abs=1e-13)
+        assert x == pytest.approx(target, abs=1e-13)
 
 
 def test_a_point_is_reached_by_two_drivers_from_all_sides():
@@ -99,8 +99,8 @@ def test_a_load_for_a_drive_is_the_force_at_hand():
 
 def test_an_extreme_between_the_samples():
     top = RUIZ.extremes("crank.drive").maximum.value
-    (found,) = RUIZ.solve({"max(crank.drive)": 1.01 * top}, to="couple.moment", samples=73)
-    design = RUIZ.document.replace(dict(found.values)).compile()
+    (solution,) = RUIZ.solve({"max(crank.drive)": 1.01 * top}, to="couple.moment", samples=73)
+    design = RUIZ.document.replace(dict(solution.values)).compile()
     assert design.extremes("crank.drive").maximum.value == pytest.approx(1.01 * top, rel=1e-9)
 
 

@@ -36,7 +36,7 @@ def test_reductions_are_those_of_the_run(fourbar):
         low, high = drive.minimum.value, drive.maximum.value
         assert study[f"at(crank.drive, {TURN['crank'][3]})"][k] == tau[3]
         np.testing.assert_array_equal(study["poses(dyad.C.reaction)"][k], R)
-        near = {
+        expected = {
             "mean(crank.drive)": tau.mean(),
             "rms(crank.drive)": np.sqrt(np.mean(tau**2)),
             "min(crank.drive)": low,
@@ -49,7 +49,7 @@ def test_reductions_are_those_of_the_run(fourbar):
             "mean(dyad.C.reaction)": R.mean(),
             "mechanism.friction_efficiency": run["mechanism.friction_efficiency"],
         }
-        for label, x in near.items():
+        for label, x in expected.items():
             np.testing.assert_allclose(study[label][k], x, rtol=24 * np.finfo(float).eps)
 
 
@@ -90,8 +90,8 @@ def test_self_locking_designs_say_so():
     fourbar = mechanism("ruiz_fourbar")
     values = {"dyad.friction.C.radius": [0.0075, 9.0]}
     study = fourbar.study(values, want="max_abs(crank.drive)", samples=9)
-    other = remade(fourbar, {"dyad.friction.C.radius": 9.0})
-    run = other.run(samples=9, want=["crank.drive"], on_gap="mark", engine="numpy")
+    locked = remade(fourbar, {"dyad.friction.C.radius": 9.0})
+    run = locked.run(samples=9, want=["crank.drive"], on_gap="mark", engine="numpy")
     assert study.status == ("ok", run.quality.status[run.quality.gaps[0]])
     assert study.status[1] != "ok"
 
@@ -104,8 +104,8 @@ def test_a_grid_is_an_array_over_its_numbers(fourbar):
     data = study.to_xarray()
     assert data["max_abs(crank.drive)"].dims == ("dyad.l_i", "dyad.links.i.mass")
     assert data["max_abs(crank.drive)"].attrs["units"] == "N m"
-    one = data["max_abs(crank.drive)"].sel({"dyad.l_i": 6.0, "dyad.links.i.mass": 30.0})
-    assert float(one) == table[1, 1] == study["max_abs(crank.drive)"][3]
+    cell = data["max_abs(crank.drive)"].sel({"dyad.l_i": 6.0, "dyad.links.i.mass": 30.0})
+    assert float(cell) == table[1, 1] == study["max_abs(crank.drive)"][3]
 
 
 def test_blocks_of_any_size_say_the_same(fourbar, monkeypatch):
@@ -120,21 +120,21 @@ def test_blocks_of_any_size_say_the_same(fourbar, monkeypatch):
 
 def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
     monkeypatch.setattr(Runner, "size", lambda self, n: 2)
-    told = []
+    calls = []
 
-    def say(what, done, whole):
-        told.append((what, done, whole))
-        if done == 4:
+    def say(label, count, full):
+        calls.append((label, count, full))
+        if count == 4:
             raise KeyboardInterrupt
 
     lengths = np.linspace(5.8, 6.2, 9)
-    how = {"at": TURN, "want": "max(crank.drive)", "engine": "numpy"}  # in blocks of that size
-    study = fourbar.study({"dyad.l_i": lengths}, progress=say, **how)
-    assert told[0] == ("2 of 9 designs", 2, 9)
+    options = {"at": TURN, "want": "max(crank.drive)", "engine": "numpy"}  # in blocks of that size
+    study = fourbar.study({"dyad.l_i": lengths}, progress=say, **options)
+    assert calls[0] == ("2 of 9 designs", 2, 9)
     assert study.interrupted
     assert study.n == 4
-    whole = fourbar.study({"dyad.l_i": lengths}, **how)
-    np.testing.assert_array_equal(study["max(crank.drive)"], whole["max(crank.drive)"][:4])
+    full = fourbar.study({"dyad.l_i": lengths}, **options)
+    np.testing.assert_array_equal(study["max(crank.drive)"], full["max(crank.drive)"][:4])
     assert np.isnan(study.grid("max(crank.drive)")[4:]).all()
 
 
@@ -173,12 +173,12 @@ def test_numbers_of_a_linkage_that_go_into_its_graph_vary_in_one_program():
     out = f"driver.{plain.drivers[0]}.drive"
     study = plain.study({link: [1.0, 2.0]}, want=f"max({out})", samples=9)
     assert not study.alone
-    other = remade(plain, {link: 2.0})
-    largest = extremes(other.run(samples=9, want=[out]), out).maximum.value
+    variant = remade(plain, {link: 2.0})
+    largest = extremes(variant.run(samples=9, want=[out]), out).maximum.value
     assert study[f"max({out})"][1] == pytest.approx(largest, rel=1e-12)
-    place = next(a for a in plain.parameters() if a.startswith("joints.") and a.endswith(".x"))
-    value = plain.parameters()[place].value
-    moved = plain.study({place: [value, value + 1e-3]}, want=f"max({out})", samples=9)
+    address = next(a for a in plain.parameters() if a.startswith("joints.") and a.endswith(".x"))
+    value = plain.parameters()[address].value
+    moved = plain.study({address: [value, value + 1e-3]}, want=f"max({out})", samples=9)
     assert moved.alone.endswith("whose mode the document's poses tell")
     assert moved.status == ("ok", "ok")
 
@@ -215,7 +215,7 @@ NORMAL = {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}
 
 
 @pytest.mark.parametrize(
-    ("request_", "words"),
+    ("request_", "message"),
     [
         ({"vary": {"dyad.l_i": [6.0, -1.0, -2.0]}}, "l_i must be > 0 m, got -2"),
         ({"vary": {"dyad.l": [6.0]}}, 'did you mean "dyad.l_i"'),
@@ -244,11 +244,11 @@ NORMAL = {"dyad.l_i": bm.dist.Normal(6.0, 0.1)}
         ({"want": "crank.drive"}, "how it is reduced is not said"),
     ],
 )  # fmt: skip
-def test_mistakes_get_one_message(fourbar, request_, words):
+def test_mistakes_get_one_message(fourbar, request_, message):
     request = {"vary": {"dyad.l_i": [6.0]}, "want": "max(crank.drive)", "at": TURN} | request_
     with pytest.raises(bm.BlockmechError) as error:
         fourbar.study(request.pop("vary"), **request)
-    assert words in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize(

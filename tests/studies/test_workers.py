@@ -38,16 +38,18 @@ def whole(fourbar):
     return fourbar.study(VARY, **REQUEST)
 
 
-def assert_same(one, other):
-    assert one.n == other.n
-    assert one.status == other.status
-    for label in one:
-        assert one[label].tobytes() == other[label].tobytes(), label
-    assert [one.reason(k) for k in range(one.n)] == [other.reason(k) for k in range(other.n)]
+def assert_same(result, expected):
+    assert result.n == expected.n
+    assert result.status == expected.status
+    for label in result:
+        assert result[label].tobytes() == expected[label].tobytes(), label
+    assert [result.reason(k) for k in range(result.n)] == [
+        expected.reason(k) for k in range(expected.n)
+    ]
 
 
-def files(place):
-    return {path.name: path.read_bytes() for path in sorted(place.glob("*.parquet"))}
+def files(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.parquet"))}
 
 
 def test_parts_read_as_what_the_study_found(fourbar, whole, tmp_path):
@@ -69,18 +71,18 @@ def test_parts_of_any_size_hold_the_same(fourbar, whole, monkeypatch, tmp_path):
 
 
 def test_an_interrupted_study_goes_on_where_it_stopped(fourbar, whole, tmp_path, monkeypatch):
-    def stop(what, done, of):
-        if done == 3 * PART:
+    def stop(label, count, of):
+        if count == 3 * PART:
             raise KeyboardInterrupt
 
     first = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=stop)
     assert first.interrupted
     assert first.n == 3 * PART
-    kept = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-    told = []
-    again = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=lambda *x: told.append(x[1]))
-    assert told == list(range(4 * PART, 401, PART))
-    assert kept.items() <= {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}.items()
+    times = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    counts = []
+    again = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=lambda *x: counts.append(x[1]))
+    assert counts == list(range(4 * PART, 401, PART))
+    assert times.items() <= {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}.items()
     assert_same(whole, again)
     monkeypatch.setattr(Work, "here", lambda work, spans: iter(spans) if not spans else 1 / 0)
     assert_same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
@@ -91,14 +93,14 @@ def test_another_question_in_the_folder_is_refused(fourbar, tmp_path):
     fourbar.study({"dyad.l_i": [6.0, 6.1]}, **request)
     before = files(tmp_path)
     heavier = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({"dyad.links.i.mass": 7.0})
-    for mech, values, more in (
+    for mech, values, options in (
         (fourbar, [6.0, 6.2], {}),
         (fourbar, [6.0, 6.1], {"friction": "none"}),
         (fourbar, [6.0, 6.1], {"samples": 7}),
         (heavier.compile(), [6.0, 6.1], {}),
     ):
         with pytest.raises(bm.RequestError, match="parts of another question"):
-            mech.study({"dyad.l_i": values}, **request | more)
+            mech.study({"dyad.l_i": values}, **request | options)
     assert files(tmp_path) == before
 
 
@@ -111,7 +113,7 @@ def test_local_processes_give_the_same_though_one_is_killed(fourbar, whole, tmp_
     fourbar.study(VARY, **REQUEST, out=tmp_path / "here")
     killed = []
 
-    def kill(what, done, of):
+    def kill(label, count, of):
         if not killed:
             killed.append(multiprocessing.active_children()[0])
             killed[0].kill()
@@ -126,11 +128,11 @@ def test_local_processes_give_the_same_though_one_is_killed(fourbar, whole, tmp_
 def test_a_cluster_gives_the_same_though_a_worker_is_killed(fourbar, whole, tmp_path):
     distributed = pytest.importorskip("distributed", reason="the extra cluster is not installed")
     fourbar.study(VARY, **REQUEST, out=tmp_path / "here")
-    how = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     killed = []
-    with distributed.LocalCluster(**how) as cluster, distributed.Client(cluster) as client:
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
 
-        def kill(what, done, of):
+        def kill(label, count, of):
             if not killed:
                 killed.append(next(iter(client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)

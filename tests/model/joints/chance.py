@@ -40,13 +40,13 @@ class Frames:
         """Angle [rad] of the document's frame in the link's."""
         return self.places[link][1]
 
-    def vector(self, link, given):
-        z = complex(*given) * cmath.exp(-1j * self.turn(link))
+    def vector(self, link, components):
+        z = complex(*components) * cmath.exp(-1j * self.turn(link))
         return [z.real, z.imag]
 
-    def place(self, link, given):
+    def place(self, link, position):
         origin = self.places[link][0]
-        return self.vector(link, (given[0] - origin.real, given[1] - origin.imag))
+        return self.vector(link, (position[0] - origin.real, position[1] - origin.imag))
 
     def pose(self, link, x, y, angle):
         origin, turn = self.places[link]
@@ -61,9 +61,9 @@ def document(seed, options=WHOLE, slack=1e-3):
     system, home = twin.system, [case.request["at"][d] for d in twin.mechanism.drivers]
     frames = Frames(chance, system.links)
     links = {}
-    for (link, given), pose in zip(system.links.items(), twin._guess(home).tolist(), strict=True):
+    for (link, body), pose in zip(system.links.items(), twin._guess(home).tolist(), strict=True):
         rough = [x + chance.uniform(-slack, slack) for x in frames.pose(link, *pose)]
-        mass = {"mass": given.mass, "inertia": given.inertia, "cm": frames.place(link, given.cm)}
+        mass = {"mass": body.mass, "inertia": body.inertia, "cm": frames.place(link, body.cm)}
         links[frames.names[link]] = {**mass, "pose": rough}
     named = {name: f"J{k}" for k, name in enumerate(system.joints)}
     joints = {named[n]: _joint(chance, frames, joint) for n, joint in system.joints.items()}
@@ -116,8 +116,8 @@ def _ends(joint):
 
 
 def _load(frames, load):
-    given = {key: x for key, x in asdict(load).items() if x is not None}
-    result = {key: list(x) if isinstance(x, tuple) else x for key, x in given.items()}
+    fields = {key: x for key, x in asdict(load).items() if x is not None}
+    result = {key: list(x) if isinstance(x, tuple) else x for key, x in fields.items()}
     if isinstance(load, mb.TorsionSpring):
         turn = frames.turn(load.links[1]) - frames.turn(load.links[0])
         result["rest_angle"] = math.remainder(load.rest_angle - turn, math.tau)
@@ -148,10 +148,13 @@ def two_link_pins(data):
     """The document with pins of many links written as pairs of the first with each other one."""
     joints = {}
     for name, joint in data["joints"].items():
-        first, *others = joint["links"]
-        for k, other in enumerate(others, start=1):
-            pair = name if len(others) == 1 else f"{name}.{other}"
-            joints[pair] = joint | {"links": [first, other], "at": [joint["at"][0], joint["at"][k]]}
+        first, *rest = joint["links"]
+        for k, second in enumerate(rest, start=1):
+            pair = name if len(rest) == 1 else f"{name}.{second}"
+            joints[pair] = joint | {
+                "links": [first, second],
+                "at": [joint["at"][0], joint["at"][k]],
+            }
     return data | {"joints": joints}
 
 

@@ -88,12 +88,12 @@ def parallelogram(lengths=(1.0, 1.0, 1.0), angle=0.7):
 def turned_round(data, joint):
     """The same document with the links of a joint named the other way round."""
     data = copy.deepcopy(data)
-    said = data["joints"][joint]
+    joint_data = data["joints"][joint]
     for key in ("links", "at", "angle"):
-        if key in said:
-            said[key] = said[key][::-1]
-    if said["type"] == "P":
-        said["slider"] = 1 - said.get("slider", 1)
+        if key in joint_data:
+            joint_data[key] = joint_data[key][::-1]
+    if joint_data["type"] == "P":
+        joint_data["slider"] = 1 - joint_data.get("slider", 1)
     return data
 
 

@@ -135,9 +135,9 @@ def test_a_cylinder_whose_line_points_the_other_way_drives_the_same():
     assert turned.names.joints["S"].turned
     for s in (0.7, 0.9):
         result = straight.run(at={"jack": s}, rates={"jack": 1.0})
-        other = turned.compile().run(at={"jack": -s}, rates={"jack": -1.0})
-        assert result["link.arm.angle"] == pytest.approx(other["link.arm.angle"], abs=ROUNDING)
-        assert result["joint.S.slip"] == pytest.approx(-other["joint.S.slip"], abs=ROUNDING)
+        mirrored = turned.compile().run(at={"jack": -s}, rates={"jack": -1.0})
+        assert result["link.arm.angle"] == pytest.approx(mirrored["link.arm.angle"], abs=ROUNDING)
+        assert result["joint.S.slip"] == pytest.approx(-mirrored["joint.S.slip"], abs=ROUNDING)
 
 
 def test_a_cylinder_pinned_off_its_line_is_a_general_group():
@@ -167,11 +167,13 @@ def test_a_motor_that_follows_the_angle_of_links_leaves_their_frames_alone():
     spring["loads"] = {"m": {"type": "torsion_spring", "joint": "C", "stiffness": 3.0}}
     assert "group.general" in types(motor)
     assert "dyad.rrr" in types(spring)
-    found, expected = (
+    values, expected = (
         read(d).compile().run(at={"motor": 1.1}, rates={"motor": 0.0}) for d in (motor, spring)
     )
     for name in ("driver.motor.drive", "joint.B.reaction", "joint.D.reaction"):
-        assert np.abs(found[name] - expected[name]).max() <= ROUNDING * np.abs(expected[name]).max()
+        assert (
+            np.abs(values[name] - expected[name]).max() <= ROUNDING * np.abs(expected[name]).max()
+        )
 
 
 def test_a_slide_whose_frame_a_law_reads_is_left_alone():
@@ -230,8 +232,8 @@ def series(q):
 def spline(q):
     from scipy.interpolate import CubicSpline
 
-    said = OF_THE_DRIVER["table"]
-    return CubicSpline(said["arguments"], said["values"])(q)
+    table = OF_THE_DRIVER["table"]
+    return CubicSpline(table["arguments"], table["values"])(q)
 
 
 def test_a_cylinder_s_gas_follows_its_stroke_and_not_the_length_of_the_block():
@@ -287,12 +289,14 @@ def test_whole_turns_in_poses_do_not_lengthen_the_way_from_home():
     plain, wound = machines.fourbar(), machines.fourbar()
     wound["links"]["crank"]["pose"][2] += 4 * math.pi
     wound["links"]["rod"]["pose"][2] -= 2 * math.pi
-    one, other = (read(d).decompose("groups") for d in (plain, wound))
-    assert other.data["blocks"]["rocker_rod"]["home"]["drivers"] == {"motor": pytest.approx(1.0)}
+    direct, wound_up = (read(d).decompose("groups") for d in (plain, wound))
+    assert wound_up.data["blocks"]["rocker_rod"]["home"]["drivers"] == {"motor": pytest.approx(1.0)}
     at = {"motor": [0.6, 1.4]}
     for name in ("link.rocker.angle", "link.rod.p"):
-        found, expected = (d.compile().run(at=at, rates={"motor": 0.0})[name] for d in (other, one))
-        assert found == pytest.approx(expected, abs=ROUNDING)
+        values, expected = (
+            d.compile().run(at=at, rates={"motor": 0.0})[name] for d in (wound_up, direct)
+        )
+        assert values == pytest.approx(expected, abs=ROUNDING)
 
 
 # -- near a dead centre ------------------------------------------------------------------------
@@ -304,8 +308,8 @@ def test_a_pose_a_millionth_off_a_dead_centre_tells_its_mode(mode):
     aside, pivot, rod, rocker = 1e-6, 4.0, 1.5, 4.5
     crank = cmath.exp(1j * aside)
     d = pivot - crank
-    along = (rod**2 - rocker**2 + abs(d) ** 2) / (2 * abs(d))
-    knee = crank + d / abs(d) * complex(along, mode * math.sqrt(rod**2 - along**2))
+    projection = (rod**2 - rocker**2 + abs(d) ** 2) / (2 * abs(d))
+    knee = crank + d / abs(d) * complex(projection, mode * math.sqrt(rod**2 - projection**2))
     turned = cmath.phase(knee - crank)
     links = {"crank": (0, 0, aside), "rod": (crank.real, crank.imag, turned)}
     links["rocker"] = (pivot, 0, cmath.phase(knee - pivot))
@@ -361,17 +365,17 @@ def test_dyads_are_closed_in_the_mode_that_a_rounded_pose_tells(turn):
         link["pose"][2] += turn * (-1) ** k
     order = sequence(read(data))
     layout = order.layout
-    held = {"O": layout.given["crank"].theta}
-    closing = Closing(layout.links, tuple(order.pairs.values()), layout.size, held)
+    angles = {"O": layout.given["crank"].theta}
+    closing = Closing(layout.links, tuple(order.pairs.values()), layout.size, angles)
     assert np.abs(closing.conditions(order.poses)[0]).max() < 4e-15
     assert len(order.drafts) == 6
-    whole = closing.refine(layout.given)
-    assert all(abs(whole[a].theta - order.poses[a].theta) < 1e-13 for a in layout.links)
+    poses = closing.refine(layout.given)
+    assert all(abs(poses[a].theta - order.poses[a].theta) < 1e-13 for a in layout.links)
 
 
 def test_a_document_is_taken_apart_once_as_long_as_nothing_of_it_changes(monkeypatch):
-    calls, own = [], decomposing.decompose
-    monkeypatch.setattr(decomposing, "decompose", lambda *x: calls.append(x) or own(*x))
+    calls, original = [], decomposing.decompose
+    monkeypatch.setattr(decomposing, "decompose", lambda *x: calls.append(x) or original(*x))
     m = read(document(2))
     m.decompose().data["blocks"].clear()  # what is done to it does not come back
     assert m.compile().structure.blocks

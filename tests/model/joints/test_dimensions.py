@@ -60,8 +60,8 @@ def test_lengths_and_angles_hold_where_the_law_of_cosines_has_them():
     diagonal = abs(z["A"] + GROUND - b)
     cosine = (diagonal**2 + ROD**2 - ROCKER**2) / (2 * diagonal * ROD)
     c = b + ROD * (z["A"] + GROUND - b) / diagonal * cmath.exp(1j * math.acos(cosine))
-    for name, place in {"B": b, "C": c, "D": z["A"] + GROUND}.items():
-        assert abs(z[name] - place) <= CLOSE
+    for name, expected in {"B": b, "C": c, "D": z["A"] + GROUND}.items():
+        assert abs(z[name] - expected) <= CLOSE
 
 
 def test_points_move_no_farther_than_they_must():
@@ -90,8 +90,8 @@ def test_a_compiled_drawing_is_the_mechanism_of_its_dimensions(turned):
             for joint in m.joints.values():
                 for k, link in enumerate(joint.links):
                     if link == name:
-                        place = (joint.at[k].z - o) / e
-                        joint.at[k] = type(joint.at[k])(place)
+                        local = (joint.at[k].z - o) / e
+                        joint.at[k] = type(joint.at[k])(local)
     g = bm.Graph("fourbar")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (GROUND, 0.0)}))
     g.add("crank", bm.Crank(length=CRANK))
@@ -118,7 +118,7 @@ def test_numbers_of_dimensions_are_parameters_with_derivatives():
     mechanism = m.compile()
     path = "dimensions.rod.value"
     assert mechanism.parameters()[path].value == ROD
-    drawn = m.fit_dimensions().linkage
+    fitted = m.fit_dimensions().linkage
     q = 0.3
     want = "joint.C.transmission_angle"
     exact = mechanism.sensitivity(want, path, at=[q])[want][0, 0]
@@ -128,7 +128,7 @@ def test_numbers_of_dimensions_are_parameters_with_derivatives():
     g.add("dyad", bm.RRR(l_i=ROD, l_j=ROCKER, branch=1))
     for wire in ("frame.A crank.A", "frame.D dyad.D", "crank.B dyad.B"):
         g.connect(*wire.split())
-    z = positions(drawn)
+    z = positions(fitted)
     turn = cmath.phase(z["B"] - z["A"])
     same = g.compile().sensitivity("dyad.transmission_angle", "dyad.l_i", at=[q + turn])
     assert exact == pytest.approx(same["dyad.transmission_angle"][0, 0], rel=1e-7)
@@ -167,10 +167,10 @@ def test_points_have_positions_and_markers_are_points():
     m.add_joint("W", "weld", ["flag", "rod"], point=(0.7, 0.8))
     m.add_dimension("A", "position", ["A"], (0.1, 0.2))
     m.add_dimension("top", "angle", ["B", "A", "flag.top"], "90deg")
-    drawn = m.fit_dimensions().linkage
-    z = positions(drawn)
+    fitted = m.fit_dimensions().linkage
+    z = positions(fitted)
     assert abs(z["A"] - (0.1 + 0.2j)) <= CLOSE
-    top = drawn.links["flag"].markers["top"].at.z
+    top = fitted.links["flag"].markers["top"].at.z
     assert cmath.phase((top - z["A"]) / (z["B"] - z["A"])) == pytest.approx(math.pi / 2, abs=CLOSE)
 
 

@@ -57,7 +57,7 @@ def test_saving_and_loading_a_file(tmp_path):
 
 
 def test_the_sections_that_are_not_computed_with_travel_along():
-    more = {
+    sections = {
         "title": "An example",
         "initial": {"motor": {"q": 0.5, "rate": 2.0}},
         "stops": {"motor": {"from": -1.0, "to": 4.0}},
@@ -72,22 +72,22 @@ def test_the_sections_that_are_not_computed_with_travel_along():
         "source": "a book",
         "notes": ["one", "two"],
     }
-    document = json.loads(read(machines.SLIDER_CRANK | more).to_json())
-    assert {key: document[key] for key in more} == more
+    document = json.loads(read(machines.SLIDER_CRANK | sections).to_json())
+    assert {key: document[key] for key in sections} == sections
 
 
 def test_made_in_python_it_is_the_same_document():
-    said = machines.SLIDER_CRANK
+    data = machines.SLIDER_CRANK
     linkage = bm.Linkage("slider_crank", gravity=(0.0, -9.81))
-    for name, link in said["links"].items():
+    for name, link in data["links"].items():
         linkage.add_link(name, **link)
-    for name, joint in said["joints"].items():
+    for name, joint in data["joints"].items():
         rest = {key: value for key, value in joint.items() if key not in ("type", "links", "at")}
         linkage.add_joint(name, joint["type"], joint["links"], joint["at"], **rest)
     law = bm.motion.ConstantRate(rate=100.0, **{"from": 0.0, "to": 6.283185307179586})
     linkage.add_driver("motor", "O", law)
     linkage.add_load("gas", "force", link="piston", at=(0.0, 0.0), force=(-500.0, 0.0))
-    assert linkage.to_json() == read(said).to_json()
+    assert linkage.to_json() == read(data).to_json()
 
 
 def test_a_mistake_in_python_names_its_place_in_the_document():
@@ -134,9 +134,9 @@ def test_all_mistakes_of_a_file_are_said_at_once_with_file_and_key():
 def changed(path, to):
     """The slider-crank with something else at a path."""
     data = machines.slider_crank()
-    *way, last = path.split("/")
+    *keys, last = path.split("/")
     box = data
-    for key in way:
+    for key in keys:
         box = box.setdefault(key, {})
     box[last] = to
     return data

@@ -14,13 +14,13 @@ CRANK, ROD, TURN = 0.05, 0.2, 0.7  # [m], [m], [rad] of the whole drawing
 def slider_crank(piston: tuple[float, float, float] | None, **guide) -> bm.Linkage:
     """Drawn at dead centre, its guide along a line through the crank's bearing."""
     linkage = bm.Linkage("drawn")
-    along = cmath.rect(1.0, TURN)
+    direction = cmath.rect(1.0, TURN)
     for link in ("crank", "rod"):
         linkage.add_link(link)
     linkage.add_link("piston", pose=piston)
     linkage.add_joint("A", "R", ["frame", "crank"], point=(0.0, 0.0))
-    linkage.add_joint("B", "R", ["crank", "rod"], point=CRANK * 1j * along)
-    pin = math.sqrt(ROD**2 - CRANK**2) * along
+    linkage.add_joint("B", "R", ["crank", "rod"], point=CRANK * 1j * direction)
+    pin = math.sqrt(ROD**2 - CRANK**2) * direction
     linkage.add_joint("C", "R", ["rod", "piston"], point=pin)
     linkage.add_joint("S", "P", ["frame", "piston"], point=pin, **guide)
     linkage.add_driver("motor", "A")
@@ -37,15 +37,16 @@ def test_a_slider_drawn_moves_as_the_closed_form(piston, guide):
         "joint.S.coordinate"
     ]
     angle = q + math.pi / 2  # of the crank from the guide
-    place = CRANK * np.cos(angle) + np.sqrt(ROD**2 - (CRANK * np.sin(angle)) ** 2)
+    position = CRANK * np.cos(angle) + np.sqrt(ROD**2 - (CRANK * np.sin(angle)) ** 2)
     assert (
-        abs(result - (place - math.sqrt(ROD**2 - CRANK**2))).max() < 8 * np.finfo(float).eps * ROD
+        abs(result - (position - math.sqrt(ROD**2 - CRANK**2))).max()
+        < 8 * np.finfo(float).eps * ROD
     )
 
 
 def test_a_slider_along_y_is_exact():
-    drawn = slider_crank(None, dir=(0.0, 1.0))
-    assert drawn.joints["S"].dir[0].z == drawn.joints["S"].dir[1].z == 1j
+    linkage = slider_crank(None, dir=(0.0, 1.0))
+    assert linkage.joints["S"].dir[0].z == linkage.joints["S"].dir[1].z == 1j
 
 
 @pytest.mark.parametrize(
@@ -58,10 +59,10 @@ def test_a_slider_along_y_is_exact():
     ],
 )
 def test_what_does_not_fit_is_one_message_and_adds_nothing(links, guide, message):
-    drawn = slider_crank(None)
+    linkage = slider_crank(None)
     with pytest.raises(bm.GraphError, match=message):
-        drawn.add_joint("T", "P", links, point=(0.0, 0.0), **guide)
-    assert "T" not in drawn.joints
+        linkage.add_joint("T", "P", links, point=(0.0, 0.0), **guide)
+    assert "T" not in linkage.joints
 
 
 def test_parts_are_added_by_their_kind_as_by_an_object():
@@ -93,9 +94,9 @@ def test_parts_are_added_by_their_kind_as_by_an_object():
         g.add("other", "driver.crnk", length=2.0)
 
 
-@pytest.mark.parametrize("places", [{}, {"at": [(0, 0), (0, 0)], "point": (0, 0)}])
-def test_a_joint_has_one_place(places):
+@pytest.mark.parametrize("position", [{}, {"at": [(0, 0), (0, 0)], "point": (0, 0)}])
+def test_a_joint_has_one_place(position):
     m = bm.Linkage()
     m.add_link("crank")
     with pytest.raises(bm.GraphError, match="give at=, a place in the frame of each link, or"):
-        m.add_joint("A", "R", ["frame", "crank"], **places)
+        m.add_joint("A", "R", ["frame", "crank"], **position)

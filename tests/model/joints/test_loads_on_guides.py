@@ -19,11 +19,11 @@ def press(**load):
     m = bm.Linkage("press")
     for name in ("crank", "rod", "piston"):
         m.add_link(name)
-    along = cmath.rect(1.0, 0.4)
+    direction = cmath.rect(1.0, 0.4)
     m.add_joint("A", "R", ["frame", "crank"], point=0j)
     m.add_joint("B", "R", ["crank", "rod"], point=0.1 + 0.05j)
-    m.add_joint("C", "R", ["rod", "piston"], point=0.45 * along)
-    m.add_joint("S", "P", ["frame", "piston"], point=0.45 * along, angle=0.4)
+    m.add_joint("C", "R", ["rod", "piston"], point=0.45 * direction)
+    m.add_joint("S", "P", ["frame", "piston"], point=0.45 * direction, angle=0.4)
     m.add_driver("motor", "A", bm.motion.ConstantRate(rate=RATE))
     if load:
         m.add_load("load", joint="S", **load)

@@ -42,8 +42,8 @@ def document(stops, reverse="", turn=0.0):
 def test_a_file_names_them_and_the_request_says_the_same(joint, turn):
     """Strikes where the joint is at its bound, as its own output says."""
     name, stops = f"joint.{joint}.coordinate", dict(STOPS[joint])
-    more = {"A": turn, "B": -turn}.get(joint, 0.0)  # of the second link against the first
-    stops |= {key: stops[key] + more for key in OTHER if key in stops}
+    shift = {"A": turn, "B": -turn}.get(joint, 0.0)  # of the second link against the first
+    stops |= {key: stops[key] + shift for key in OTHER if key in stops}
     mech = document({name: stops}, turn=turn).compile()
     motion = mech.simulate("time=0.02").motion
     blow = motion.impacts[0]
@@ -71,8 +71,8 @@ def test_links_in_the_other_order_are_the_mirror_image(joint):
 @pytest.mark.parametrize("joint", STOPS)
 def test_the_graph_that_it_becomes_strikes_at_the_same_place(joint, reverse, turn):
     name, stops = f"joint.{joint}.coordinate", dict(STOPS[joint])
-    more = {"A": turn, "B": -turn}.get(joint, 0.0)
-    stops |= {key: stops[key] + more for key in OTHER if key in stops}
+    shift = {"A": turn, "B": -turn}.get(joint, 0.0)
+    stops |= {key: stops[key] + shift for key in OTHER if key in stops}
     if reverse:
         stops = {OTHER.get(key, key): -x if key in OTHER else x for key, x in stops.items()}
     linkage = document({name: stops}, joint if reverse else "", turn)
