@@ -114,12 +114,12 @@ def workplace(folder: Path) -> Iterator[Path]:
                 del sys.modules[name]
 
 
-def alone(page: Path, folder: Path) -> tuple[list[str], str]:
+def alone(text: str, name: str, folder: Path) -> tuple[list[str], str]:
     """Run a page in a new folder; what its programs show, or what is wrong with it."""
     folder.mkdir(parents=True, exist_ok=True)
     with workplace(folder):
         try:
-            return run(page.read_text(encoding="utf-8"), page.name), ""
+            return run(text, name), ""
         except BrokenPage as error:
             return [], str(error)
 
@@ -141,7 +141,7 @@ def on_files(files, config):
     pages = files.documentation_pages()
     with TemporaryDirectory() as home, Pool(maxtasksperchild=1) as pool:
         folders = [Path(home) / str(number) for number, _ in enumerate(pages)]
-        tasks = [(Path(page.abs_src_path), at) for page, at in zip(pages, folders, strict=True)]
+        tasks = [(x.content_string, x.src_uri, at) for x, at in zip(pages, folders, strict=True)]
         ran = pool.starmap(alone, tasks, chunksize=1)
         for page, folder, (shown, wrong) in zip(pages, folders, ran, strict=True):
             if wrong:
@@ -188,5 +188,6 @@ def on_post_page(output, page, config):
 
 
 if __name__ == "__main__":
-    shown, wrong = alone(Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve())
+    source, target = (Path(argument).resolve() for argument in sys.argv[1:])
+    shown, wrong = alone(source.read_text(encoding="utf-8"), source.name, target)
     sys.exit(wrong or print(*filter(None, shown), sep="\n"))
