@@ -122,14 +122,14 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     chance, events, wrong = random.Random(options.seed), Counter[str](), list[str]()
-    with tempfile.TemporaryDirectory() as place:
-        undisturbed = Path(place) / "undisturbed"
+    with tempfile.TemporaryDirectory() as scratch:
+        undisturbed = Path(scratch) / "undisturbed"
         study(undisturbed)
         start = time.monotonic()
         shutil.rmtree(undisturbed)
         values = np.asarray(study(undisturbed)[WANT])
         longest, expected = time.monotonic() - start, parts(undisturbed)
-        folder, continued = Path(place) / "stopped", 0
+        folder, continued = Path(scratch) / "stopped", 0
         for number in range(options.runs):
             event, _, fault = stopped(folder, chance, longest).partition(": ")
             events[event] += 1

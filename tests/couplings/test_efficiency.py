@@ -65,10 +65,10 @@ def gears(load=0.0, motor=0.0, eta=ETA, rub=0.0, cm=0.0, **options):
 
 def rack(lead, push=0.0, moment=0.0):
     """A rack under a pinion, either leading."""
-    other = "rack" if lead == "pinion" else "pinion"
+    follower = "rack" if lead == "pinion" else "pinion"
     return machine(
         {"A": (0.0, 0.0), "G": bm.Marker(at=(0.1, -0.02), dir=(1.0, 0.0))},
-        {"mesh": bm.Rack(driver=lead, driven=other, radius=0.02, efficiency=ETA)},
+        {"mesh": bm.Rack(driver=lead, driven=follower, radius=0.02, efficiency=ETA)},
         {
             "pinion": (bm.Crank(), "frame.A", bm.Couple(moment=moment)),
             "rack": (bm.SlideDrive(), "frame.G", bm.Force(force=(push, 0.0))),
@@ -169,19 +169,19 @@ SLOPES |= {"gear": -0.5, "ring": 0.5, "pinion leads": 0.02, "rack leads": 50.0, 
 def test_of_what_goes_in_the_efficiency_comes_out(name, load, rate):
     mech = MACHINES[name](load).compile()
     (lead,) = mech.drivers
-    given = {"at": [0.2], "rates": rate}
+    state = {"at": [0.2], "rates": rate}
     ideal = -load * SLOPES.get(name, 0.5)  # effort of the leader without losses
     felt = ideal / ETA if ideal * rate > 0 else ideal * ETA
     for engine in ("numpy", "scalar", "llvm"):
-        run = mech.run(**given, engine=engine)
+        run = mech.run(**state, engine=engine)
         assert run[f"{lead}.drive"][0] == pytest.approx(felt, rel=ROUNDING)
         assert run["mesh.loss"][0] == pytest.approx((felt - ideal) * rate, rel=ROUNDING)
         assert run["mesh.loss"][0] == run["mechanism.friction_power"][0] > 0
-    without = mech.run(**given, friction="none")
+    without = mech.run(**state, friction="none")
     assert without[f"{lead}.drive"][0] == pytest.approx(ideal, rel=ROUNDING)
     assert without["mesh.loss"][0] == 0.0
     for friction in ("none", "newton"):
-        assert mech.verify(**given, accelerations=4.0, friction=friction)
+        assert mech.verify(**state, accelerations=4.0, friction=friction)
 
 
 def test_bearings_take_what_both_moments_leave():
@@ -215,8 +215,8 @@ def test_a_planetary_set_loses_by_the_power_between_its_wheels(rate):
     """
     mech = planetary(0.97, 0.95, load=-1.0).compile()
     run = mech.run(at=[0.3], rates=rate)
-    whole = 0.97 * 0.95
-    felt = 1 + 2.5 / whole if rate > 0 else 1 + 2.5 * whole
+    product = 0.97 * 0.95
+    felt = 1 + 2.5 / product if rate > 0 else 1 + 2.5 * product
     assert run["carrier.drive"][0] == pytest.approx(felt, rel=ROUNDING)
     assert run["ring.loss"][0] + run["mesh.loss"][0] == pytest.approx(
         (felt - 3.5) * rate, rel=1e3 * ROUNDING
@@ -232,13 +232,13 @@ def acceleration(q, sense, motor, cm):
     m, J1, J2, s = (0.5 if cm else 0.0), 2e-5, 3e-4, -0.5
     J2 = J2 + m * cm**2
     turning = -m * 9.81 * cm * math.cos(s * q)  # of the weight, about the wheel's pin
-    found = []
+    solutions = []
     for factor in (1 / ETA, ETA):
         a = (motor + factor * s * turning) / (J1 + factor * s * s * J2)
         out = s * (J2 * s * a - turning) * sense  # power to the wheel, per rate
         if (out > 0) == (factor > 1):
-            found.append(a)
-    (only,) = found
+            solutions.append(a)
+    (only,) = solutions
     return only
 
 
@@ -301,8 +301,8 @@ def test_a_planetary_set_moves_as_newton_says(method):
         # all moments about O: the frame gives the ring's, nothing drives the carrier
         return (3e-4 + 0.3 * r_c**2) * a + 1e-5 * planet + 2e-5 * sun + 1.0 - up
 
-    one, zero = residual(1.0), residual(0.0)
-    a = -zero / (one - zero)
+    unit, zero = residual(1.0), residual(0.0)
+    a = -zero / (unit - zero)
     assert motion.qd_end == pytest.approx(200.0 + 0.05 * a, rel=1e-10)
 
 
@@ -402,8 +402,8 @@ def test_a_document_of_links_and_joints_has_it():
         coupling["efficiency"] = ETA
     mech = bm.Linkage.from_json(json.dumps(data)).compile()
     (lead,) = mech.drivers
-    asked = {"at": [0.001], "rates": 0.1, "static": True}
-    run, without = mech.run(**asked), ideal.run(**asked)
+    request = {"at": [0.001], "rates": 0.1, "static": True}
+    run, without = mech.run(**request), ideal.run(**request)
     losses = sum(run[f"{name}.loss"][0] for name in data["couplings"])
     power = without[f"driver.{lead}.power"][0]
     assert losses == pytest.approx(power * (1 / ETA - 1) if power > 0 else power * (ETA - 1))

@@ -17,11 +17,11 @@ EDGE = {"dyad.l_i": 6.106060606060606, "dyad.l_j": 2.608080808080808}
 AT_EDGE = 146823.5030192  # N m, by 7,201 samples and golden section
 
 
-def extreme(run, output, how):
+def extreme(run, output, reduction):
     result = extremes(run, output)
     low, high = result.minimum.value, result.maximum.value
     every = {"min": low, "max": high, "max_abs": max(abs(low), abs(high)), "range": high - low}
-    return every[how], max(abs(low), abs(high))
+    return every[reduction], max(abs(low), abs(high))
 
 
 @pytest.mark.parametrize(
@@ -45,14 +45,14 @@ def test_an_optimiser_and_a_tolerance_see_the_same_edge():
     h = 1e-7
     for k, slope in enumerate(f.jacobian(f.start)):
         e = h * np.eye(2)[k]
-        near = (
+        difference = (
             8 * (f(f.start + e) - f(f.start - e)) - f(f.start + 2 * e) + f(f.start - 2 * e)
         ) / 12
-        assert slope == pytest.approx(near / h, rel=1e-5)
+        assert slope == pytest.approx(difference / h, rel=1e-5)
     laws = {name: bm.dist.Normal(value, 1e-6) for name, value in EDGE.items()}
     bands = mech.tolerance(laws, want="max_abs(crank.drive)", samples=72, count=400)
-    drawn = bands.sampled["max_abs(crank.drive)"]
-    assert drawn.deviation[0] == pytest.approx(bands["max_abs(crank.drive)"][0], rel=0.15)
+    samples = bands.sampled["max_abs(crank.drive)"]
+    assert samples.deviation[0] == pytest.approx(bands["max_abs(crank.drive)"][0], rel=0.15)
 
 
 @pytest.mark.parametrize(
@@ -73,15 +73,17 @@ def test_designs_side_by_side_say_what_each_says_alone(graph, address, output):
     reals = [n for n, o in mech.outputs.items() if o.kind == "real" and not n.endswith("angle")]
     output = output if output in mech.outputs else reals[len(reals) // 2]
     vector = mech.outputs[output].kind == "vector"
-    hows = ["max_abs"] if vector else ["min", "max", "max_abs", "range"]
+    reductions = ["max_abs"] if vector else ["min", "max", "max_abs", "range"]
     values = mech.parameters()[address].value * np.array([1.0, 1.004, 0.993])
-    study = mech.study({address: values}, want=[f"{how}({output})" for how in hows], samples=48)
-    for (k, value), how in itertools.product(enumerate(values), hows):
+    study = mech.study(
+        {address: values}, want=[f"{reduction}({output})" for reduction in reductions], samples=48
+    )
+    for (k, value), reduction in itertools.product(enumerate(values), reductions):
         if study.status[k] != "ok":
             continue
         run = mech.document.replace({address: float(value)}).compile().run(samples=48, want=output)
-        expected, size = extreme(run, output, how)
-        assert abs(study[f"{how}({output})"][k] - expected) <= 1e-9 * size
+        expected, size = extreme(run, output, reduction)
+        assert abs(study[f"{reduction}({output})"][k] - expected) <= 1e-9 * size
 
 
 @pytest.mark.parametrize("engine", ["numpy", "llvm"])
@@ -145,9 +147,9 @@ def test_a_gap_between_the_poses_leaves_no_number():
 # -- the search itself ---------------------------------------------------------------------
 
 
-def search(function, s, m, **how):
+def search(function, s, m, **options):
     y = function(np.arange(m), np.tile(s, (m, 1)))
-    return Search(function, s, y, **how).largest()
+    return Search(function, s, y, **options).largest()
 
 
 def test_jumps_are_found_to_rounding():
@@ -172,10 +174,10 @@ def test_poles_narrower_than_the_samples_are_found():
 
     match = search(peaks, np.linspace(0.0, 6.2, 72), 80)
     for i in range(80):
-        near = at[i] + np.linspace(-1, 1, 20001) * width[i] / 4
-        near = np.append(near, np.linspace(0.0, 6.2, 20001)).clip(0.0, 6.2)
-        assert match.value[i] == pytest.approx(peaks(np.array([i]), near[None]).max(), rel=1e-7)
-        assert match.value[i] >= peaks(np.array([i]), near[None]).max() * (1 - 1e-13)
+        grid = at[i] + np.linspace(-1, 1, 20001) * width[i] / 4
+        grid = np.append(grid, np.linspace(0.0, 6.2, 20001)).clip(0.0, 6.2)
+        assert match.value[i] == pytest.approx(peaks(np.array([i]), grid[None]).max(), rel=1e-7)
+        assert match.value[i] >= peaks(np.array([i]), grid[None]).max() * (1 - 1e-13)
 
 
 @pytest.mark.parametrize("turn", [True, False])
