@@ -38,15 +38,15 @@ class Sizes(NamedTuple):
 def compiled(**functions):
     """Functions as machine code, which take arrays as they are."""
     kinds = [(name, loops.signature(f)) for name, f in functions.items()]
-    made = machine_code(loops.text(**functions), *kinds)
+    programs = machine_code(loops.text(**functions), *kinds)
 
     def calling(function):
-        def call(*given):
-            return function(*(x.ctypes.data if isinstance(x, np.ndarray) else x for x in given))
+        def call(*arguments):
+            return function(*(x.ctypes.data if isinstance(x, np.ndarray) else x for x in arguments))
 
         return call
 
-    return [calling(f) for f in made]
+    return [calling(f) for f in programs]
 
 
 def simpson(f: Callable[[float, int], float], a: float, b: float, n: int) -> float:
@@ -70,22 +70,22 @@ def simpson_of_wave(a: float, b: float, n: int) -> float:
     return simpson(wave, a, b, n)
 
 
-def sieve(found: Counts, n: int) -> int:
+def sieve(primes: Counts, n: int) -> int:
     """How many primes below n, and which."""
     count = 0
     for k in range(2, n):
         prime = True
         for j in range(count):
-            if found[j] * found[j] > k:
+            if primes[j] * primes[j] > k:
                 break
-            left = k
-            while left > 0:
-                left -= found[j]
-            if left < 0:
+            remainder = k
+            while remainder > 0:
+                remainder -= primes[j]
+            if remainder < 0:
                 continue
             prime = False
         if prime:
-            found[count] = k
+            primes[count] = k
             count += 1
     return count
 
@@ -94,9 +94,9 @@ def reflected(of: Sizes, a: Annotated[Reals, "of.columns"], turns: int) -> None:
     """Rows upside down, some times, and each number by its place."""
     for _ in range(turns):
         for i in range(of.rows - 1, of.rows >> 1, -1):
-            row, other = a[i], a[of.rows - 1 - i]
+            row, mirror = a[i], a[of.rows - 1 - i]
             for j in range(of.columns):
-                row[j], other[j] = other[j], row[j]
+                row[j], mirror[j] = mirror[j], row[j]
         weighted(of, a[1:], 0.1)
 
 
@@ -155,9 +155,9 @@ def half(a: Reals) -> int:
     return so_far(Table(a, a, a))
 
 
-def rebound(table: Table, other: Table) -> float:
+def rebound(table: Table, second: Table) -> float:
     """A record is what it was given as."""
-    table = other
+    table = second
     return table.by[0]
 
 
@@ -169,9 +169,9 @@ def test_numbers(n):
 
 def test_counts():
     (fast,) = compiled(sieve=sieve)
-    found, same = (np.zeros(100, np.int64) for _ in range(2))
-    assert fast(found, 200) == sieve(same, 200) == 46
-    np.testing.assert_array_equal(found, same)
+    primes, same = (np.zeros(100, np.int64) for _ in range(2))
+    assert fast(primes, 200) == sieve(same, 200) == 46
+    np.testing.assert_array_equal(primes, same)
 
 
 @pytest.mark.parametrize("turns", [0, 1, 5])
@@ -189,9 +189,9 @@ def test_records_of_arrays():
     of, rng = Sizes(4, 3), np.random.default_rng(1)
     (fast,) = compiled(scaled=partial(scaled, of=of))
     a, by = rng.normal(size=of), rng.normal(size=4)
-    one, other = (Table(a.copy(), by, np.zeros(1, np.int64)) for _ in range(2))
-    assert fast(loops.addresses_of(one)) == scaled(of, other) == 6
-    np.testing.assert_array_equal(one.rows, other.rows)
+    first, second = (Table(a.copy(), by, np.zeros(1, np.int64)) for _ in range(2))
+    assert fast(loops.addresses_of(first)) == scaled(of, second) == 6
+    np.testing.assert_array_equal(first.rows, second.rows)
     (fast,) = compiled(stacked=partial(stacked, of=of))
     rows, factors, done = rng.normal(size=(3, *of)), rng.normal(size=6), np.zeros(1, np.int64)
     same = rows.copy()
@@ -213,8 +213,8 @@ def test_the_scheme_is_that_of_scipy():
     by, n = stages.scheme(), DOP853.n_stages
     ours = by.A[:n, :n], by.A[n, :n], by.A[n + 1 :], by.C[:n], by.C[n + 1 :], *by.E, by.D[::-1]
     theirs = DOP853.A, DOP853.B, DOP853.A_EXTRA, DOP853.C, DOP853.C_EXTRA, DOP853.E5, DOP853.E3
-    for one, other in zip(ours, (*theirs, DOP853.D), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for computed, reference in zip(ours, (*theirs, DOP853.D), strict=True):
+        np.testing.assert_array_equal(computed, reference)
     assert by.C[n] == 1.0
 
 
@@ -241,7 +241,7 @@ def test_a_finer_run_takes_half_the_steps_of_a_coarser_one():
 def test_steps_are_those_of_python(name, lanes, weight):
     """The loop of the integrator, with the rates by machine code in both."""
     rates = cached_rates(System(mechanism(name), engine="llvm"))
-    n, by, width, most = rates.dimension, stages.scheme(), len(rates.rows), 12
+    n, by, width, capacity = rates.dimension, stages.scheme(), len(rates.rows), 12
     sizes = stages.Sizes(n, width, width - rates.watched, by.C.size, by.E.shape[1], lanes)
     fill, over = rates._code(lanes, stages.steps)
     state = np.zeros((rates.inputs, lanes))
@@ -259,12 +259,12 @@ def test_steps_are_those_of_python(name, lanes, weight):
         control = np.tile([0.0, 0.05, 0.0, -9.0, 9.0, weight], (lanes, 1))
         rhs = np.frombuffer(x), rates.numbers, np.zeros((*by.C.shape, width, lanes)), state
         run = stages.Integration(
-            *(y.reshape(-1, n), t, tolerances, control, np.zeros((lanes * most, 8, n))),
-            *(np.zeros(lanes * most, np.int64), np.ones(lanes, np.int64)),
-            *(np.linspace(0.0, 0.1, most + 2), np.array([most + 1])),
+            *(y.reshape(-1, n), t, tolerances, control, np.zeros((lanes * capacity, 8, n))),
+            *(np.zeros(lanes * capacity, np.int64), np.ones(lanes, np.int64)),
+            *(np.linspace(0.0, 0.1, capacity + 2), np.array([capacity + 1])),
         )
-        work = stages.Workspace(*arrays(stages.workspace, sizes, most))
-        call(stages.Rhs(*rhs), by, run, work, most)
+        work = stages.Workspace(*arrays(stages.workspace, sizes, capacity))
+        call(stages.Rhs(*rhs), by, run, work, capacity)
         return run
 
     fast, slow = (
@@ -272,30 +272,32 @@ def test_steps_are_those_of_python(name, lanes, weight):
         integrate(in_python(stages.steps, sizes, same, rates)),
     )
     assert all(np.abs(fast.counts) > 3)
-    for one, other in zip(fast, slow, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for compiled_array, expected in zip(fast, slow, strict=True):
+        np.testing.assert_array_equal(compiled_array, expected)
 
 
-def arrays(room, of, most):
+def arrays(room, of, capacity):
     """Those beside the steps of a method."""
-    return [np.zeros(shape, kind) for _, kind, shape in room(of, most)]
+    return [np.zeros(shape, kind) for _, kind, shape in room(of, capacity)]
 
 
 def by_places(over, rates):
     """Machine code of steps that takes records."""
-    return lambda *given: over(*map(loops.addresses_of, given[:4]), given[4], rates.watched)
+    return lambda *arguments: over(
+        *map(loops.addresses_of, arguments[:4]), arguments[4], rates.watched
+    )
 
 
 def in_python(steps, of, fill, rates):
     """The same in Python, with rates by machine code."""
-    return lambda *given: steps(of, fill, *given, rates.watched)
+    return lambda *arguments: steps(of, fill, *arguments, rates.watched)
 
 
 @pytest.mark.parametrize("name", ["watt_sixbar", "control/speed_controlled_fourbar"])
 def test_stiff_steps_are_those_of_python(name):
     """The same of Radau's method: with matrices, iterations and steps that are tried again."""
     rates = cached_rates(System(mechanism(name), engine="llvm"), radau.radau)
-    n, by, most = rates.dimension, rates.method, 12
+    n, by, capacity = rates.dimension, rates.method, 12
     of, state = rates.sizes(1), np.zeros((rates.inputs, 1))
     x = addresses_of(state[:, 0])
 
@@ -303,16 +305,16 @@ def test_stiff_steps_are_those_of_python(name):
         rates.fill(x, numbers.ctypes.data, out.ctypes.data, 1, 1, 0, 1)
 
     def integrate(call):
-        y, t = np.zeros((most + 1, n)), np.zeros(most + 1)
+        y, t = np.zeros((capacity + 1, n)), np.zeros(capacity + 1)
         y[0, :2], state[n + 2 :, 0] = (0.7, 2.0), (1.0, 1e-9)
         rhs = np.frombuffer(x), rates.numbers, np.zeros((by.stages, of.width, 1)), state
         run = stages.Integration(
             *(y, t, np.full((2, n, 1), 1e-6), np.array([[0.1, 9.0, 0.0, -9.0, 9.0, 0.0]])),
-            *(np.zeros((most, 8, n)), np.zeros(most, np.int64), np.zeros(1, np.int64)),
-            *(np.linspace(0.0, 0.3, most + 2), np.array([most + 1])),
+            *(np.zeros((capacity, 8, n)), np.zeros(capacity, np.int64), np.zeros(1, np.int64)),
+            *(np.linspace(0.0, 0.3, capacity + 2), np.array([capacity + 1])),
         )
-        work = radau.Workspace(*arrays(radau.workspace, of, most))
-        call(stages.Rhs(*rhs), by.scheme, run, work, most)
+        work = radau.Workspace(*arrays(radau.workspace, of, capacity))
+        call(stages.Rhs(*rhs), by.scheme, run, work, capacity)
         return run
 
     fast, slow = (
@@ -320,8 +322,8 @@ def test_stiff_steps_are_those_of_python(name):
         integrate(in_python(radau.steps, of, same, rates)),
     )
     assert abs(fast.counts[0]) > 5
-    for one, other in zip(fast, slow, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for compiled_array, expected in zip(fast, slow, strict=True):
+        np.testing.assert_array_equal(compiled_array, expected)
 
 
 def power(x: float) -> float:
@@ -396,15 +398,15 @@ def test_extreme_singular_values_are_those_of_python_and_near_those_of_lapack(n)
     a[6, n - 1, 0] = math.nan
     of = Lanes(8, n)
     (fast,) = compiled(spread=partial(spread, of=of))
-    one, other = (np.ascontiguousarray(a.transpose(2, 1, 0).reshape(n * n, 8)) for _ in range(2))
-    fast(one)
+    first, second = (np.ascontiguousarray(a.transpose(2, 1, 0).reshape(n * n, 8)) for _ in range(2))
+    fast(first)
     with np.errstate(all="ignore"):
-        spread(of, other)
-    np.testing.assert_array_equal(one[0], other[0])
+        spread(of, second)
+    np.testing.assert_array_equal(first[0], second[0])
     good = np.arange(8) != 6
     values = np.linalg.svd(a[good], compute_uv=False)
-    np.testing.assert_allclose(one[0, good], values[:, -1] / values[:, 0], rtol=0, atol=4e-16)
-    assert math.isnan(one[0, 6])
+    np.testing.assert_allclose(first[0, good], values[:, -1] / values[:, 0], rtol=0, atol=4e-16)
+    assert math.isnan(first[0, 6])
 
 
 @pytest.mark.parametrize("unit", [0.0, 1.0])
@@ -425,13 +427,13 @@ def test_systems_are_solved_flat_with_pivots_of_each_lane(unit):
     rows = [[1.0 if np.all(x == 1.0) else fresh(x) for x in row] for row in a]
     side = [fresh(x) for x in right]
     values = solve(rows, side)
-    given = [x for row in a for x in row if np.any(x) and not np.all(x == 1.0)] + [*right]
+    entries = [x for row in a for x in row if np.any(x) and not np.all(x == 1.0)] + [*right]
     out = np.empty((n, 16))
-    (fill,) = machine_code(Text().fill(len(given), values), ("fill", FILL))
-    places = (ctypes.c_void_p * (len(given) + 1))(
-        *(np.ascontiguousarray(x).ctypes.data for x in given)
+    (fill,) = machine_code(Text().fill(len(entries), values), ("fill", FILL))
+    pointers = (ctypes.c_void_p * (len(entries) + 1))(
+        *(np.ascontiguousarray(x).ctypes.data for x in entries)
     )
-    fill(places, None, out.ctypes.data, 16, 16, 0, 1)
+    fill(pointers, None, out.ctypes.data, 16, 16, 0, 1)
     want = np.linalg.solve(a[..., :15].transpose(2, 0, 1), right[:, :15].T[..., None])[..., 0]
     np.testing.assert_allclose(out[:, :15].T, want, rtol=1e-12)
     assert not np.isfinite(out[:, 15]).all()
@@ -447,24 +449,24 @@ def test_dense_output_is_that_of_python_and_passes_levels_where_it_does():
     dense.states(record.t, record.h, record.series.ravel(), times, same.ravel(), m, n, 40)
     np.testing.assert_array_equal(record(times), same)
     np.testing.assert_array_equal(record(float(times[7])), same[:, 7])
-    for i, way in itertools.product(range(n), (-1, 0, 1)):
+    for i, sense in itertools.product(range(n), (-1, 0, 1)):
         first = record.part(2, 3)
         level = 0.6 * first(first.t[0])[i] + 0.4 * first(first.t[0] + first.h[0])[i]
         ends = [float(first(t)[i]) - level for t in (first.t[0], first.t[0] + first.h[0])]
-        known, found = first.series.ravel()[i:], np.empty(8)
-        many = dense.crossings(known, found, n, level, *ends, way, 8)
-        passed = first.crossings(i, level, ends, way, 8)
+        coefficients, found = first.series.ravel()[i:], np.empty(8)
+        many = dense.crossings(coefficients, found, n, level, *ends, sense, 8)
+        passed = first.crossings(i, level, ends, sense, 8)
         assert passed == [float(first.t[0]) + x * float(first.h[0]) for x in found[:many]]
-        assert passed or way * (ends[1] - ends[0]) < 0
+        assert passed or sense * (ends[1] - ends[0]) < 0
         for t in passed:
             assert abs(first(t)[i] - level) < 1e-12
 
 
 def rows(of: Sizes, x: Annotated[Reals, "of.columns"], M: Annotated[Reals, "of.columns"]) -> float:
     """Products of a row and of a vector with the rows of a matrix, into the first row."""
-    most = np.max(abs(x[0])) - np.min(x[0])
+    span = np.max(abs(x[0])) - np.min(x[0])
     x[0] = (2.0 * x[1]) @ M + x[0] @ M
-    return float(most)
+    return float(span)
 
 
 @pytest.mark.parametrize("columns", [1, 16, 50])
