@@ -98,7 +98,7 @@ def test_a_dragged_joint_moves_alone(name, k):
     for spot in handles.values():
         old = complex(motion.at(*spot)[k])
         new = old + 0.05 + 0.03j
-        mechanism = bm.Graph.from_data(dragged(now.form, motion, k, old, new)).compile()
+        mechanism = bm.Graph.from_data(dragged(now.form, motion, k, old, new).form).compile()
         after = places(mechanism, motion, k, angle_of_crank(mechanism, old, new, motion, k))
         for joint, z in before.items():
             near = new if abs(z - old) < 1e-9 else z

@@ -12,11 +12,9 @@ from typing import Any
 
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Linkage
-from blockmech.draw.motion import moves_of_result
-from blockmech.draw.sketch import sketch_of
 from blockmech.editor import applied, edits, sketching
 from blockmech.editor.document import Revision, Step
-from blockmech.editor.dragging import dragged, handles_of
+from blockmech.editor.dragging import Hold, dragged, undraggable
 from blockmech.editor.fields import Units, item_at
 from blockmech.editor.forms import typed
 from blockmech.editor.pins import pins_of
@@ -121,21 +119,10 @@ def _move(now: Revision, request: Request) -> Step:
 def _drag(now: Revision, request: Request) -> Step:
     """A joint of blocks put elsewhere in a pose; lengths follow."""
     name, new = request["name"], complex(*request["to"])
-    mechanism = now.mechanism
-    if mechanism is None:
-        raise refused(name, "the diagram is no mechanism yet", "mend it first")
-    at = {d: [float(request["q"][d])] for d in mechanism.drivers}
-    settings: Arguments = {"rates": dict.fromkeys(at, 0.0), "want": (), "friction": "none"}
-    motion = moves_of_result(mechanism.run(at=at, on_gap="mark", **settings))
-    if not motion.feasible.any():
-        raise refused(name, "the mechanism does not close in this pose", "choose another pose")
-    spot = handles_of(motion, sketch_of(motion)).get(name)
-    form = now.form
-    if spot is not None:
-        form = dragged(form, motion, 0, complex(motion.at(*spot)[0]), new)
+    motion, old = Hold.of(now.mechanism, name, request["q"])
+    form = dragged(now.form, motion, 0, old, new).form
     if form == now.form:
-        fault = "no length and no marker of a block puts it there, so it cannot be dragged"
-        raise refused(name, fault, "change its block's form", code="not-dragged")
+        raise undraggable(name)
     return Step(form, f"move {name}")
 
 

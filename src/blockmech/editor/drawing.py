@@ -15,6 +15,7 @@ from blockmech.draw.motion import Motion
 from blockmech.draw.sketch import sketch_of
 from blockmech.editor.dragging import handles_of
 from blockmech.editor.pins import (
+    SAME,
     Drawn,
     cylinders_of,
     guide_of,
@@ -140,8 +141,17 @@ def of_blocks(motion: Motion) -> Drawing:
     handles, k = handles_of(motion, sketch), motion.clearest
     driven = {str(ref) for ref in s.driven.values()}
 
+    at_pins = {name: complex(motion.at(*handle)[k]) for name, handle in handles.items()}
+    size = max(map(abs, at_pins.values()), default=1.0)
+
     def spot(link: Any, z: complex) -> list[Any]:
         return [str(link), *xy(complex(z))]
+
+    def end(link: Any, z: complex) -> Any:
+        """A corner of a link: the pin there, which may be dragged, or a place."""
+        corner = complex(motion.at(link, z)[k])
+        names = (name for name, at in at_pins.items() if abs(at - corner) <= SAME * size)
+        return next(names, spot(link, z))
 
     pins: list[Drawing] = [
         {
@@ -185,7 +195,7 @@ def of_blocks(motion: Motion) -> Drawing:
             {
                 "name": str(body.link),
                 "fill": fill_of(i),
-                "ends": [spot(body.link, z) for z in body.outline],
+                "ends": [end(body.link, z) for z in body.outline],
                 "slim": body.width < 1,
             }
             for i, body in enumerate(sketch.bodies)

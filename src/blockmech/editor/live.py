@@ -11,15 +11,19 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from blockmech.builders import Graph, Linkage
 from blockmech.compiled import Compiled
+from blockmech.draw.sketch import sketch_of
 from blockmech.editor import sketching
+from blockmech.editor.document import Revision
+from blockmech.editor.dragging import Hold, dragged, handles_of
 from blockmech.editor.pins import pins_of, standing_at
 from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import Planar, leaves
@@ -28,6 +32,7 @@ from blockmech.exchange.c.statements import Statements
 from blockmech.exchange.page.script import SCRIPT, Script, numbers
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.plane import primitives_of
+from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.varied import Varied, settled, tangents
 from blockmech.model.parameters import number_at, parameters_of
 from blockmech.model.spots import marker_place
@@ -84,52 +89,46 @@ class Recorded(Varied):
     z: Any
 
     @classmethod
-    def of(cls, x: complex, z: Any) -> Recorded:
-        """A varied number whose parts on the tape are ``z``."""
+    def of(cls, x: complex, real: Any, imag: Any = 0.0) -> Recorded:
+        """A varied number with its parts on the tape."""
         number: Any = cls.__new__(cls, complex(x), tangents(x))
-        number.z = z
+        number.z = real if _is_nought(imag) else Planar(real, imag)
         recorded: Recorded = number
         return recorded
 
     def __add__(self, x: complex) -> Recorded:
-        a, b = _parts(self), _parts(x)
-        return Recorded.of(Varied.__add__(self, x), _pair(_sum(a[0], b[0]), _sum(a[1], b[1])))
+        (a, b), (c, d) = _parts(self), _parts(x)
+        return Recorded.of(Varied.__add__(self, x), _sum(a, c), _sum(b, d))
 
     __radd__ = __add__
 
     def __neg__(self) -> Recorded:
-        return Recorded.of(Varied.__neg__(self), _pair(*(-x for x in _parts(self))))
-
-    def __sub__(self, subtrahend: complex) -> Recorded:
-        a, b = _parts(self), _parts(subtrahend)
-        z = _pair(*(_sum(x, -y) if not _nought(y) else x for x, y in zip(a, b, strict=True)))
-        return Recorded.of(Varied.__sub__(self, subtrahend), z)
-
-    def __rsub__(self, x: complex) -> Recorded:
-        return -self + x
+        return Recorded.of(Varied.__neg__(self), *(-x for x in _parts(self)))
 
     def __mul__(self, x: complex) -> Recorded:
         (a, b), (c, d) = _parts(self), _parts(x)
-        z = _pair(_sum(_by(a, c), -_by(b, d)), _sum(_by(a, d), _by(b, c)))
-        return Recorded.of(Varied.__mul__(self, x), z)
+        real, imag = _sum(_by(a, c), -_by(b, d)), _sum(_by(a, d), _by(b, c))
+        return Recorded.of(Varied.__mul__(self, x), real, imag)
 
     __rmul__ = __mul__
 
     def __truediv__(self, x: complex) -> Recorded:
-        return Recorded.of(Varied.__truediv__(self, x), _quotient(self, x))
+        (a, b), (c, d) = _parts(self), _parts(x)
+        if not _is_nought(d):
+            return self * x.conjugate() / (x * x.conjugate()).real
+        return Recorded.of(Varied.__truediv__(self, x), a / c, 0.0 if _is_nought(b) else b / c)
 
     def __rtruediv__(self, x: complex) -> Recorded:
-        return Recorded.of(Varied(x, 0.0 * self.d) / self, _quotient(x, self))
+        return Recorded.of(Varied(x, 0.0 * self.d), *_parts(x)) / self
 
     def __abs__(self) -> Recorded:  # type: ignore[override]
         x, y = _parts(self)
-        z = abs(x) if _nought(y) else sqrt(x * x + y * y)
-        return Recorded.of(Varied.__abs__(self), z)
+        return Recorded.of(Varied.__abs__(self), abs(x) if _is_nought(y) else sqrt(x * x + y * y))
 
     def conjugate(self) -> Recorded:
         """x - iy."""
         x, y = _parts(self)
-        return Recorded.of(Varied.conjugate(self), _pair(x, -y))
+        return Recorded.of(Varied.conjugate(self), x, -y)
 
     @property
     def real(self) -> Recorded:  # type: ignore[override]
@@ -153,10 +152,10 @@ def _of_recorded(x: object) -> Record:
     plain = primitives_of.dispatch(Varied)(x)
 
     def planar(a: complex, b: complex) -> Recorded:
-        return Recorded.of(plain["planar"](a, b), _pair(_parts(a)[0], _parts(b)[0]))
+        return Recorded.of(plain["planar"](a, b), _parts(a)[0], _parts(b)[0])
 
     def turned(t: complex) -> Recorded:
-        return Recorded.of(plain["expi"](t), expi(_parts(t)[0]))
+        return Recorded.of(plain["expi"](t), *_parts(expi(_parts(t)[0])))
 
     def between(a: complex, b: complex) -> Recorded:
         return Recorded.of(plain["angle"](a, b), angle(Planar(*_parts(a)), Planar(*_parts(b))))
@@ -170,29 +169,16 @@ def _parts(x: Any) -> tuple[Any, Any]:
     return z.real, z.imag
 
 
-def _pair(x: Any, y: Any) -> Any:
-    return x if _nought(y) else Planar(x, y)
-
-
-def _nought(x: Any) -> bool:
+def _is_nought(x: Any) -> bool:
     return not isinstance(x, Node) and x == 0
 
 
 def _sum(x: Any, y: Any) -> Any:
-    return y if _nought(x) else x if _nought(y) else x + y
+    return y if _is_nought(x) else x if _is_nought(y) else x + y
 
 
 def _by(x: Any, y: Any) -> Any:
-    return 0.0 if _nought(x) or _nought(y) else x * y
-
-
-def _quotient(x: Any, y: Any) -> Any:
-    (a, b), (c, d) = _parts(x), _parts(y)
-    if _nought(d):
-        return _pair(a / c, 0.0 if _nought(b) else b / c)
-    size = _sum(_by(c, c), _by(d, d))
-    up = _sum(_by(a, c), _by(b, d)), _sum(_by(b, c), -_by(a, d))
-    return _pair(*(0.0 if _nought(part) else part / size for part in up))
+    return 0.0 if _is_nought(x) or _is_nought(y) else x * y
 
 
 # -- a document that is live ---------------------------------------------------------------
@@ -206,10 +192,13 @@ class Live:
     ----------
     script : the plan: places and angles of links
     links : name of a link as it is drawn -> place among the outputs, -1 for the fixed one
-    values : the numbers of the plan, then of each link its seat in the frame of the block's link
+    values : the numbers of the plan; then, of links and joints, of each link but the fixed one its
+        seat [m, m, rad] in the frame of the block's link, of a joint of blocks that is held the
+        drivers' coordinates, what stays positive as long as no dyad turns over, and ``spots``
     text : of the module
     pins : pins that can be dragged live, by the number of their place
     constants : what ``numbers`` is told beside the places
+    spots : of blocks, handles by name, and the links in whose frames their places are
     """
 
     script: Script
@@ -218,6 +207,7 @@ class Live:
     text: str
     pins: Mapping[str, int] = field(default_factory=dict)
     constants: tuple[float, ...] = ()
+    spots: Mapping[str, str] = field(default_factory=dict)
 
     def data(self) -> Data:
         """As the page gets it."""
@@ -226,10 +216,11 @@ class Live:
             "p": list(self.values),
             "c": list(self.constants),
             "links": dict(self.links),
-            "seated": len(self.values) > sum(len(x.numbers) for x in self.script.parameters),
+            "numbers": sum(len(x.numbers) for x in self.script.parameters),
             "drivers": list(self.script.mechanism.drivers),
             "places": len(self.script.outputs),
             "pins": dict(self.pins),
+            "spots": dict(self.spots),
             "inputs": list(self.script.plan.program.inputs),
         }
 
@@ -252,19 +243,20 @@ def module(name: str) -> str | None:
     return _TEXTS.get(name)
 
 
-def live(document: Any, mechanism: Compiled) -> Live | None:
-    """The functions of a document; None where its plan is more than arithmetic, or too long."""
-    try:
-        if isinstance(document, Linkage):
-            try:
-                return _of_links(document, mechanism, drags=not document.dimensions)
-            except (BlockmechError, Untraceable, ZeroDivisionError):
-                return _of_links(document, mechanism, drags=False)
-        script = _script(mechanism._of_blocks)
-        links = _links_of(mechanism.structure)
-        return _small(Live(script, links, tuple(script.values), _module(script)))
-    except (BlockmechError, Untraceable):
-        return None
+def live(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | None = None) -> Live | None:
+    """The functions of a document; None where its plan is more than arithmetic, or too long.
+
+    Of links and joints those of all pins at once, of blocks those of a joint that is held at
+    coordinates of the drivers.
+    """
+    document = now.document
+    fixed = document.dimensions if isinstance(document, Linkage) else hold is None
+    for drags in (not fixed, False):
+        with suppress(BlockmechError, Untraceable, ZeroDivisionError):
+            if isinstance(document, Linkage):
+                return _of_links(document, mechanism, drags)
+            return _of_blocks(now, mechanism, hold if drags else None)
+    return None
 
 
 def _small(candidate: Live) -> Live | None:
@@ -287,66 +279,96 @@ def _links_of(s: Structure) -> dict[str, int]:
     return {str(s.frame_link): -1} | {str(link): 3 * k for k, link in enumerate(moving)}
 
 
-def _of_links(document: Linkage, mechanism: Compiled, drags: bool = True) -> Live | None:
+def _of_blocks(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | None) -> Live | None:
+    """Of blocks; of a joint that is held also the pose, its sides, and the places of handles."""
+    s, links = mechanism.structure, _links_of(mechanism.structure)
+    if hold is None:
+        script = _script(mechanism._of_blocks)
+        return _small(Live(script, links, tuple(script.values), _module(script)))
+    if s.followed:
+        raise Untraceable("a branch that is continued through change points may lose them")
+    (motion, z), tape = Hold.of(now.mechanism, *hold), Tape()
+    z = Recorded.of(Varied(z, np.array([1.0, 1j])), tape.input(0), tape.input(1))
+    form, q, sides = dragged(now.form, motion, 0, complex(z), z)
+    handles = handles_of(motion, sketch_of(motion))
+
+    def extras(design: Structure) -> Iterable[Any]:
+        yield from (q[driver] for driver in mechanism.drivers)
+        yield from (side if side > 0 else -side for side in sides.values())
+        for link, at in handles.values():
+            markers = (m for m in s.markers(link.block) if m.link == link.link)
+            same = [marker_place(design, m) for m in markers if marker_place(s, m) == at]
+            z = max((complex(at), *same), key=lambda z: bool(np.any(tangents(z))))
+            yield from (z.real, z.imag)
+
+    graph = Graph.from_data(settled(form), (), now.document.file)
+    names = {name: name for name in links}
+    functions = _following(tape, mechanism, graph, form, names, {hold[0]: 0}, extras)
+    spots = {name: str(spot.link) for name, spot in handles.items()}
+    return functions and replace(functions, spots=spots)
+
+
+def _of_links(document: Linkage, mechanism: Compiled, drags: bool) -> Live | None:
     """Of links and joints: links are named as there, and their frames are seats on blocks."""
-    tape, form = Tape(), document.to_data()
-    pins = pins_of(form)
-    at = dict[str, int]()
+    tape, form, at = Tape(), document.to_data(), dict[str, int]()
+    pins, varied = pins_of(form), dict[Any, Recorded]()
     for name in pins if drags else ():
         if name not in at:
-            number = len({*at.values()})
-            at |= dict.fromkeys((name, *standing_at(pins, name)), number)
-    seeds = np.eye(2 * len({*at.values()}))
-    positions = dict[str, Any]()
-    for name, i in at.items():
-        d = seeds[2 * i] + 1j * seeds[2 * i + 1]
-        z = Planar(tape.input(2 * i), tape.input(2 * i + 1))
-        positions[name] = next(
-            (positions[n] for n, k in at.items() if k == i and n in positions), None
-        )
-        if positions[name] is None:
-            positions[name] = Recorded.of(Varied(pins[name].z, d), z)
-    varied = dict[Any, Recorded]()
-    if positions:
-        changed = sketching.moved(form, positions)
-        for p in parameters_of(document.sections()).values():
-            x = number_at(changed, p.path)
-            if isinstance(x, Recorded) and x.d.any():
-                varied[p.path] = x
+            at |= dict.fromkeys((name, *standing_at(pins, name)), len({*at.values()}))
+    if at:
+        seeds, positions = np.eye(2 * len({*at.values()})), dict[int, Recorded]()
+        for name, i in at.items():
+            z = Varied(pins[name].z, seeds[2 * i] + 1j * seeds[2 * i + 1])
+            if i not in positions:
+                positions[i] = Recorded.of(z, tape.input(2 * i), tape.input(2 * i + 1))
+        changed = sketching.moved(form, {name: positions[i] for name, i in at.items()})
+        varied = _numbers_that_vary(document, changed)
     decomposition = (document.with_numbers(varied) if varied else document).decompose()
-    graph = Graph.from_data(settled(decomposition.data))
-    followed = {
-        p.path: x
-        for p in parameters_of(graph.sections()).values()
-        if isinstance(x := number_at(decomposition.data, p.path), Recorded) and x.d.any()
-    }
+    graph, data = Graph.from_data(settled(decomposition.data)), decomposition.data
+    links = {name: link for name, link in decomposition.names.links.items() if name != FRAME}
+
+    def seats(s: Structure) -> Iterable[Any]:
+        """Of each link but the fixed one, in order: its origin in the block's frame, its angle."""
+        for link in links.values():
+            z = marker_place(s, link.marker)
+            yield from (z.real, z.imag, link.turn)
+
+    names = {name: str(link.link) for name, link in links.items()}
+    return _following(tape, mechanism, graph, data, names, at, seats)
+
+
+def _numbers_that_vary(document: Any, data: Data) -> dict[Any, Recorded]:
+    """The numbers of a document that follow places, by their paths."""
+    numbers = {p.path: number_at(data, p.path) for p in parameters_of(document.sections()).values()}
+    return {path: x for path, x in numbers.items() if isinstance(x, Recorded) and x.d.any()}
+
+
+def _following(
+    tape: Tape,
+    mechanism: Compiled,
+    graph: Graph,
+    data: Data,
+    names: Mapping[str, str],
+    pins: Mapping[str, int],
+    extras: Callable[[Structure], Iterable[Any]],
+) -> Live | None:
+    """The functions of a graph whose numbers follow the places of pins, and others with them."""
+    followed = _numbers_that_vary(graph, data)
     base = planned_near(type(mechanism)._from_graph(graph)._of_blocks, settled(followed))
-    script, names = _script(base), decomposition.names
-    traced = {path: x.z for path, x in followed.items()}
+    script, outputs = _script(base), _links_of(base.structure)
+    links = {FRAME: -1, **{name: outputs[link] for name, link in names.items()}}
+    added = list(extras(designed(base, followed)[0]))
+    traced, settled_numbers = {path: x.z for path, x in followed.items()}, settled(followed)
     nodes, values = (
-        [*leaves(script.plan.program.values(*of)), *_seats(names, of[0], on_tape)]
-        for on_tape, of in (
-            (True, designed(base, traced)),
-            (False, designed(base, settled(followed))),
-        )
+        [*leaves(script.plan.program.values(*designed(base, design))), *added]
+        for design in (traced, settled_numbers)
     )
-    links_at = _links_of(base.structure)
-    links = {"frame": -1} | {
-        name: links_at[str(at.link)] for name, at in names.links.items() if name != "frame"
-    }
+    nodes = [x.z if isinstance(x, Recorded) else x for x in nodes]
     follows = any(isinstance(x, Node) for x in nodes)
     text = _module(script) + (_numbers(tape, nodes) if follows else "")
-    numbers_now = tuple(float(x) for x in values)
-    moved = at if follows else {}
-    return _small(Live(script, links, numbers_now, text, moved, tuple(tape.constants)))
-
-
-def _seats(names: Any, s: Structure, traced: bool) -> Iterable[Any]:
-    """Of each link but the fixed one, in order: its origin in the block's frame, its angle."""
-    for name, link in names.links.items():
-        if name != "frame":
-            yield from _parts(marker_place(s, link.marker))
-            yield _parts(link.turn)[0] if traced else float(complex(link.turn).real)
+    numbers_now = tuple(float(complex(x).real) for x in values)
+    moved, constants = pins if follows else {}, tuple(tape.constants)
+    return _small(Live(script, links, numbers_now, text, moved, constants))
 
 
 def _module(script: Script) -> str:

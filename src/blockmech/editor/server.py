@@ -133,11 +133,14 @@ class OpenSheet:
         return {**view.data(), "live": _functions(view)}
 
     def live(self, body: Body) -> Answer | None:
-        """The functions that move the mechanism; with ``poses`` those of a drag from there."""
+        """The functions that move the mechanism.
+
+        With ``poses`` those of a drag from there, with ``hold`` those of the drag of a joint of
+        blocks in a pose: its name, and coordinates.
+        """
         poses = body.get("poses")
-        return _functions(
-            self._view_of(posed(self.sheet.form, poses)) if poses else self.view(body)
-        )
+        view = self._view_of(posed(self.sheet.form, poses)) if poses else self.view(body)
+        return _functions(view, body.get("hold"))
 
     def _view_of(self, form: Answer) -> View:
         document = self.sheet.read(form)
@@ -176,12 +179,12 @@ class OpenSheet:
         return {"link": packed(link_of(self.sheet.now, names))}
 
 
-def _functions(view: View) -> Answer | None:
+def _functions(view: View, hold: Any = None) -> Answer | None:
     """The functions with which the page moves a mechanism, or the poses of all samples."""
     now, motion = view.now, view.motion
     if motion is None:
         return None
-    functions = live(now.document if now.mechanism else None, motion.mechanism)
+    functions = live(now, motion.mechanism, hold)
     return {"poses": poses_of(motion)} if functions is None else functions.data()
 
 

@@ -143,11 +143,11 @@ async function take(sheet) {
 
 let asking = 0;
 
-/** Fetch what moves the mechanism; with poses the numbers of a drag from there. @param {Record<string, number[]>} [poses] */
-export async function enliven(poses) {
+/** Fetch what moves the mechanism, and what follows when pins are dragged from poses, or a joint of blocks is held. @param {object} [held] */
+export async function enliven(held) {
   const [mine, { id, sheet }] = [++asking, store];
   if (!sheet?.motion) return;
-  const data = await ask(`documents/${id}/live`, { ...asked(), poses });
+  const data = await ask(`documents/${id}/live`, { ...asked(), ...held });
   if (mine !== asking) return;
   if (!data) set({ live: null });
   else if (data.poses) set({ live: new Rows(data.poses) });

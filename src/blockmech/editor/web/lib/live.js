@@ -10,7 +10,7 @@ import { posed } from "../../../exchange/page/web/geometry.js";
 /** @typedef {Record<string, number[]>} Poses link -> [x, y, cos, sin] */
 /**
  * @typedef {{hash: string, p: number[], c: number[], links: Record<string, number>, places: number,
- *   pins: Record<string, number>, inputs: string[], drivers: string[], seated: boolean}} LiveData
+ *   pins: Record<string, number>, inputs: string[], drivers: string[], numbers: number, spots: Record<string, string>}} LiveData
  */
 /**
  * @typedef {{poses: (p: Float64Array, u: Float64Array, out: Float64Array) => number,
@@ -27,7 +27,7 @@ export class Live {
     this.u = new Float64Array(data.inputs.length);
     this.drivers = data.inputs.map((input) => data.drivers[Number(input.slice(2))]);
     this.links = Object.entries(data.links);
-    this.seats = data.p.length - 3 * this.links.filter(([, at]) => at >= 0).length;
+    this.holds = Object.entries(data.spots); // of blocks: handles, whose places are beside the numbers
   }
 
   /** Whether a pin is dragged here, without asking. @param {string} pin */
@@ -46,6 +46,19 @@ export class Live {
     this.kernel.numbers?.(x, this.data.c, this.p);
   }
 
+  /**
+   * How a joint of blocks is held: coordinates, places of handles on their links, and whether no dyad
+   * has turned over, for then the server has another branch.
+   */
+  held() {
+    const tail = [...this.p.subarray(this.data.numbers)];
+    const [drivers, at] = [this.data.drivers, tail.length - 2 * this.holds.length];
+    /** @type {Record<string, [string, number, number]>} */
+    const spots = Object.fromEntries(this.holds.map(([name, link], k) => [name, [link, tail[at + 2 * k], tail[at + 2 * k + 1]]]));
+    const q = Object.fromEntries(drivers.map((driver, i) => [driver, tail[i]]));
+    return { q, spots, upright: tail.slice(drivers.length, at).every((side) => side > 0) };
+  }
+
   /** Take back what was moved. */
   reset() {
     this.p.set(this.data.p);
@@ -57,14 +70,14 @@ export class Live {
     this.kernel.poses(this.p, this.u, this.out);
     /** @type {Poses} */
     const made = {};
-    let seat = this.seats;
+    let seat = this.data.numbers;
     for (const [name, at] of this.links) {
       if (at < 0) {
         made[name] = [0, 0, 1, 0];
         continue;
       }
       const [x, y, c, s] = posed([this.out[at], this.out[at + 1], this.out[at + 2]]);
-      if (!this.data.seated) made[name] = [x, y, c, s];
+      if (seat === this.p.length || this.holds.length) made[name] = [x, y, c, s];
       else {
         const [a, b, turn] = [this.p[seat], this.p[seat + 1], this.p[seat + 2]];
         const [tc, ts] = [Math.cos(turn), Math.sin(turn)];

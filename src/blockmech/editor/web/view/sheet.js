@@ -71,7 +71,7 @@ export function sheetView(parent) {
   const ours = () => store.sheet?.kind === "joints";
   const spot = (/** @type {Spot} */ [link, x, y]) => on(at[link] ?? [0, 0, 1, 0], x, y);
   /** @param {Pin} one @returns {Point} */
-  const where = (one) => drag?.moved?.[one.name] ?? spot(one.at);
+  const where = (one) => (drag?.live && !ours() ? spot(drag.spots[one.name] ?? one.at) : drag?.moved?.[one.name] ?? spot(one.at));
   const shown = (/** @type {Pin} */ one) => pixel(view, where(one));
   const px = (/** @type {Point} */ z) => pixel(view, z);
   const unit = () => factor("m", length());
@@ -218,7 +218,7 @@ export function sheetView(parent) {
     const some = moving.length > FEW ? moving.filter((one) => store.chosen.includes(one.name)) : moving;
     /** @type {{name: string, points: Point[]}[]} */
     const rows = some.map(({ name }) => ({ name, points: [] }));
-    const ats = some.map((one) => (drag?.moved?.[one.name] && at[one.at[0]] ? [one.at[0], ...local(at[one.at[0]], where(one))] : one.at));
+    const ats = some.map((one) => drag?.spots?.[one.name] ?? (drag?.moved?.[one.name] && at[one.at[0]] ? [one.at[0], ...local(at[one.at[0]], where(one))] : one.at));
     for (let k = 0; k < motion.n; k++) {
       const now = live instanceof Live ? live.poses(sample(k)) : live.at(k);
       ats.forEach((own, i) => rows[i].points.push(on(now[own[0]] ?? [NaN, NaN, 1, 0], Number(own[1]), Number(own[2]))));
@@ -613,9 +613,14 @@ export function sheetView(parent) {
       sayAt(typed, svg, `${drag.pin.name}: ${x}, ${y} ${length()}`, pointer);
     }
     const { live } = store;
-    drag.live = ours() && live instanceof Live && drag.ready && drag.names.every((/** @type {string} */ n) => live.drags(n));
+    drag.live = live instanceof Live && drag.ready && drag.names.every((/** @type {string} */ n) => live.drags(n));
     if (drag.live && live instanceof Live) live.move({ ...drag.places, ...drag.moved });
-    else preview();
+    if (drag.live && live instanceof Live && !ours()) {
+      const { q, spots, upright } = live.held();
+      drag.live = upright;
+      if (upright) [drag.spots, drag.base, ghost] = [spots, { ...drag.base, ...live.poses(q) }, null];
+    }
+    if (!drag.live) preview();
   }
 
   // Take hold: the poses of now stay until the drag is over.
@@ -626,8 +631,9 @@ export function sheetView(parent) {
     drag.places = Object.fromEntries(pins().map((one) => [one.name, spot(one.at)]));
     drag.start = Object.fromEntries(drag.names.map((/** @type {string} */ n) => [n, drag.places[n]]));
     drag.poses = store.pose === null || !ours() ? null : Object.fromEntries(Object.entries(at).map(([link, [x, y, c, s]]) => [link, [x, y, Math.atan2(s, c)]]));
-    drag.ready = !drag.poses;
-    if (drag.poses) { const mine = drag; enliven(drag.poses).then(() => { mine.ready = true; if (drag === mine) later(); }); }
+    const held = ours() ? { poses: drag.poses } : { hold: [drag.pin.name, store.q ?? store.motion?.home] };
+    drag.ready = ours() && !drag.poses;
+    if (!drag.ready) { const mine = drag; enliven(held).then(() => { mine.ready = true; if (drag === mine) later(); }); }
   }
 
   const meant = () => (ours() ? { act: "move", pins: drag.moved, poses: drag.poses ?? undefined }
@@ -642,7 +648,7 @@ export function sheetView(parent) {
     try {
       const made = await ask(`documents/${store.id}/preview`, question);
       const live = made.live?.hash ? new Live(await kernel(made.live.hash), made.live) : null;
-      if (drag === mine) { ghost = { drawing: made.drawing, live }; if (!ours()) drag.base = null, drag.keep = true; }
+      if (drag === mine && !mine.live) { ghost = { drawing: made.drawing, live }; if (!ours()) drag.base = { ...posedAll(), ...(live?.poses(store.q ?? store.motion?.home ?? {}) ?? {}) }; }
     } catch { /* what cannot be stays as it was drawn last */ }
     previewing = false;
     if (drag === mine && drag) { draw(); if (JSON.stringify(meant()) !== JSON.stringify(question)) preview(); }
@@ -661,12 +667,13 @@ export function sheetView(parent) {
       drag = null;
       drawn(done, done.to?.pin || done.text ? null : under(event));
     } else if (done.moved) {
-      const act = meant();
+      const [act, { live, q, motion }] = [meant(), store];
+      const end = done.live && live instanceof Live && !ours() ? live.held().q : q ?? motion?.home;
       const error = await edit(act);
       if (store.live instanceof Live && error) store.live.reset();
       [drag, ghost] = [null, null];
       if (error) sayAt(bubble, svg, error.words, pointer);
-      else if (act.act === "drag") find(done.pin.name, done.moved[done.pin.name]);
+      else if (!ours() && end) showAt(end);
     } else {
       drag = null;
       if (done.kind === "box" && done.now) {
@@ -678,17 +685,16 @@ export function sheetView(parent) {
     draw();
   }
 
-  // Of blocks a dragged crank has turned: the pose in which the pin is where it was put.
-  function find(/** @type {string} */ name, /** @type {Point} */ z) {
-    const [one, { live, motion }] = [pin(name), store];
-    if (!one || !motion || !(live instanceof Live)) return;
-    let [best, least] = [0, Infinity];
-    for (let k = 0; k < motion.n; k++) {
-      const [x, y] = on(live.poses(sample(k))[one.at[0]], one.at[1], one.at[2]);
-      const off = Math.hypot(x - z[0], y - z[1]);
-      if (off < least) [best, least] = [k, off];
-    }
-    showPose(best);
+  /** Of blocks a dragged crank has turned: go on in the pose in which the joint is where it was put. @param {Record<string, number>} q */
+  function showAt(q) {
+    const { motion } = store;
+    if (!motion) return;
+    const off = (/** @type {string} */ driver, /** @type {number} */ x) => {
+      const apart = x - (q[driver] ?? 0);
+      return Math.abs(motion.units[driver] === "rad" ? Math.atan2(Math.sin(apart), Math.cos(apart)) : apart);
+    };
+    const offs = Array.from({ length: motion.n }, (_, k) => Object.entries(motion.q).reduce((sum, [driver, row]) => sum + off(driver, row[k]), 0));
+    set({ pose: offs.indexOf(Math.min(...offs)), q: { ...motion.home, ...q } });
   }
 
   /** @param {any} done @param {string | null} link */
