@@ -70,7 +70,7 @@ def test_what_breaks_it_is_named(kernel, rule):
 def test_a_rate_for_each_state_is_asked():
     class Two(Signal):
         @property
-        def own_states(self):
+        def block_states(self):
             return {"a": State(), "b": State()}
 
         def output(self):

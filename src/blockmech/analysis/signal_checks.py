@@ -119,7 +119,7 @@ def outputs(e: Evidence) -> Iterator[Residual]:
     for name, block in s.signals.items():
         if type(block) not in SAID or block.discrete:
             continue
-        states = (f"{name}.{x}" for x in block.own_states)
+        states = (f"{name}.{x}" for x in block.block_states)
         read = [run[source] for source in (*sources(s, name), *states)]
         time = np.zeros(run.n) if run.time is None else np.asarray(run.time)
         y = SAID[type(block)](block, *(read or [time]))

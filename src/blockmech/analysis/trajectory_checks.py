@@ -85,9 +85,9 @@ def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, flo
         most = np.maximum(most, share)
     for name in integrated(s):
         block = s.signals[name]
-        own = [states[:, s.states[JointRef(name, x)]] for x in block.own_states]
+        own = [states[:, s.states[JointRef(name, x)]] for x in block.block_states]
         slopes = RATES[type(block)](block, *(run[source] for source in sources(s, name)), *own)
-        for x, value, slope in zip(block.own_states, own, slopes, strict=True):
+        for x, value, slope in zip(block.block_states, own, slopes, strict=True):
             of_x, rate, terms = (y.reshape(t.shape) for y in (value, *slope))
             yield (
                 f"state of {name}.{x}",

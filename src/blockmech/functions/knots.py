@@ -15,7 +15,7 @@ class Knotted:
         return 0.0
 
     @property
-    def one_turn(self) -> bool:
+    def covers_one_turn(self) -> bool:
         """Whether it repeats after a turn of its argument."""
         return False
 
@@ -45,4 +45,4 @@ class Knotted:
 
     def kinks_of_angle(self) -> Sequence[float]:
         """Knots in [-pi, pi] of a function of an angle that jumps there."""
-        return (*self.within(-math.pi, math.pi), *(() if self.one_turn else (math.pi,)))
+        return (*self.within(-math.pi, math.pi), *(() if self.covers_one_turn else (math.pi,)))

@@ -92,7 +92,7 @@ class Thrust(Following, type="load.thrust"):
         """The direction."""
         return ("direction",)
 
-    def own_measure(self, rate: bool) -> Callable[..., Any]:
+    def measure_kernel(self, rate: bool) -> Callable[..., Any]:
         """The distance from a to b along the force, or its rate."""
         if self.direction is None:
             return distance_rate if rate else distance
@@ -136,7 +136,7 @@ class Motor(Following, type="load.motor"):
 
     law: LawGiven
 
-    def own_measure(self, rate: bool) -> Callable[..., Any]:
+    def measure_kernel(self, rate: bool) -> Callable[..., Any]:
         """The angle of b relative to a, or its rate."""
         return relative_rate if rate else relative_angle
 

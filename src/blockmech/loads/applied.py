@@ -115,7 +115,7 @@ class Force(Following, type="load.force"):
         positional = set(self.variables()) <= {"coordinate"} and self.driver is None
         return self.axes == "ground" and positional
 
-    def own_measure(self, rate: bool) -> Callable[..., Any]:
+    def measure_kernel(self, rate: bool) -> Callable[..., Any]:
         """The point's coordinate along the direction, or its velocity along it."""
         if self.axes == "link":
             return link_speed if rate else link_coordinate

@@ -131,7 +131,7 @@ class Element(Block):
     def __init_subclass__(cls, **settings: Any) -> None:
         """Hold the kernels that the class names against rule 2."""
         super().__init_subclass__(**settings)
-        for method in ("kernel", "own_measure", "energy"):
+        for method in ("kernel", "measure_kernel", "energy"):
             if not inspect.isfunction(vars(cls).get(method)):
                 continue
             named = inspect.getclosurevars(vars(cls)[method])
@@ -195,7 +195,7 @@ class Following(Element):
 
     ``law`` is typed data, in Python also a function of ``coordinate``, ``rate`` or ``time``,
     by the names of its parameters. ``driver`` names the driving link whose coordinate or
-    rate is the law's argument; without it that is the element's own, see `own_measure`;
+    rate is the law's argument; without it that is the element's own, see `measure_kernel`;
     ``coordinate_text`` says in words which, from where, and which way it grows, and
     ``coordinate_symbol`` in a picture.
     """
@@ -251,7 +251,7 @@ class Following(Element):
         if self.law is None or self.driver is not None or "coordinate" not in self.variables():
             return None
         values = self.law.kinks_of_angle() if self.turning else self.law.rows()
-        return Kinks(self.own_measure(rate=False), values, self.turning) if values else None
+        return Kinks(self.measure_kernel(rate=False), values, self.turning) if values else None
 
     @property
     def counted(self) -> Counted | None:
@@ -267,7 +267,7 @@ class Following(Element):
         """Signal ports: the law's, if that is a signal."""
         return (LAW,) if "signal" in self.variables() else ()
 
-    def own_measure(self, rate: bool) -> Callable[..., Any]:
+    def measure_kernel(self, rate: bool) -> Callable[..., Any]:
         """The element's own coordinate or rate: a kernel of what it reads and the numbers."""
         raise TypeError(f"{type(self).__name__} declares no measure of its own")
 
@@ -289,5 +289,5 @@ class Following(Element):
             elif self.driver is not None:
                 yield None, {"driver": ("qd" if argument == "rate" else "q",)}
             else:
-                measure = self.own_measure(argument == "rate")
+                measure = self.measure_kernel(argument == "rate")
                 yield measure, read_by(measure)

@@ -184,7 +184,7 @@ class _Repeating(Law):
         return values | dict.fromkeys(("arguments", "period"), axis.argument(self.of))
 
     @model_validator(mode="after")
-    def _one_period(self) -> _Repeating:
+    def _check_period(self) -> _Repeating:
         if self.period is not None and self.turns is not None:
             raise mistake(
                 "wrong-value", 'the period is given twice, by "period" and "turns"', "", "keep one"
@@ -201,7 +201,7 @@ class _Repeating(Law):
         return 0.0 if self.period is None else self.period
 
     @property
-    def one_turn(self) -> bool:
+    def covers_one_turn(self) -> bool:
         """Whether it covers one turn."""
         return self.turns == 1
 
@@ -275,7 +275,7 @@ class Fourier(_Repeating):
         return super().whole or math.tau
 
     @property
-    def one_turn(self) -> bool:
+    def covers_one_turn(self) -> bool:
         """Whether it is a series of one turn."""
         return self.period is None and (self.turns or 1) == 1
 
@@ -327,7 +327,7 @@ class DC(Law):
         return PolynomialNumbers((-self.stall_moment / self.no_load_speed, self.stall_moment))
 
 
-def given(x: Real, law: tuple[()]) -> Real:
+def identity(x: Real, law: tuple[()]) -> Real:
     """The argument itself."""
     return x
 
@@ -346,7 +346,7 @@ class Signal(Law):
         """None."""
         return ()
 
-    kernel = always(given)
+    kernel = always(identity)
 
 
 AnyLaw = Annotated[

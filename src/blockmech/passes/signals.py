@@ -71,9 +71,9 @@ def updated(s: Schedule) -> dict[JointRef, Value]:
     for name, block in s.structure.signals.items():
         if not block.discrete:
             continue
-        if block.own_states:
+        if block.block_states:
             call = _call(s, name, block.update(), "update")
-            values |= {JointRef(name, x): call[i] for i, x in enumerate(block.own_states)}
+            values |= {JointRef(name, x): call[i] for i, x in enumerate(block.block_states)}
         call = s.ask(outputs, name)
         values |= {JointRef(name, HELD + y): call[i] for i, y in enumerate(block.outputs)}
     return values
@@ -99,7 +99,7 @@ def _call(s: Schedule, name: str, kernel: Kernel, stage: str) -> Value:
         if argument == "inputs":
             return tuple_of(map(fed, block.inputs))
         if argument == "states":
-            return tuple_of(s.ask(state, name, x) for x in block.own_states)
+            return tuple_of(s.ask(state, name, x) for x in block.block_states)
         if argument in block.inputs:
             return fed(argument)
         return s.ask(state, name, argument.removeprefix(STATE))

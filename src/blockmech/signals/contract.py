@@ -73,7 +73,7 @@ class Signal(Block):
         return ("u",)
 
     @property
-    def own_states(self) -> Mapping[str, State]:
+    def block_states(self) -> Mapping[str, State]:
         """The states that `rates` or `update` move, by name."""
         return {}
 
@@ -111,7 +111,7 @@ class Signal(Block):
             return (k + after) * self.interval
         return math.ceil(t / self.interval) * self.interval
 
-    def held_first(self) -> float:
+    def initial_output(self) -> float:
         """What a discrete block holds until its first instant."""
         return 0.0
 
@@ -129,9 +129,9 @@ class Signal(Block):
     @property
     def states(self) -> Mapping[str, State]:
         """All states in order: its own, and of a discrete block the outputs that it holds."""
-        first = self.held_first() if self.discrete else 0.0
+        first = self.initial_output() if self.discrete else 0.0
         held = {HELD + y: State(first, unit) for y, unit in self.outputs.items()}
-        return {**self.own_states, **(held if self.discrete else {})}
+        return {**self.block_states, **(held if self.discrete else {})}
 
     @property
     def feedthrough(self) -> tuple[str, ...]:
@@ -147,9 +147,9 @@ class Signal(Block):
 
     def port_unit(self, name: str) -> str:
         """Unit of an output or state."""
-        return self.outputs[name] if name in self.outputs else self.own_states[name].unit
+        return self.outputs[name] if name in self.outputs else self.block_states[name].unit
 
     @property
     def ports(self) -> tuple[str, ...]:
         """Everything of it that can be read: outputs, then states."""
-        return tuple(dict.fromkeys((*self.outputs, *self.own_states)))
+        return tuple(dict.fromkeys((*self.outputs, *self.block_states)))

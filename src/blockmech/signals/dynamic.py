@@ -51,14 +51,14 @@ def input_rate(u: Real, p: Parameters) -> tuple[Real]:
 class Integrator(Signal, type="signal.integrator"):
     """The integral of the input over time, from ``initial`` on.
 
-    >>> Integrator(initial=1.0).own_states
+    >>> Integrator(initial=1.0).block_states
     {'integral': State(initial=1.0, unit='')}
     """
 
     initial: Number = 0.0
 
     @property
-    def own_states(self) -> Mapping[str, State]:
+    def block_states(self) -> Mapping[str, State]:
         """The integral."""
         return {"integral": State(self.initial)}
 
@@ -151,7 +151,7 @@ class Pid(Signal, type="signal.pid"):
     initial: Number = 0.0
 
     @property
-    def own_states(self) -> Mapping[str, State]:
+    def block_states(self) -> Mapping[str, State]:
         """The integral and the filtered error."""
         return {"integral": State(self.initial), "filtered": State()}
 
@@ -224,7 +224,7 @@ class Linear(Signal):
         return (0.0,) * len(self.numbers().B)
 
     @property
-    def own_states(self) -> Mapping[str, State]:
+    def block_states(self) -> Mapping[str, State]:
         """x1, x2, ..."""
         return {f"x{k}": State(x) for k, x in enumerate(self.starts, 1)}
 
@@ -250,7 +250,7 @@ class StateSpace(Linear, type="signal.state_space"):
     initial: NumbersGiven | None = None
 
     @model_validator(mode="after")
-    def _fits(self) -> StateSpace:
+    def _check_sizes(self) -> StateSpace:
         n = len(self.A)
         rows = [len(a) for a in self._rows]
         sizes = [*rows, len(self.B), len(self.C), n if self.initial is None else len(self.initial)]
@@ -334,11 +334,11 @@ class Delay(Signal, type="signal.delay"):
     initial: Number = 0.0
 
     @property
-    def own_states(self) -> Mapping[str, State]:
+    def block_states(self) -> Mapping[str, State]:
         """The samples under way."""
         return {f"x{k + 1}": State(self.initial) for k in range(self.steps)}
 
-    def held_first(self) -> float:
+    def initial_output(self) -> float:
         """As long as nothing came through."""
         return self.initial
 
@@ -383,7 +383,7 @@ class DCMotor(Signal, type="signal.dc_motor"):
         return ("u", "rate")
 
     @property
-    def own_states(self) -> Mapping[str, State]:
+    def block_states(self) -> Mapping[str, State]:
         """The current."""
         return {"current": State(self.initial, "A")}
 

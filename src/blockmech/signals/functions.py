@@ -70,7 +70,7 @@ class Python(Signal):
         return tuple(n for n in self.names if n != TIME and n not in self.memory)
 
     @property
-    def own_states(self) -> Mapping[str, State]:
+    def block_states(self) -> Mapping[str, State]:
         """What is remembered."""
         return {name: State(float(x)) for name, x in self.memory.items()}
 

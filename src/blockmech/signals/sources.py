@@ -58,7 +58,7 @@ class Input(Source, type="signal.input"):
         """It changes between steps alone."""
         return True
 
-    def held_first(self) -> float:
+    def initial_output(self) -> float:
         """The value."""
         return self.value
 
@@ -86,7 +86,7 @@ class Step(Source, type="signal.step"):
         ahead = self.time > t or at_once(self.time, t)
         return self.time if ahead and not (after and at_once(self.time, t)) else math.inf
 
-    def held_first(self) -> float:
+    def initial_output(self) -> float:
         """The value before."""
         return self.before
 

@@ -36,10 +36,10 @@ class SignalRules(Checks):
     def names(self) -> Iterator[str]:
         """Kernels read inputs, states and the time."""
         block = self.block
-        valid = {*block.inputs, *(f"x_{x}" for x in block.own_states), "t", "inputs", "states"}
+        valid = {*block.inputs, *(f"x_{x}" for x in block.block_states), "t", "inputs", "states"}
         kink, count = block.kinks()
         kernels = [block.output(), *([kink] if count else [])]
-        if block.own_states:
+        if block.block_states:
             kernels.append(block.update() if block.discrete else block.rates())
         for kernel in kernels:
             for name in arguments(kernel):
