@@ -9,8 +9,9 @@ import numpy as np
 
 from blockmech.dynamics import methods
 from blockmech.dynamics.ends import Budget
+from blockmech.dynamics.programs import Sample, ScalarTerms
 from blockmech.dynamics.request import SimulationRequest, Start, Until
-from blockmech.dynamics.system import Sample, ScalarTerms, System
+from blockmech.dynamics.system import System
 
 TURN = 2 * math.pi
 

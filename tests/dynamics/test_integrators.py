@@ -11,8 +11,8 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics import integration as integrators
 from blockmech.dynamics.events import crossings
+from blockmech.dynamics.programs import Terms
 from blockmech.dynamics.request import Start, Until, Watch
-from blockmech.dynamics.system import Terms
 from tests.dynamics.honesty import GRAPHS
 from tests.dynamics.linkages import guided, motored, watt
 from tests.dynamics.synthetic import Synthetic, move

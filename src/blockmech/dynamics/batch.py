@@ -14,11 +14,21 @@ ones (`estimate`).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from blockmech.dynamics.batch_motions import GOAL, REST, TIME, Bools, Motions, Track
+from blockmech.dynamics.batch_motions import (
+    GOAL,
+    REST,
+    TIME,
+    Bools,
+    Counts,
+    Designs,
+    Motions,
+    Piece,
+    Track,
+)
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.equation import cached_rates
 from blockmech.dynamics.estimate import (
@@ -41,6 +51,7 @@ from blockmech.engines.stages import BOUND, HIGH, LOW, THIRD, TRY, WEIGHT, schem
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
 from blockmech.result.motion import Floats, State
+from blockmech.typing import Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
@@ -74,7 +85,7 @@ def choose_rates(system: System, request: SimulationRequest) -> CompiledRhs | No
 
 
 def moved(
-    system: System, request: SimulationRequest, rates: CompiledRhs, values: tuple[Any, ...], m: int
+    system: System, request: SimulationRequest, rates: CompiledRhs, values: tuple[Real, ...], m: int
 ) -> Motions:
     """The motions of m designs, whose numbers of the program are ``values``, with their errors."""
     slots = slots_of(values)
@@ -178,7 +189,7 @@ class _Run:
         self.alone = np.zeros(m, bool) if excluded is None else excluded.copy()
         self.over, self.end = np.zeros(m, bool), np.full(m, TIME)
         self.rest, self.standstills = np.full(m, np.nan), np.zeros(m, np.int64)
-        self.spent, self.pieces = np.zeros(m), list[tuple[Any, ...]]()
+        self.spent, self.pieces = np.zeros(m), list[Piece]()
         pairs = rates.inputs - n - 4
         self.rubs = pairs > 0
         self.given = np.zeros((m, 3 + pairs))
@@ -219,7 +230,7 @@ class _Run:
             short = 0.1 * tolerance**0.125 * speed / push
         self.h = np.fmin(short, self.system.span / speed)
 
-    def _rows(self, which: Any, q: Any, rate: Any) -> Floats:
+    def _rows(self, which: Designs, q: Floats, rate: Floats | float) -> Floats:
         """Rows (s, r) of the program of some designs at coordinates and rates."""
         y = self.y[which]
         y[:, 0], y[:, 1] = q, rate
@@ -228,13 +239,15 @@ class _Run:
         rows: Floats = self._fleet(which, y, np.zeros((len(which), 6)), every, 0).K[:, 0]
         return rows
 
-    def _fleet(self, which: Any, y: Floats, control: Floats, tolerances: Floats, count: int) -> Any:
+    def _fleet(
+        self, which: Designs, y: Floats, control: Floats, tolerances: Floats, count: int
+    ) -> FleetSteps:
         """What machine code makes of states (s, n) of some designs: so many steps at most."""
         numbers, states = self.given[which], (self.t[which], y)
         slots, plan = self.slots[which], self.plan.plan(which, self.t[which], count + 1)
         return self.rates.fleet(slots, numbers, states, control, tolerances, count, *plan)
 
-    def _slip(self, which: Any, sense: Floats) -> Floats:
+    def _slip(self, which: Designs, sense: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
         row = self._rows(which, self.y[which, 0], 0.0)
         slips = row[:, -self.rates.watched + SLIPS : -1]
@@ -242,7 +255,7 @@ class _Run:
         self.alone[which] |= ~(np.abs(slips) > math.sqrt(EPS)).all(axis=1)
         return self._rows(which, self.y[which, 0], 0.0)
 
-    def _leave(self, which: Any) -> None:
+    def _leave(self, which: Designs) -> None:
         """From a standstill: the direction in which designs start; those that rest are over."""
         if not len(which):
             return
@@ -261,7 +274,7 @@ class _Run:
             self._slip(starts_back, np.full(len(starts_back), -1.0))
         self._stay(which[(forward <= 0) & (back >= 0) & ~self.alone[which]])
 
-    def _stay(self, which: Any) -> None:
+    def _stay(self, which: Designs) -> None:
         """Designs that friction holds from now on."""
         self.rest[which], self.over[which] = self.t[which], True
         span = self.request.span
@@ -293,7 +306,7 @@ class _Run:
         )
         return Motions(self.alone, *state, nothing, nothing, track)
 
-    def _steps(self, which: Any, bound: Floats, h: Floats, count: int) -> Any:
+    def _steps(self, which: Designs, bound: Floats, h: Floats, count: int) -> FleetSteps:
         """Steps of designs from where they are."""
         q, control = self.y[which, 0], np.zeros((len(which), 6))
         control[:, TRY], control[:, BOUND] = h, bound
@@ -304,7 +317,7 @@ class _Run:
             control[:, HIGH] = np.where(x > q, np.minimum(control[:, HIGH], x), control[:, HIGH])
         return self._fleet(which, self.y[which], control, self.tolerances[which], count)
 
-    def _round(self, which: Any) -> None:
+    def _round(self, which: Designs) -> None:
         """Some steps of designs, and what happens in the last of them."""
         bound = np.full(len(which), min(self.request.start.t + self.request.span, 1 / EPS))
         steps = self._steps(which, bound, self.h[which], TOGETHER)
@@ -351,7 +364,7 @@ class _Run:
             hits += [(x, ARRIVES + i) for x in step.crossings(0, goal, off, 0, PARTS)]
         return hits[0] if len(hits) == 1 else (1.0, SEVERAL if hits else NOTHING)
 
-    def _keep(self, which: Any, steps: Any, series: Floats, count: Any) -> None:
+    def _keep(self, which: Designs, steps: FleetSteps, series: Floats, count: Counts) -> None:
         """Designs go on over their first steps."""
         d, s = np.nonzero(np.arange(steps.t.shape[1] - 1)[None, :] < count[:, None])
         if d.size:
@@ -360,7 +373,7 @@ class _Run:
         row = np.arange(len(which))
         self.t[which], self.y[which] = steps.t[row, count], steps.y[row, count]
 
-    def _met(self, which: Any, share: Floats, h: Floats, kind: Any) -> None:
+    def _met(self, which: Designs, share: Floats, h: Floats, kind: Counts) -> None:
         """Go on to what happens in a step: with steps that end there, and by Newton's rule."""
         if not len(which):
             return

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.dense import value
 from blockmech.result.motion import Floats
+from blockmech.typing import Real
 
-Bools = NDArray[np.bool_]
+Bools: TypeAlias = NDArray[np.bool_]
+Counts: TypeAlias = NDArray[np.int64]
+Designs: TypeAlias = NDArray[np.intp]
+Piece: TypeAlias = tuple[Designs, Floats, Floats, Floats]  # designs, from, to [s] and series
 TIME, GOAL, REST = range(3)  # why a motion is over
 
 
@@ -29,12 +33,12 @@ class Motions(NamedTuple):
     """
 
     alone: Bools
-    end: NDArray[np.int64]
+    end: Counts
     t: Floats
     q: Floats
     rate: Floats
     rest: Floats
-    standstills: NDArray[np.int64]
+    standstills: Counts
     friction_work: Floats
     error: Floats
     time_error: Floats
@@ -58,26 +62,26 @@ class Track:
     """
 
     m: int
-    design: NDArray[np.intp]
+    design: Designs
     t0: Floats
     t1: Floats
     series: Floats
 
     @classmethod
-    def of(cls, pieces: Sequence[tuple[Any, ...]], m: int) -> Track:
-        """From pieces (design, t0, t1, series), those of a design in the order of time."""
+    def of(cls, pieces: Sequence[Piece], m: int) -> Track:
+        """From pieces, those of a design in the order of time."""
         none = np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((8, 0, 2))
         design, t0, t1 = (np.concatenate([p[i] for p in (none, *pieces)]) for i in range(3))
         order = np.argsort(design, kind="stable")
         series = np.concatenate([p[3] for p in (none, *pieces)], axis=1)[:, order]
         return cls(m, design[order], t0[order], t1[order], series)
 
-    def some(self, which: Bools) -> tuple[Any, ...]:
+    def some(self, which: Bools) -> Piece:
         """The piece of some designs."""
         mask = which[self.design]
         return self.design[mask], self.t0[mask], self.t1[mask], self.series[:, mask]
 
-    def state(self, t: Floats, of: NDArray[np.intp] | None = None) -> Floats:
+    def state(self, t: Floats, of: Designs | None = None) -> Floats:
         """Coordinates and rates (m, p, 2) of designs, by default all, at times (m, p) [s]."""
         states = np.full((*t.shape, 2), np.nan)
         if not self.t0.size:
@@ -87,23 +91,23 @@ class Track:
         indices = np.flatnonzero(some[of])
         rows, requested = of[indices], t[indices]
         i = self._steps_at(rows[:, None], requested)
-        x = (requested - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
-        values = np.asarray(value(self.series[:, i.ravel()], 1, x.ravel()[:, None]))
+        share: Real = (requested - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
+        values = np.asarray(value(self.series[:, i.ravel()], 1, share.ravel()[:, None]))
         states[indices] = values.reshape(*requested.shape, 2)
         return states
 
-    def _steps_at(self, design: Any, t: Floats) -> Any:
+    def _steps_at(self, design: Designs, t: Floats) -> Designs:
         """In which steps designs are at times [s]; the first one before the start."""
         begin, span = self.t0.min(), np.ptp(np.append(self.t1, self.t0)) or 1.0
 
-        def rank(design: Any, at: Any) -> Any:
+        def rank(design: Designs, at: Floats) -> Floats:
             """A number in the order of designs, and of a design's times."""
-            return design + np.clip((at - begin) / span, 0.0, 1.0) / 2
+            return np.asarray(design + np.clip((at - begin) / span, 0.0, 1.0) / 2)
 
         i = rank(self.design, self.t0).searchsorted(rank(design, t), side="right") - 1
         return np.maximum(i, np.searchsorted(self.design, design))
 
-    def plan(self, design: Any, t: Floats, count_limit: int) -> tuple[Floats, NDArray[np.int64]]:
+    def plan(self, design: Designs, t: Floats, count_limit: int) -> tuple[Floats, Counts]:
         """Steps (m, most + 1) [s] of designs (m,) from times on, and how many these are."""
         if not self.t0.size:
             return np.zeros((len(design), count_limit + 1)), np.zeros(len(design), np.int64)

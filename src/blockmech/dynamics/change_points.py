@@ -21,7 +21,9 @@ from numpy.polynomial import chebyshev
 
 from blockmech.dynamics.panel_nodes import MARGIN, TAU, J, basis, rule
 from blockmech.dynamics.place_data import PlaceData, coordinate_at
-from blockmech.dynamics.system import Sample, ScalarTerms, Source, System
+from blockmech.dynamics.programs import Sample, ScalarTerms
+from blockmech.dynamics.source import Source
+from blockmech.dynamics.system import System
 from blockmech.result.motion import Floats
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series: 8, as two tell its end; even: none at its middle

@@ -23,7 +23,6 @@ from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
 from blockmech.result.motion import Event, Floats, Motion
-from blockmech.typing import Data
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import PairProgram
@@ -75,8 +74,7 @@ class EventHit(NamedTuple):
 
 def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventFunction:
     """A driver's coordinate reaches q [rad or m]."""
-    above: Data = {"component": driver, "level": q, "arrays": True}
-    return EventFunction(kind, lambda t, y: y[driver] - q, direction, **above)
+    return EventFunction(kind, lambda t, y: y[driver] - q, direction, component=driver, level=q)
 
 
 def pair_at(system: System, kind: str, level: float, direction: int, i: int) -> EventFunction:
@@ -123,8 +121,8 @@ def general_rules(
         return rules
     rules += [driver_at(ends.GOAL, q) for q in request.goals]
     ends_run = request.standstills < math.inf or system.friction is not None
-    options: Data = {"component": 1, "terminal": ends_run, "arrays": True}
-    return [*rules, EventFunction(ends.STANDSTILL, lambda t, y: y[1], **options)]
+    still = EventFunction(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, component=1)
+    return [*rules, still]
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventFunction]:

@@ -10,24 +10,27 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics.contacts import DEPENDENT, STILL, Constraints
 from blockmech.engines.binding import bind_functions
+from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine, primitives
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Program
+from blockmech.result.motion import Floats
 from blockmech.typing import Data
 
-Floats: TypeAlias = NDArray[np.float64]
 Vectors: TypeAlias = NDArray[np.complex128]
 Sides: TypeAlias = tuple[int, ...]
+Times: TypeAlias = float | Floats  # [s] one, or (n,)
+T = TypeVar("T", np.float64, np.complex128)
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class PairProgram:
     # in it, 0 of others; () without any
     drags: bool  # whether a law has more than a factor
     batch: NumpyEngine  # the force pass on arrays
-    single: Any  # and at one state, a `SingleEvaluator`
+    single: SingleEvaluator  # and at one state
 
 
 class State(NamedTuple):
@@ -60,8 +63,8 @@ class State(NamedTuple):
     share: float = 0.0  # of the applied loads
     pair: int = -1  # the one with a unit of friction; -1: none
     push: int = -1  # the stop with a unit of push; -1: none
-    t: Any = 0.0
-    x: Any = None  # states of signal blocks; None: the initial ones
+    t: Times = 0.0
+    x: Floats | None = None  # states of signal blocks; None: the initial ones
 
 
 class Contact(NamedTuple):
@@ -76,7 +79,7 @@ class Contact(NamedTuple):
     push: Floats  # (..., a)
     of_z: Floats  # (..., a, z)
     of_t: Floats  # (..., a, m)
-    carried: Any = 0.0  # (..., k) rates that drivers have which are not free
+    carried: Floats | float = 0.0  # (..., k) rates that drivers have which are not free
 
 
 class Instant(NamedTuple):
@@ -93,15 +96,15 @@ class Instant(NamedTuple):
     S: Floats  # (..., m, z) relative rate of a pair per rate of a freedom
     b: Floats  # (..., m) relative acceleration without any of the freedoms'
     w: Floats  # (..., m) relative rate
-    f: Any  # (..., m) loads on the pairs without accelerations of freedoms and without friction
-    G: Any  # (..., m, z)
-    R: Any  # (..., m, m)
+    f: Vectors  # (..., m) loads on the pairs without accelerations of freedoms and without friction
+    G: Vectors  # (..., m, z)
+    R: Vectors  # (..., m, m)
     law: Floats  # (..., 2 m) factors and drags at these rates
-    margin: Any
+    margin: float
     contact: Contact | None = None
-    carried: Any = 0.0  # (..., m) relative rates by drivers that are not free
+    carried: Floats | float = 0.0  # (..., m) relative rates by drivers that are not free
 
-    def against(self, constraint: Constraints, loads: Any, lasting: bool = True) -> Instant:
+    def against(self, constraint: Constraints, loads: Vectors, lasting: bool = True) -> Instant:
         """The same while it lies against stops, of which a unit push adds ``loads`` (..., m, a).
 
         ``lasting`` : pairs that stops alone leave no freedom do not move; in a blow they may
@@ -115,8 +118,8 @@ class Instant(NamedTuple):
         S, b = self.S @ Z, self.b + (self.S @ shift[..., None])[..., 0]
         tied = np.abs(S).max(axis=-1, initial=0.0) <= DEPENDENT * np.abs(self.S).max(axis=-1)
         still = tied & lasting
-        rates: Any = 0.0
-        carried: Any = 0.0
+        rates: Floats | float = 0.0
+        carried: Floats | float = 0.0
         if constraint.speeds is not None:
             rates = (np.swapaxes(back, -1, -2) @ constraint.speeds[..., None])[..., 0]
             carried = (self.S @ rates[..., None])[..., 0]
@@ -134,7 +137,7 @@ class Instant(NamedTuple):
             carried=carried,
         )
 
-    def part(self, which: Any) -> Instant:
+    def part(self, which: int | NDArray[np.intp]) -> Instant:
         """That at one of n states, or those at some, where it lies against nothing."""
         return Instant._make([*(x[which] for x in self[:-3]), self.margin, None, 0.0])
 
@@ -157,7 +160,7 @@ class Instant(NamedTuple):
         of_q = (self.contact.basis @ x[..., None])[..., 0]
         return of_q + (self.contact.shift if shifted else self.contact.carried)
 
-    def norms(self, loads: Any, guides: Sequence[bool]) -> Floats:
+    def norms(self, loads: Vectors, guides: Sequence[bool]) -> Floats:
         """Loads (..., m) as friction is of them [N]."""
         larger = np.maximum(np.abs(loads.real), np.abs(loads.imag))
         return np.asarray(np.where(guides, larger, np.abs(loads)))
@@ -172,9 +175,9 @@ class Response(NamedTuple):
     at: Instant
     free: Floats  # (..., z) accelerations of what is free
     t: Floats  # (..., m)
-    loads: Any  # (..., m)
-    outcome: Any = 0.0
-    misfit: Any = 0.0
+    loads: Vectors  # (..., m)
+    outcome: float | Floats = 0.0
+    misfit: Times = 0.0
 
     @property
     def qdd(self) -> Floats:
@@ -211,7 +214,7 @@ def without_rounding(x: Floats, size: Floats | float = 0.0) -> Floats:
     return np.where(np.abs(x) <= STILL * largest, 0.0, x)
 
 
-def smallest(margins: Iterable[Any]) -> float:
+def smallest(margins: Iterable[float]) -> float:
     """The smallest of 1 and some margins; NaN if one is."""
     smallest = 1.0
     for m in margins:
@@ -238,7 +241,7 @@ class PairFriction:
         method: Friction,
         count: Callable[[int, bool], None],
         compiled: Callable[[], bool],
-        rounding: Callable[[Floats], Any],
+        rounding: Callable[[Floats], Floats],
         initial: tuple[float, ...] = (),
     ) -> None:
         self.program, self._count, self._compiled = program, count, compiled
@@ -253,31 +256,31 @@ class PairFriction:
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
         self.solver = solver
-        kernels: Any = {"solve": solver, "balanced": solvers.balanced}
+        kernels: Data = {"solve": solver, "balanced": solvers.balanced}
         bound = bind_functions(kernels, primitives(np.float64))
         # the solution for laws, at one state and at n of them
         self.balance = partial(solvers.balanced, solver, self.options)
         self.balance_all = partial(bound["balanced"], bound["solve"], self.options)
 
-    def senses(self, slips: Any) -> Floats:
+    def senses(self, slips: Floats) -> Floats:
         """Signs (..., m) of slips; 1 of a pair whose law says the sign itself."""
         return np.where(self.signed, 1.0, np.sign(slips))
 
     # -- the laws ------------------------------------------------------------------------
 
-    def _terms(self, w: Floats, x: Any = None, loads: Any = None) -> Floats:
+    def _terms(self, w: Floats, x: Floats | None = None, loads: Floats | None = None) -> Floats:
         """Factors and drags (..., 2 m) as of `law`, behind them those (2 m,) that hold at rest."""
-        inputs, columns = self._laws.program.inputs, dict[str, Any]()
+        inputs, columns = self._laws.program.inputs, dict[str, Floats]()
         x = np.array(self._initial) if x is None else x
         loads = np.zeros(w.shape) if loads is None else loads
         for name, values in (("slip_", w), (STATE, x), ("load_", loads)):
             columns |= {f"{name}{j}": np.ravel(y) for j, y in enumerate(np.moveaxis(values, -1, 0))}
         n = w.size // len(self.names)
-        values = self._laws.run({name: np.resize(columns[name], n) for name in inputs}, n)
-        terms = np.stack([np.broadcast_to(y, n) for y in values], axis=-1)
+        laws = self._laws.run({name: np.resize(columns[name], n) for name in inputs}, n)
+        terms = np.stack([np.broadcast_to(y, n) for y in laws], axis=-1)
         return terms.reshape(*w.shape[:-1], -1)
 
-    def law(self, w: Floats, x: Any = None, loads: Any = None) -> Floats:
+    def law(self, w: Floats, x: Floats | None = None, loads: Floats | None = None) -> Floats:
         """Factors and drags (..., 2 m) at relative rates (..., m).
 
         x (..., states) are those of signals and laws, by default the initial ones; ``loads``
@@ -307,7 +310,7 @@ class PairFriction:
         vectors = np.array([np.broadcast_to(v.real + 1j * v.imag, size) for v in values])
         return np.moveaxis(vectors.reshape(len(vectors), len(states), len(q)), -1, 0).swapaxes(1, 2)
 
-    def _inputs(self, q: Floats, state: State) -> list[Any]:
+    def _inputs(self, q: Floats, state: State) -> list[float | Floats]:
         """Those of the program in a state, numbers or (n,)."""
         values_by_name: Data = {"t": state.t, "load_share": state.share}
         x = np.array(self._initial) if state.x is None else state.x
@@ -319,7 +322,7 @@ class PairFriction:
     # -- an instant ------------------------------------------------------------
 
     def _states(
-        self, qd: Any, t: Any, x: Any, k: int, constraint: Constraints | None
+        self, qd: Floats, t: Times, x: Floats | None, k: int, constraint: Constraints | None
     ) -> list[State]:
         """Columns of inputs: loads and rates, a unit of each acceleration, friction and push."""
         still, pairs = (
@@ -332,7 +335,7 @@ class PairFriction:
         return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units]
 
     def instant(
-        self, q: Floats, qd: Floats, t: Any, x: Any, constraint: Constraints | None
+        self, q: Floats, qd: Floats, t: Times, x: Floats | None, constraint: Constraints | None
     ) -> Instant:
         """One state, or n; x (..., states) are those of signals and laws, None the initial ones."""
         parts = q, qd, t, x, *(() if constraint is None else (constraint.rows, constraint.drift))
@@ -343,7 +346,7 @@ class PairFriction:
         return instant
 
     def _instant(
-        self, q: Floats, qd: Floats, t: Any, x: Any, constraint: Constraints | None
+        self, q: Floats, qd: Floats, t: Times, x: Floats | None, constraint: Constraints | None
     ) -> Instant:
         m, k = len(self.names), qd.shape[-1]
         values = self.values(q, self._states(qd, t, x, k, constraint))
@@ -352,7 +355,7 @@ class PairFriction:
         w = without_rounding(slips[..., 0, :])
         margin = smallest(values[0, k + 3 * m :].real) if q.ndim == 1 else 1.0  # of one state
 
-        def of(x: Any, first: int, count: int) -> Any:
+        def of(x: NDArray[T], first: int, count: int) -> NDArray[T]:
             return np.swapaxes(x[..., first : first + count, :], -1, -2)
 
         M, S, G, R = of(drives, 1, k), of(rise, 1, k), of(loads, 1, k), of(loads, 1 + k, m)
@@ -365,7 +368,7 @@ class PairFriction:
             return at
         return at.against(constraint, _pressed(constraint, of(loads, 1 + k + m, values.shape[-2])))
 
-    def pressed(self, q: Floats, constraint: Constraints) -> Any:
+    def pressed(self, q: Floats, constraint: Constraints) -> Vectors:
         """What a unit push of each stop adds to the loads (m, a) on the pairs."""
         k, m = len(q), len(self.names)
         still = State(qd=np.zeros(k), qdd=np.zeros(k))
@@ -383,7 +386,7 @@ class PairFriction:
         return tuple(int(s) for s in self.senses(self.rates(q, qd)))
 
 
-def _pressed(constraint: Constraints, loads: Any) -> Any:
+def _pressed(constraint: Constraints, loads: Vectors) -> Vectors:
     """Loads (..., m, a) on the pairs by unit pushes: those (..., m, p) of the stops of pairs."""
     of_pairs = [j >= 0 for j, _ in constraint.pairs]
     pressed = np.zeros((*loads.shape[:-1], len(of_pairs)), dtype=np.complex128)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.dynamics.contacts import DEPENDENT, Constraints
+from blockmech.dynamics.friction import Sides
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.result.motion import Floats
 
-States: TypeAlias = tuple[Floats, Floats, Floats, Any]  # (n, k), (n, k), (n,), (n, states)
-Against: TypeAlias = Callable[[Floats, Floats, Floats, Any], Constraints]
+States: TypeAlias = tuple[Floats, Floats, Floats, Floats]  # (n, k), (n, k), (n,), (n, states)
+Bools: TypeAlias = NDArray[np.bool_]
+Indices: TypeAlias = NDArray[np.intp]
+Against: TypeAlias = Callable[[Floats, Floats, Floats, Indices], Constraints]
 
 
 class Along(NamedTuple):
@@ -21,15 +25,15 @@ class Along(NamedTuple):
     rates: Floats  # (n, k) without what rounding leaves pairs that stick
     qdd: Floats  # (n, k)
     friction: Floats  # (n, m)
-    stand: Any  # (n, m) which pairs stand
+    stand: Bools  # (n, m) which pairs stand
     pushes: Floats  # (n, a) of the stops that it lies against
 
 
 def friction_along(
     friction: JointFriction,
     states: States,
-    sides: Any,
-    lies: Any,
+    sides: Floats,
+    lies: Bools,
     against: Against,
     begins: bool = True,
 ) -> Along:
@@ -67,11 +71,11 @@ def friction_along(
 
 
 def _completed(
-    friction: JointFriction, states: States, sides: Any, lies: Any, against: Against
-) -> Any:
+    friction: JointFriction, states: States, sides: Floats, lies: Bools, against: Against
+) -> Floats:
     """Sides (n, m) where no motion says them: those with which one begins there."""
     q, qd, t, x = states
-    sides, begins = sides.copy(), dict[bytes, Any]()
+    sides, begins = sides.copy(), dict[bytes, float | Sides]()
     open_ = np.isnan(sides).any(axis=1) & np.isfinite(q + qd).all(axis=1)
     if not open_.any():
         return sides

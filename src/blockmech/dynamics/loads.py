@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.dynamics.source import Source
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.functions.series import SCANNED
 from blockmech.ground.plane import EPS
@@ -122,7 +123,7 @@ def time_periods(structure: Structure) -> list[float]:
 # -- kinks ---------------------------------------------------------------------------------
 
 
-def knots(compiled: Any) -> tuple[float, ...]:
+def knots(compiled: Source) -> tuple[float, ...]:
     """Coordinates [rad or m] of the only driver at kinks: of one period from 0, or within reach."""
     structure, driver = compiled.structure, compiled.structure.drivers[0]
     period = period_of(structure, driver)

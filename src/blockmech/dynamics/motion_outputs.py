@@ -120,7 +120,7 @@ class MotionInputs(Record):
         acting = _by_driver("qd", response.rates, k) | _by_driver("qdd", response.qdd, k)
         acting |= self._pushed(response.pushes)
         for j, t in enumerate(np.ascontiguousarray(response.friction.T)):
-            acting |= {f"sticks_{j}": 1.0 * response.stand[:, j], f"friction_{j}": t}
+            acting |= {f"sticks_{j}": response.stand[:, j].astype(float), f"friction_{j}": t}
         return acting
 
     def _without_friction(self) -> dict[str, Floats]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 from blockmech.dynamics.friction import PairProgram
+from blockmech.dynamics.source import Source
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
@@ -19,7 +19,7 @@ from blockmech.plan.values import Value
 GIVEN = Friction(friction.GIVEN)
 
 
-def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgram | None:
+def pair_program(compiled: Source, pushed: tuple[JointRef, ...] = ()) -> PairProgram | None:
     """The force pass of a mechanism with its friction laws; None where none can act.
 
     ``pushed`` : pairs along whose coordinates stops may push

@@ -7,11 +7,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from blockmech.dynamics.contacts import Constraints
+from blockmech.dynamics.source import Source
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.names import split_address
 from blockmech.model.structure import COORDINATE, JointRef
@@ -20,6 +22,7 @@ from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction, Output
 from blockmech.result.motion import Floats, Lying
 
+Place: TypeAlias = tuple[Floats, Floats, Floats]  # q (k,), coordinates (p,), rows (p, k)
 SURE = 1.0  # [rad] by which an angle may differ from what its row foretells, over one way
 HALVED = 30  # times at most that a way is halved until it does not
 
@@ -28,11 +31,10 @@ HALVED = 30  # times at most that a way is halved until it does not
 class PairStops:
     """Coordinates of some pairs of a mechanism, of none as well, and how they change.
 
-    mechanism : a `Compiled`
     pairs : each with +1 or -1, the sense in which its coordinate counts against the pair's own
     """
 
-    mechanism: Any
+    mechanism: Source
     names: tuple[str, ...] = ()  # of the outputs that are the coordinates
     pairs: tuple[tuple[JointRef, int], ...] = ()
 
@@ -51,7 +53,7 @@ class PairStops:
         return dict(zip(self.names, self.pairs, strict=True))
 
     @cached_property
-    def rotary(self) -> Any:
+    def rotary(self) -> NDArray[np.bool_]:
         """(p,) whether each coordinate is an angle."""
         structure = self.mechanism.structure
         return np.array([structure.joint(ref).rotary for ref in self.refs], dtype=bool)
@@ -85,13 +87,13 @@ class PairStops:
         rows, drifts = changes[: p * k].reshape(p, k), changes[p * k :]
         return np.array(coordinates), senses[:, None] * rows, senses * drifts
 
-    def rows(self, q: Any, rate: Any) -> tuple[Floats, Floats]:
+    def rows(self, q: ArrayLike, rate: ArrayLike) -> tuple[Floats, Floats]:
         """Rows (n, k) of all that has stops over the drivers, drifts (n,): drivers, then pairs."""
         q, rate = np.atleast_1d(q), np.atleast_1d(rate)
         _, rows, drifts = self.state(q, rate)
         return np.vstack([np.eye(len(q)), rows]), np.append(0.0 * q, drifts)
 
-    def constraints(self, q: Any, rate: Any, those: Sequence[int]) -> Constraints:
+    def constraints(self, q: ArrayLike, rate: ArrayLike, those: Sequence[int]) -> Constraints:
         """Some of the stops at a state, by their places among all."""
         rows, drift = self.rows(q, rate)
         k = rows.shape[1]
@@ -134,7 +136,7 @@ class Counted:
         rates = self.last[2] @ np.atleast_1d(rate)
         return (coordinates, rates) if np.ndim(q) else (coordinates[0], rates[0])
 
-    def _from(self, last: Any, q: Floats, halved: int) -> Any:
+    def _from(self, last: Place, q: Floats, halved: int) -> Place:
         q0, before, rows0 = last
         if (q0 == q).all():
             return last
@@ -151,7 +153,7 @@ class Counted:
         return q, coordinates, rows
 
 
-def stopped_pairs(mechanism: Any, names: Sequence[str]) -> PairStops:
+def stopped_pairs(mechanism: Source, names: Sequence[str]) -> PairStops:
     """Those of some names that are no drivers'."""
     of_pairs = tuple(dict.fromkeys(name for name in names if name not in mechanism.drivers))
     pairs = []
@@ -165,7 +167,7 @@ def stopped_pairs(mechanism: Any, names: Sequence[str]) -> PairStops:
     return PairStops(mechanism, of_pairs, tuple(pairs))
 
 
-def lain_against(mechanism: Any, lying: Sequence[Lying]) -> PairStops:
+def lain_against(mechanism: Source, lying: Sequence[Lying]) -> PairStops:
     """Those that something lies against in a motion."""
     pairs = {lain.stop: lain.pair for lain in lying if lain.pair is not None}
     return PairStops(mechanism, tuple(pairs), tuple(pairs.values()))

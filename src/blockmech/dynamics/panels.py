@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -37,11 +37,10 @@ from blockmech.dynamics.panel_nodes import (
     Floats,
     J,
     Nodes,
-    Sizes,
     basis,
     nodes,
 )
-from blockmech.dynamics.path_loops import DIGITS, ROOT, SMALLEST, moment
+from blockmech.dynamics.path_loops import DIGITS, ROOT, SMALLEST
 from blockmech.ground.plane import EPS
 
 Ints: TypeAlias = NDArray[np.intp]
@@ -271,33 +270,6 @@ class Panels:
         speed = np.where(slope > 0, lengths * np.where(plain, 1.0, 2 * v) / slope, 0.0)
         gone = lengths * np.where(plain, v, v * v)
         return np.where(backward, end - gone, begin + gone), speed
-
-    def at(self, t: float) -> tuple[float, float]:
-        """`state` at one time: quicker than by arrays."""
-        if self.code.placed is not None:
-            q, rate = self.state(np.array([t]))
-            return float(q[0]), float(rate[0])
-        t, i, last = t - self.before, 0, len(self.lies) - 1
-        while i < last and self.lies[i + 1][TIME] <= t:
-            i += 1
-        lie, curves = self.lies[i], self.records[i, [SINCE, SLOPES], self.of].tolist()
-        begin, end, duration = lie[BEGIN], lie[END], curves[0][-1]
-        backward, plain = lie[KIND] >= TO_REST, lie[KIND] == PLAIN
-        since = lie[TIME] + duration - t if backward else t - lie[TIME]
-        series, since = self._series[i].tolist(), min(max(since, 0.0), duration)
-        state: Any = [0.0, 0.0]
-        arguments: Any = self._shares, *curves, *series, since, state
-        moment(Sizes(self.n, self.n), *arguments)
-        (v, slope), length = state, end - begin
-        passed = length * (v if plain else v * v)
-        speed = length * (1.0 if plain else 2 * v) / slope if slope > 0 else 0.0
-        return end - passed if backward else begin + passed, speed
-
-    @cached_property
-    def _shares(self) -> list[float]:
-        """v of the anchor, the nodes and the end."""
-        shares: list[float] = self.nodes.shares[0].tolist()
-        return shares
 
     def at_place(self, q: float) -> float:
         """Time [s] at which they pass a place."""

@@ -226,7 +226,8 @@ class PathRun(Run):
         if panels is not None:
             panels.t0 = self.t
             if last == ends.DEAD_CENTRE and panels.t1 > self.request.span:
-                coordinate, after = panels.at(self.request.span)[0], self.runs.copy()
+                coordinate = float(panels.state(np.array([self.request.span]))[0][0])
+                after = self.runs.copy()
                 self.runs[:] = before
                 if self.keep_clear(piece, coordinate):
                     return None

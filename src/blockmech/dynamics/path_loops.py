@@ -426,8 +426,6 @@ def moment(
 ) -> None:  # fmt: skip
     """Where a panel is at a time [s] since its anchor, by Newton's method within a bracket.
 
-    Run by Python it takes lists, which are quicker.
-
     v, times, slopes : (n + 2,) the anchor, the nodes and the end; times and dt/dv there
     clock, rate : (n + 1,) and (n,) coefficients of the time since the anchor and of dt/dv
     at : v and dt/dv there, as found

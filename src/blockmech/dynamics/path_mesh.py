@@ -304,8 +304,8 @@ class PathMesh:
 
     def _values(self, q: Floats) -> Floats:
         *terms, size = self.system.sample(q)
-        rows, size = np.array(terms), self.system.load_size(q) if size is None else size
-        rows[TAU, np.abs(rows[TAU]) <= 8 * EPS * size] = 0.0
+        rows, unknown = np.array(terms), self.system.rounding(q) if size is None else 8 * EPS * size
+        rows[TAU, np.abs(rows[TAU]) <= unknown] = 0.0
         return rows
 
     def _last_possible(self, q: float, limit: float) -> tuple[float, str]:

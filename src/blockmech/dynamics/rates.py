@@ -13,8 +13,9 @@ say the same to rounding.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.compiled_rates import CompiledRhs
@@ -22,11 +23,11 @@ from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import Method
 from blockmech.engines.trace import PRIMITIVES
 from blockmech.friction.equations import loads
-from blockmech.friction.solvers import balanced
+from blockmech.friction.solvers import Solution, balanced
 from blockmech.ground.errors import MissingEngineError
 from blockmech.ground.plane import NAN, minimum, mul, where
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
-from blockmech.typing import Data, Real
+from blockmech.typing import Complex, Data, Edges, Planars, Real, Reals
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import PairFriction
@@ -37,7 +38,7 @@ LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without b
 NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip within a step counts
 
 
-def bearing(load: Any) -> tuple[Any, Any]:
+def bearing(load: Complex) -> tuple[Real, Real]:
     """Of a load N + 2i C/L on a guide the larger part, and what the first is larger by.
 
     Friction has kinks where either changes its sign.
@@ -46,7 +47,7 @@ def bearing(load: Any) -> tuple[Any, Any]:
     return where(abs(N) >= abs(C), N, C), abs(N) - abs(C)
 
 
-def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
+def signed_terms(sides: Reals, law: Reals, drags: bool) -> tuple[Reals, Reals]:
     """Signed factors and drags (m,) of pairs that slip in some directions; no drags of none."""
     against = [-side * x for side, x in zip((*sides, *sides), law, strict=True)]
     return tuple(against[: len(sides)]), tuple(against[len(sides) :]) if drags else ()
@@ -61,12 +62,18 @@ class FrictionSolution(NamedTuple):
     """
 
     qdd: Real
-    slips: Any
+    slips: Reals
     effort: Real
-    loads: Any
+    loads: Planars
 
 
-def resistance(rows: Any, laws: Any, steepest: Any, guides: Any, balance: Any) -> FrictionSolution:
+def resistance(
+    rows: Sequence[Planars],
+    laws: Callable[..., tuple[Reals, Reals]],
+    steepest: Reals,
+    guides: Edges,
+    balance: Callable[..., Solution],
+) -> FrictionSolution:
     """Friction from the program's values, with laws and their slopes as of `solvers.balanced`.
 
     ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction;
@@ -89,7 +96,7 @@ def resistance(rows: Any, laws: Any, steepest: Any, guides: Any, balance: Any) -
 
 
 def free(
-    values: Any, qd: Real, zero: Real, inertia_limit: Real, states: int, kinks: int
+    values: Reals, qd: Real, zero: Real, inertia_limit: Real, states: int, kinks: int
 ) -> tuple[Real, ...]:
     """The row of a state without friction, from J, tau, dJ/dq, signals and the margins."""
     J, tau, dJ, *rest = values
@@ -109,7 +116,7 @@ def _rates(margin: Real, J: Real, qd: Real, qdd: Real, *powers: Real) -> tuple[R
     return (*(where(possible, x, NAN) for x in rates), margin, J)
 
 
-def _smallest(margins: Any, zero: Real) -> Real:
+def _smallest(margins: Reals, zero: Real) -> Real:
     smallest = zero + 1.0
     for m in margins:
         smallest = minimum(smallest, m)
@@ -117,16 +124,16 @@ def _smallest(margins: Any, zero: Real) -> Real:
 
 
 def rubbing(
-    rows: Any,
-    inert: Any,
-    solved: Any,
-    guides: Any,
-    separates: Any,
+    rows: Sequence[Planars],
+    inert: Planars,
+    solved: FrictionSolution,
+    guides: Edges,
+    separates: Sequence[bool],
     qd: Real,
     zero: Real,
     inertia_limit: Real,
-    states: Any,
-    kinks: Any,
+    states: Reals,
+    kinks: Reals,
 ) -> tuple[Real, ...]:
     """The row of a state with friction, from rows of the force pass and what friction does.
 
@@ -159,7 +166,9 @@ def _free(program: Program, signals: SignalProgram, method: Method) -> CompiledR
     bound = bind_functions(functions, PRIMITIVES)
     row, n = bound["free"], len(signals.initial)
 
-    def body(run: Any, q: Any, qd: Any, _: Any, *numbers: Any) -> Any:
+    def body(
+        run: Callable[..., Reals], q: Real, qd: Real, _: Real, *numbers: Real
+    ) -> tuple[Real, ...]:
         x, (t, zero, _unit, inertia_limit) = numbers[:n], numbers[n:]
         inputs = {"q_0": q, "qd_0": qd, "qdd_0": zero, "t": t}
         inputs |= dict(zip(signals.names, x, strict=True))
@@ -167,12 +176,13 @@ def _free(program: Program, signals: SignalProgram, method: Method) -> CompiledR
         if n + signals.kinks and "qdd_0" in program.inputs:
             inputs["qdd_0"] = bound["acceleration"](values, qd)
             values = run(*(inputs[name] for name in program.inputs))
-        return row(values, qd, zero, inertia_limit, n, signals.kinks)
+        of_state: tuple[Real, ...] = row(values, qd, zero, inertia_limit, n, signals.kinks)
+        return of_state
 
     return CompiledRhs(program, body, 3 + n, 3, 3 + signals.kinks, method)
 
 
-def acceleration(values: Any, qd: Real) -> Real:
+def acceleration(values: Reals, qd: Real) -> Real:
     """q'' from J, tau and dJ/dq."""
     J, tau, dJ = values[:3]
     return (tau - 0.5 * dJ * qd * qd) / J
@@ -191,23 +201,18 @@ def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method) -> 
     bound = bind_functions(functions, PRIMITIVES)
 
     def body(
-        run: Any,
-        q: Any,
-        qd: Any,
-        _: Any,
-        __: Any,
-        *numbers: Any,
-    ) -> Any:
+        run: Callable[..., Planars], q: Real, qd: Real, _: Real, __: Real, *numbers: Real
+    ) -> tuple[Real, ...]:
         x, (t, zero, unit, inertia_limit, *sides) = numbers[:n], numbers[n:]
 
         def state(
-            rate: Any,
-            qdd: Any,
-            share: Any,
+            rate: Real,
+            qdd: Real,
+            share: Real,
             pair: int = -1,
-            slips: Any = (zero,) * m,
-            loads: Any = (zero,) * m,
-        ) -> tuple[Any, Any]:
+            slips: Reals = (zero,) * m,
+            loads: Reals = (zero,) * m,
+        ) -> tuple[Planars, Reals]:
             """The row of a state, and what the laws say at relative rates and loads."""
             values_by_name = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
             values_by_name |= {f"friction_{i}": unit if i == pair else zero for i in range(m)}
@@ -219,7 +224,7 @@ def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method) -> 
 
         acting, _ = state(qd, zero, unit)
 
-        def laws(loads: Any = (zero,) * m) -> tuple[Any, Any]:
+        def laws(loads: Reals = (zero,) * m) -> tuple[Reals, Reals]:
             _, law = state(qd, zero, unit, slips=acting[1 + m : 1 + 2 * m], loads=loads)
             return signed_terms(sides, law[signals.values :], program.drags)
 
@@ -230,9 +235,10 @@ def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method) -> 
         inert, _ = state(qd, zero, zero)
         added = state(qd, solved.qdd, unit)[1][: signals.values] if signals.values else ()
         about = program.guides, program.separates
-        return bound["rubbing"](
+        of_state: tuple[Real, ...] = bound["rubbing"](
             rows, inert, solved, *about, qd, zero, inertia_limit, added[:n], added[n:]
         )
+        return of_state
 
     watched = 3 + m + 2 * sum(program.guides) + kinks
     return CompiledRhs(program.compiled_form, body, 4 + n, 3 + m, watched, method)

@@ -10,16 +10,16 @@ from functools import cached_property, lru_cache
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.ends import STANDSTILL, Budget
 from blockmech.dynamics.roles import Roles, RolesGiven, located, roles_of
+from blockmech.dynamics.source import Source
 from blockmech.ground.errors import RequestError, close_match, listed, refused
 from blockmech.ground.units import NoQuantity, in_si, number_in_si, quantity, unit_behind
-from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
 from blockmech.result.motion import Event, Floats, Motion, Still
-from blockmech.signals.functions import Python
 from blockmech.typing import FixedStep, FixedStepName, MotionMethod, MotionName, Numbers, Progress
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
@@ -54,7 +54,6 @@ NAMES: tuple[str, ...] = get_args(MotionName)
 FIXED: tuple[str, ...] = get_args(FixedStepName)
 ENGINES = ("auto", "scalar", "llvm")
 OUTPUTS = 201  # output times where none are named
-ELSEWHERE = 0.125  # [rad or m, per s, s] or a signal: where a user's function is asked besides
 PAIRS = "give them by driver, like {pairs}"
 WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
 NO_PAIRS: Pairs = {}
@@ -287,7 +286,7 @@ def method_of(method: MotionMethod) -> tuple[str, float | None]:
     return name, size_of("step", step)
 
 
-def goal_of(until: Any, times: Floats | None) -> Until:
+def goal_of(until: object, times: Floats | None) -> Until:
     """What ends the run; without a word the last of the times asked for, or the standstill."""
     if until is None:
         return Until("time", float(times.max())) if times is not None else Until("standstill")
@@ -301,7 +300,7 @@ def goal_of(until: Any, times: Floats | None) -> Until:
 def starts_of(
     scene: Scene,
     drivers: Mapping[str, str],
-    start: Any,
+    start: object,
     bound: Pairs = NO_PAIRS,
     placed: Collection[str] = (),
 ) -> Pairs:
@@ -341,7 +340,7 @@ def starts_of(
     return {d: states[d] for d in drivers}
 
 
-def refuse_no_inertia(mechanism: Any) -> None:
+def refuse_no_inertia(mechanism: Source) -> None:
     """Refuse a mechanism with a driver that accelerates nothing that has mass."""
     structure, name = mechanism.structure, mechanism.name
     massive = {link.block for link in structure.links if structure.properties(link).massive}
@@ -355,47 +354,8 @@ def refuse_no_inertia(mechanism: Any) -> None:
         raise refused(name, f"{fault}, so loads set no motion", remedy, code="no-inertia")
 
 
-def user_functions(mechanism: Any) -> tuple[tuple[str, Any, str | None], ...]:
-    """Names, laws or blocks, and drivers of what functions of a user say."""
-    structure = mechanism.structure
-    laws = ((n, getattr(x, "law", None), x) for n, x in structure.elements.items())
-    blocks = ((n, x, None) for n, x in structure.signals.items() if isinstance(x, Python))
-    return *((n, law, x.driver) for n, law, x in laws if isinstance(law, Function)), *blocks
-
-
-def refuse_memory(mechanism: Any, starts: Pairs) -> None:
-    """Refuse functions of a user that answer the same question in two ways.
-
-    A motion asks a law forth and back in time, and in several runs: what a function keeps from
-    one call to the next would be of another run. Each is asked at the start, elsewhere, and at
-    the start again.
-    """
-    first = next(iter(starts.values()), (0.0, 0.0))
-    for name, law, driver in mechanism._once(user_functions):
-        if isinstance(law, Function):
-            at = starts.get(driver or "", first)
-            variables = {"coordinate": at[0], "rate": at[1], "time": 0.0}
-            inputs = [variables[x] for x in law.of]
-        else:
-            inputs = [law.memory.get(x, 0.0) for x in law.names]
-        if not _same_again(law.call, inputs):
-            fault = "its function gives another value when it is asked the same again"
-            valid = "a law is a function of its arguments alone"
-            remedy = "let a block signals.Python hold in its memory what it remembers"
-            raise refused(name, fault, remedy, valid, "user-function")
-
-
-def _same_again(call: Callable[..., Any], inputs: Sequence[float]) -> bool:
-    """Whether a function gives the same twice, with another question in between."""
-    answers = []
-    with suppress(Exception):  # what it raises is reported where the motion calls it
-        for step in (0.0, ELSEWHERE, 0.0):
-            answers.append(np.asarray(call(*(x + step for x in inputs)), dtype=np.float64))
-    return len(answers) < 3 or np.array_equal(answers[0], answers[2], equal_nan=True)
-
-
 def pairs_of(
-    where: str, value: Any, example: str, units: Mapping[str, str] = {}, per: str = ""
+    where: str, value: object, example: str, units: Mapping[str, str] = {}, per: str = ""
 ) -> dict[str, tuple[float, float]] | None:
     """Two numbers for each driver, whose coordinate is in its unit: two, or one and its rate."""
     if value is None:
@@ -417,7 +377,7 @@ def pairs_of(
     return pairs
 
 
-def size_of(where: str, value: Any) -> float | None:
+def size_of(where: str, value: object) -> float | None:
     """An accuracy or a step: a number above zero, or None."""
     if value is None:
         return None
@@ -427,7 +387,7 @@ def size_of(where: str, value: Any) -> float | None:
     return size
 
 
-def budget_of(budget: Any) -> Budget:
+def budget_of(budget: object) -> Budget:
     """Processor time of a request: a number [s] above zero, perhaps infinite."""
     if budget is None:
         return Budget()
@@ -436,7 +396,7 @@ def budget_of(budget: Any) -> Budget:
     return Budget(seconds)
 
 
-def times_of(times: Any) -> Floats | None:
+def times_of(times: object) -> Floats | None:
     """(n,) output times [s], or None."""
     if times is None:
         return None
@@ -450,7 +410,7 @@ def times_of(times: Any) -> Floats | None:
     return column
 
 
-def watches_of(events: Any) -> tuple[Watch, ...]:
+def watches_of(events: object) -> tuple[Watch, ...]:
     """The user's events."""
     row = (events,) if isinstance(events, Watch) else events
     if not isinstance(row, Sequence) or not all(isinstance(x, Watch) for x in row):
@@ -461,7 +421,7 @@ def watches_of(events: Any) -> tuple[Watch, ...]:
 def _checked(watch: Watch) -> Watch:
     """The same, with mistakes of its surface reported as such; NaN where there is no state."""
 
-    def surface(t: float, q: Any, qd: Any) -> float:
+    def surface(t: float, q: ArrayLike, qd: ArrayLike) -> float:
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             return math.nan
         try:
@@ -473,7 +433,7 @@ def _checked(watch: Watch) -> Watch:
             raise mistaken(f"it gave {value!r}", t, q, qd)
         return number
 
-    def mistaken(fault: str, t: float, q: Any, qd: Any) -> RequestError:
+    def mistaken(fault: str, t: float, q: object, qd: object) -> RequestError:
         at = f"at t = {t:.9g} s, q = {q}, rate = {qd}"
         remedy = "give a number that changes its sign where the event is"
         return refused(f"watch.{watch.name}", f"{fault}, {at}", remedy, code="user-function")
@@ -481,7 +441,7 @@ def _checked(watch: Watch) -> Watch:
     return replace(watch, surface=surface)
 
 
-def progress_of(progress: Any) -> Progress | None:
+def progress_of(progress: object) -> Progress | None:
     """What is called with progress; silent after it raised, as the run goes on."""
     if progress is None:
         return None

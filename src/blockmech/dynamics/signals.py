@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from blockmech.dynamics.source import Source
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.passes import friction, signals
 from blockmech.passes.homotopy import schedule
@@ -54,7 +55,7 @@ class SignalProgram(NamedTuple):
 NO_SIGNALS = SignalProgram()
 
 
-def felt(compiled: Any) -> tuple[str, ...]:
+def felt(compiled: Source) -> tuple[str, ...]:
     """Addresses of sensors that follow the friction of joints at once, as reactions do."""
     addresses, structure = [], compiled.structure
     for address, rule in structure.sensors.items():
@@ -65,7 +66,7 @@ def felt(compiled: Any) -> tuple[str, ...]:
     return tuple(addresses)
 
 
-def program_with_deflections(compiled: Any) -> SignalProgram:
+def program_with_deflections(compiled: Source) -> SignalProgram:
     """The same, and the states of friction laws."""
     program = compiled._once(signal_program)
     structure, initial = compiled.structure, compiled.structure.initial_states
@@ -80,7 +81,7 @@ def names_of(initial: Sequence[float]) -> tuple[str, ...]:
     return tuple(f"{signals.STATE}{i}" for i in range(len(initial)))
 
 
-def signal_program(compiled: Any) -> SignalProgram:
+def signal_program(compiled: Source) -> SignalProgram:
     """What the signal blocks of a mechanism add."""
     structure, s = compiled.structure, schedule(compiled.structure, compiled.scene, FREE)
     updated = s.ask(signals.updated)

@@ -35,13 +35,13 @@ from blockmech.dynamics.request import (
     Watch,
     budget_of,
     progress_of,
-    refuse_memory,
     refuse_no_inertia,
     request_of,
 )
 from blockmech.dynamics.roles import RolesGiven, unused_laws
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
+from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.ground.errors import listed
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Event, Floats, Motion, RolesFrom

@@ -25,7 +25,6 @@ from blockmech.dynamics.request import (
     SimulationRequest,
     Start,
     Until,
-    refuse_memory,
     refuse_no_inertia,
     size_of,
     starts_of,
@@ -34,6 +33,7 @@ from blockmech.dynamics.roles import RolesGiven, located, roles_of
 from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
+from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.ground.errors import as_names, close_match, listed, refused
 from blockmech.ground.values import is_count, is_number
 from blockmech.model.structure import JointRef
@@ -221,7 +221,11 @@ class Stepper:
         state = y[:, layout.q], y[:, layout.rate], t, y[:, layout.signals]
         unknown = np.full((self.copies, len(friction.names)), math.nan)
         response = friction_along(friction, state, unknown, bound, against)
-        return {"qdd": response.qdd, "friction": response.friction, "sticks": 1.0 * response.stand}
+        return {
+            "qdd": response.qdd,
+            "friction": response.friction,
+            "sticks": response.stand.astype(float),
+        }
 
 
 def stepper(

@@ -22,20 +22,23 @@ balance the one whose largest share is least is taken.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Constraints
-from blockmech.dynamics.friction import Instant, PairFriction, Response, Sides
+from blockmech.dynamics.friction import Instant, PairFriction, Response, Sides, Vectors
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
+from blockmech.friction.solvers import Solution
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Floats
 from blockmech.result.quality import left_undone
+from blockmech.typing import Complex, Edges, Reals
 
 LOCATED = 1000 * SETTLED  # the same where an event was located on a dense output
 APART = 10 * LOCATED  # [-] accelerations that differ by more are two
@@ -54,7 +57,7 @@ class Settled(NamedTuple):
     """
 
     sides: Sides
-    response: Any = None
+    response: Response | None = None
     share: float = 0.0
     missed: float = 0.0
     end: str = ""
@@ -83,7 +86,7 @@ class JointFriction(PairFriction):
         static = np.array(self.static)
         return np.where(static[:m] > 0, static[:m], static[m:])
 
-    def _tangents(self, at: Instant, law: Floats, loads: Any) -> Floats:
+    def _tangents(self, at: Instant, law: Floats, loads: Floats) -> Floats:
         """A law (..., 2 m), of those that are not linear in the load at loads (..., m)."""
         steepest = np.array(self.program.steepest * 2)
         if not steepest.size:
@@ -113,7 +116,7 @@ class JointFriction(PairFriction):
         t[..., slips, range(1, 1 + len(slips))] = 1.0
         return qdd, t
 
-    def respond(self, at: Instant, sides: Sides, law: Any = None) -> Response:
+    def respond(self, at: Instant, sides: Sides, law: Floats | None = None) -> Response:
         """Accelerations and friction for some sides; ``law`` (..., 2 m) in place of that there.
 
         NaN where no numbers come of it.
@@ -130,11 +133,10 @@ class JointFriction(PairFriction):
                 if not any(sides) or off <= SETTLED * np.abs(response.t).max():
                     break
         except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-            qdd, t, loads = (math.nan * x for x in (at.push, at.w, at.f))
-            return Response(at, qdd, t, loads, math.nan)
+            return Response(at, math.nan * at.push, math.nan * at.w, math.nan * at.f, math.nan)
         return response
 
-    def _balance(self, at: Instant, sides: Sides, law: Any, share: Floats) -> Response:
+    def _balance(self, at: Instant, sides: Sides, law: Floats, share: Floats) -> Response:
         """The same; ``share`` as of `_linear`."""
         m, slips = len(sides), [j for j, s in enumerate(sides) if s]
         qdd, t = self._linear(at, sides, share)
@@ -142,24 +144,25 @@ class JointFriction(PairFriction):
         F[..., 0] += at.f
         senses = np.array([sides[j] for j in slips])
 
-        def laws(loads: Any = None) -> tuple[Any, Any]:
+        def laws(loads: Floats | None = None) -> tuple[Floats, Floats | None]:
             """Signed factors and drags of what slips, (..., a); ``loads`` are those on it."""
             tangents = law
             if loads is not None:
                 all_loads = np.zeros(at.w.shape)
                 all_loads[..., slips] = loads
                 tangents = self._tangents(at, law, all_loads)
-            drag = -senses * tangents[..., [m + j for j in slips]] if self.program.drags else ()
+            drag = -senses * tangents[..., [m + j for j in slips]] if self.program.drags else None
             return -senses * tangents[..., slips], drag
 
         multipliers = np.ones((*at.rate.shape[:-1], 1))
-        solution: Any = None
+        solution: Solution | None = None
         if slips:
             steepest = [self.program.steepest[j] for j in slips] if self.program.steepest else ()
             guides = [self.guides[j] for j in slips]
             solution = self._solved(laws, steepest, guides, F[..., slips, :])
             multipliers = np.concatenate([multipliers, np.stack(solution.t, axis=-1)], axis=-1)
-        qdd, t, F = ((x @ multipliers[..., None])[..., 0] for x in (qdd, t, F))
+        qdd, t = ((x @ multipliers[..., None])[..., 0] for x in (qdd, t))
+        F = (F @ multipliers[..., None])[..., 0]
         if len(slips) < m:  # what stands has no acceleration
             at_rest = self.fixed(at, sides) & ~at.b.any(axis=-1)
             qdd = np.where(at_rest[..., None], 0.0, qdd)
@@ -168,23 +171,29 @@ class JointFriction(PairFriction):
         misfit = left_undone(solution.residual, solution.contraction)
         return Response(at, qdd, t, F, solution.outcome, misfit)
 
-    def _solved(self, laws: Any, steepest: Any, guides: Sequence[bool], F: Any) -> Any:
+    def _solved(
+        self,
+        laws: Callable[..., tuple[Floats, Floats | None]],
+        steepest: Reals,
+        guides: Edges,
+        F: Vectors,
+    ) -> Solution:
         """Friction of the pairs that slip, from loads (..., a, 1 + a) as of `_linear`."""
         single = F.ndim == 2
 
-        def vector(z: Any) -> Any:
+        def vector(z: Vectors) -> Complex:
             return complex(z) if single else Planar(z.real.copy(), z.imag.copy())
 
-        def columns(x: Any) -> tuple[Any, ...]:
+        def columns(x: Floats) -> Reals:
             return tuple(np.moveaxis(x, -1, 0).tolist() if single else np.moveaxis(x, -1, 0).copy())
 
         many = range(F.shape[-2])
         base = tuple(vector(F[..., j, 0]) for j in many)
         rows = tuple(tuple(vector(F[..., j, 1 + i]) for i in many) for j in many)
 
-        def terms(loads: Any = None) -> tuple[Any, Any]:
+        def terms(loads: Reals | None = None) -> tuple[Reals, Reals]:
             k, drag = laws(None if loads is None else np.stack(loads, axis=-1))
-            return columns(k), columns(drag) if len(drag) else ()
+            return columns(k), () if drag is None else columns(drag)
 
         with np.errstate(all="ignore"):
             balance = self.balance if single else self.balance_all
@@ -212,12 +221,12 @@ class JointFriction(PairFriction):
             largest_rate <= DEPENDENT * np.abs(at.rate).max(axis=-1, keepdims=True), 0.0, rate
         )
 
-    def fixed(self, at: Instant, sides: Sides) -> Any:
+    def fixed(self, at: Instant, sides: Sides) -> NDArray[np.bool_]:
         """Whether what sticks leaves no freedom (...)."""
         stuck = at.S[..., [j for j, s in enumerate(sides) if s == 0], :]
         free = at.S.shape[-1]
         rank = np.linalg.matrix_rank(stuck) if stuck.shape[-2] and free else 0
-        return rank == np.full(at.S.shape[:-2], free)
+        return np.asarray(rank == np.full(at.S.shape[:-2], free))
 
     def share(self, at: Instant, sides: Sides, response: Response) -> float:
         """How much of what they can hold [-] the pairs that stick need at most."""
@@ -244,7 +253,7 @@ class JointFriction(PairFriction):
         best = min(right, key=lambda x: x[0]) if right else max(tried, key=lambda x: x[0])
         return best[0], best[2]
 
-    def _breakaway(self, at: Instant, loads: Any) -> Floats:
+    def _breakaway(self, at: Instant, loads: Vectors) -> Floats:
         """What the pairs hold (m,) at rest under loads."""
         m, static = len(self.names), np.array(self.static)
         return np.asarray(static[:m] * at.norms(loads, self.guides) + static[m:])
@@ -293,7 +302,7 @@ class JointFriction(PairFriction):
         qd: Floats,
         t: float,
         sides: Sides,
-        x: Any = None,
+        x: Floats | None = None,
         constraint: Constraints | None = None,
     ) -> Response:
         """One state, while it lies against stops that are held."""
@@ -304,7 +313,7 @@ class JointFriction(PairFriction):
         slipping = (np.array(sides) != 0) & ~np.array(self.program.separates)
         return -float(response.t[slipping] @ response.at.w[slipping])
 
-    def holding(self, q: Floats, t: float = 0.0, x: Any = None) -> Holding:
+    def holding(self, q: Floats, t: float = 0.0, x: Floats | None = None) -> Holding:
         """What holds the only driver at places (n,), infinite where nothing starts it.
 
         Efforts at which it just starts, back and forth, while no load follows its acceleration. A
@@ -333,7 +342,12 @@ class JointFriction(PairFriction):
         return Holding(low, high, self._rounding(q)[:, 0] + 8 * EPS * friction_sizes)
 
     def from_state(
-        self, q: Floats, qd: Floats, t: float, constraint: Constraints | None, x: Any = None
+        self,
+        q: Floats,
+        qd: Floats,
+        t: float,
+        constraint: Constraints | None,
+        x: Floats | None = None,
     ) -> tuple[Settled, Floats, Floats]:
         """What a motion begins with; accelerations of the drivers (k,), and pushes of stops."""
         at = self.instant(q, qd, t, x, constraint)
@@ -407,7 +421,8 @@ class JointFriction(PairFriction):
         if not fit:
             return Settled(sides, end=ends.SELF_LOCKED)
         best = min(fit, key=lambda x: x.missed)  # of equal ones that with the fewest that slip
-        sure = np.array([x.response.free for x in fit if x.missed <= SETTLED or x is best])
+        responses = (x.response for x in fit if x.missed <= SETTLED or x is best)
+        sure = np.array([response.free for response in responses if response is not None])
         size = max(np.abs(sure).max(initial=0.0), np.abs(at.unheld).max(initial=0.0))
         if np.ptp(sure, axis=0).max(initial=0.0) > APART * size:
             return best._replace(end=ends.AMBIGUOUS)

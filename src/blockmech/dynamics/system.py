@@ -19,16 +19,25 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Constraints, constrained
 from blockmech.dynamics.friction import smallest
-from blockmech.dynamics.pair_program import margins, pair_program
+from blockmech.dynamics.pair_program import pair_program
 from blockmech.dynamics.pair_stops import Counted, PairStops
+from blockmech.dynamics.programs import (
+    Sample,
+    ScalarTerms,
+    Terms,
+    equation,
+    equation_with_deflections,
+    load_inputs,
+    load_sizes,
+    reduced,
+)
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
@@ -36,15 +45,13 @@ from blockmech.dynamics.signals import (
     program_with_deflections,
     signal_program,
 )
+from blockmech.dynamics.source import Source
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.engines.cost import Routes, account
 from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.ground.plane import EPS
-from blockmech.model.scene import Scene
-from blockmech.model.structure import JointRef, Structure
-from blockmech.passes import friction, reduction, signals
-from blockmech.passes.homotopy import schedule
+from blockmech.model.structure import JointRef
 from blockmech.plan.plan import Friction, Program
 from blockmech.result.motion import Cost, Floats
 
@@ -53,102 +60,7 @@ if TYPE_CHECKING:
     from blockmech.typing import Progress
 
 T = TypeVar("T")
-FREE = Friction("none")
 REPORTED = 256  # evaluations between two words of progress: some milliseconds of work
-
-
-class Source(Protocol):
-    """What a system is made of, e.g. a `Compiled`: a structure in its scene."""
-
-    structure: Structure
-    scene: Scene
-
-    @property
-    def frictional_joints(self) -> tuple[str, ...]:
-        """Names of the joints that have friction."""
-
-    @property
-    def _joint_names(self) -> Mapping[str, str]:
-        """Joint of the graph -> its name in a joint-based document."""
-
-    def _once(self, make: Callable[[Any], T]) -> T:
-        """What is made of it, made once and kept."""
-
-
-class Sample(NamedTuple):
-    """What a batch of states of one driver yields; arrays (n,)."""
-
-    J: Floats  # [kg m2 or kg]
-    tau: Floats  # [N m or N] all loads at (q, q', t)
-    margin: Floats  # [-]
-    size: Floats | None = None  # [N m or N] `System.load_size` there, where tau is made of loads
-
-    @property
-    def possible(self) -> NDArray[np.bool_]:
-        """Where the mechanism closes and everything is a number."""
-        return np.asarray((self.margin > 0) & np.isfinite(self.J) & np.isfinite(self.tau))
-
-
-class ScalarTerms(NamedTuple):
-    """What one state of one driver yields; floats."""
-
-    J: float
-    tau: float
-    dJ: float  # dJ/dq
-    margin: float
-
-
-class Terms(NamedTuple):
-    """Equation of motion M q'' + c = Q of k drivers at one state."""
-
-    M: Floats  # (k, k)
-    c: Floats  # (k,)
-    Q: Floats  # (k,)
-    margin: float
-
-
-def reduced(compiled: Source) -> AdaptiveEvaluator:
-    """J, tau, the load's size, then the margins, of one driver; no acceleration is computed."""
-    s = schedule(compiled.structure, compiled.scene, FREE)
-    (driver,) = compiled.structure.drivers
-    values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
-    return AdaptiveEvaluator(s.program([*values, loads.load_size(s, driver), *margins(s)]))
-
-
-def load_sizes(compiled: Source) -> AdaptiveEvaluator:
-    """The sizes of the loads on all drivers."""
-    s = schedule(compiled.structure, compiled.scene, FREE)
-    return AdaptiveEvaluator(
-        s.program([loads.load_size(s, driver) for driver in compiled.structure.drivers])
-    )
-
-
-def equation(compiled: Source) -> SingleEvaluator:
-    """M, Q, c (one driver: dJ/dq), what signals add, then the margins, at one state."""
-    return _equation(compiled, deflections=False)
-
-
-def equation_with_deflections(compiled: Source) -> SingleEvaluator:
-    """The same, with the rates of the states of friction laws behind those of signals."""
-    return _equation(compiled, deflections=True)
-
-
-def _equation(compiled: Source, deflections: bool) -> SingleEvaluator:
-    s, drivers = schedule(compiled.structure, compiled.scene, FREE), compiled.structure.drivers
-    M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
-    Q = [s.ask(reduction.reduced_load, k) for k in drivers]
-    rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
-    c = [s.ask(rule, k) for k in drivers]
-    signal_rates = [*signals.rates(s), *(friction.deflection_rates(s) if deflections else ())]
-    signal_rates += signals.kinks(s)
-    return SingleEvaluator(s.program([*M, *Q, *c, *signal_rates, *margins(s)]))
-
-
-def load_inputs(compiled: Source) -> tuple[str, ...]:
-    """What the loads reduced to the drivers are made of: inputs of a program that gives them."""
-    s = schedule(compiled.structure, compiled.scene, FREE)
-    loads = [s.ask(reduction.reduced_load, k) for k in compiled.structure.drivers]
-    return s.program(loads).inputs
 
 
 def run_cache(compiled: Source) -> dict[Any, Any]:
@@ -293,32 +205,22 @@ class System:
         """What methods keep of the mechanism from one run to the next."""
         return self.compiled._once(run_cache)
 
-    def load_size(self, q: Floats, rate: float = 0.0) -> Any:
-        """Sums (n,) of the magnitudes of the contributions to tau [N m or N] at a rate."""
-        evaluator = self.compiled._once(reduced)
-        by_name = {"q_0": q, "qd_0": rate + 0.0 * q}
-        inputs = {name: by_name.get(name, 0.0 * q) for name in evaluator.program.inputs}
-        return evaluator.run(inputs, q.size)[2]
-
-    def rounding(self, q: Any) -> Any:
-        """What rounding leaves unknown of tau at rest [N m or N]: a sum of some ten efforts.
-
-        A number, or (n,) at n places.
-        """
-        if np.ndim(q):
-            return 8 * EPS * self.load_size(q)
-        return self._once("rounding", q, lambda: 8 * EPS * float(self.load_size(np.array([q]))[0]))
+    def rounding(self, q: float | Floats) -> Any:
+        """That of `roundings` of the only driver: a number, or (n,) at n places."""
+        unknown = self.roundings(np.atleast_1d(q)[:, None])[:, 0]
+        return unknown if np.ndim(q) else float(unknown[0])
 
     def roundings(self, q: Floats) -> Floats:
-        """The same of the efforts on all drivers (..., k), at places (..., k)."""
+        """What rounding leaves unknown of the efforts of the loads on all drivers [N m or N].
+
+        (..., k) at places (..., k), at rest: each is a sum of some ten efforts.
+        """
 
         def sizes() -> Floats:
             evaluator, coordinates = self.compiled._once(load_sizes), np.atleast_2d(q)
             by_name = {f"q_{i}": x for i, x in enumerate(coordinates.T)}
-            inputs = {
-                name: by_name.get(name, 0.0 * coordinates[:, 0])
-                for name in evaluator.program.inputs
-            }
+            still = np.zeros(len(coordinates))
+            inputs = {name: by_name.get(name, still) for name in evaluator.program.inputs}
             return np.transpose(evaluator.run(inputs, len(coordinates)))
 
         return 8 * EPS * self._once("roundings", q.tobytes(), sizes).reshape(q.shape)

@@ -20,11 +20,13 @@ Sources: Shabana, Dynamics of Multibody Systems, 4th ed., ch. 3 (linearised equa
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from blockmech.dynamics.pair_program import margins
+from blockmech.dynamics.source import Source
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, value
 from blockmech.ground.errors import refused
@@ -54,11 +56,11 @@ class Tangents(NamedTuple):
 
 
 def tangents(
-    compiled: Any,
-    q: Any,
-    qd: Any = 0.0,
-    qdd: Any = 0.0,
-    t: Any = 0.0,
+    compiled: Source,
+    q: ArrayLike,
+    qd: ArrayLike = 0.0,
+    qdd: ArrayLike = 0.0,
+    t: ArrayLike = 0.0,
     *,
     friction: bool = False,
 ) -> Tangents:
@@ -89,14 +91,14 @@ def tangents(
     return Tangents(np.stack([x.x for x in u], axis=-1), M, C, K, np.asarray(margin))
 
 
-def refuse_signals(compiled: Any) -> None:
+def refuse_signals(compiled: Source) -> None:
     """Raise `RequestError` where loads follow signals, whose states are no coordinates."""
     if compiled.structure.signals:
         fault = "loads follow signals, whose states stand beside the coordinates"
         raise refused("signals", fault, "take the signals out, or simulate the motion")
 
 
-def refuse_friction_states(compiled: Any) -> None:
+def refuse_friction_states(compiled: Source) -> None:
     """Raise `RequestError` where a joint has a friction law that remembers."""
     if compiled.structure.remembering:
         fault = "it has a friction law with a state, which stands beside the coordinates"
@@ -104,15 +106,15 @@ def refuse_friction_states(compiled: Any) -> None:
         raise refused(str(compiled.structure.remembering[0]), fault, remedy)
 
 
-def _without(compiled: Any) -> DualEngine:
+def _without(compiled: Source) -> DualEngine:
     return _engine(compiled, "none", reduction.drive_by_reduction)
 
 
-def _with_friction(compiled: Any) -> DualEngine:
+def _with_friction(compiled: Source) -> DualEngine:
     return _engine(compiled, "newton", forces.drive)
 
 
-def _engine(compiled: Any, method: Any, rule: Callable[[Schedule, str], Value]) -> DualEngine:
+def _engine(compiled: Source, method: str, rule: Callable[[Schedule, str], Value]) -> DualEngine:
     s = schedule(compiled.structure, compiled.scene, Friction(method))
     values = [s.ask(rule, k) for k in compiled.structure.drivers]
     return DualEngine(s.program([*values, *margins(s)]), WITH_DIFFERENCES)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -68,20 +67,8 @@ class RepeatedSegment:
             self.cache[k] = self.panels.started_at(0.0, k * self.gain)
         return self.cache[k]
 
-    def at(self, t: float) -> tuple[float, float]:
-        """Driver coordinate and rate at a time [s]."""
-        since, starts = t - self.t0, self.starts
-        if starts is None:
-            k = math.floor(since / self.duration)
-        else:
-            k = min(max(int(starts.searchsorted(since, "right")) - 1, 0), starts.size - 1)
-        rest = since - (k * self.duration if starts is None else float(starts[k]))
-        back = self.mirrored and k % 2 == 1
-        q, rate = self.repetition(k).at(self.duration - rest if back else rest)
-        return q + k * self.step, -rate if back else rate
-
     def state(self, t: Floats) -> tuple[Floats, Floats]:
-        """The same (m,) at times (m,) [s]."""
+        """Driver coordinate and rate (m,) at times (m,) [s]."""
         since = t - self.t0
         if self.starts is None:
             k = np.floor(since / self.duration)
@@ -224,9 +211,6 @@ class PathTrack:
 
     def _state(self, t: Floats) -> State:
         since, begins = t - self.t_start, [leg.t0 for leg in self.legs[1:]]
-        if since.size <= FEW:
-            states = [self.legs[bisect_right(begins, x)].at(x) for x in since.tolist()]
-            return State(*np.array(states).reshape(-1, 2).T)
         which = np.searchsorted(begins, since, "right")
         q, qd = np.empty_like(since), np.empty_like(since)
         for i in set(which.tolist()):
