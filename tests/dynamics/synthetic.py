@@ -12,6 +12,7 @@ from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.programs import Sample, ScalarTerms
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.system import System
+from blockmech.ground.plane import EPS
 
 TURN = 2 * math.pi
 
@@ -79,8 +80,8 @@ class Synthetic(System):
     def compiled_states(self):
         return False  # it has no program
 
-    def load_size(self, q):
-        return np.ones(q.size)
+    def roundings(self, q):
+        return 8 * EPS * np.ones(q.shape)
 
     def scalar_terms(self, q, qd=0.0, t=0.0):
         self._count(1, False)

@@ -25,7 +25,7 @@ from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.legs import Leg
-from blockmech.dynamics.pair_stops import Counted
+from blockmech.dynamics.pair_stops import HALVED, Counted
 from blockmech.dynamics.request import (
     NO_PAIRS,
     Pairs,
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
 Prepare: TypeAlias = Callable[..., tuple["System", SimulationRequest]]
 
 LOOKS = 32  # places over a leg at which charts are compared
-HALVED = 26  # times that the way to its end is, for more of them
 SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
 WHY = "other joints lead where the drivers' coordinates stand still"
 FOLLOW = "it passes change points, where its dyads follow the motion"

@@ -13,7 +13,7 @@ directions of slip are given from outside, and so the right-hand side is smooth 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ from blockmech.engines.stages import Method, dop853
 from blockmech.result.motion import Floats
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import Response
+    from blockmech.dynamics.friction import Response, Vectors
 
 LOOKED_AT = 64  # states of a step and more at which the relative rates of pairs are kept
 
@@ -47,7 +47,9 @@ class Equation:
     is_fixed: bool = False  # whether friction and stops leave no freedom: signals alone go on
     method: Callable[[], Method] = dop853  # whose steps are made of its machine code
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
-    _slips: dict[bytes, Any] = field(default_factory=dict)  # of states looked at last
+    _slips: dict[bytes, Sequence[float] | Floats] = field(
+        default_factory=dict
+    )  # of states looked at last
 
     def again(self) -> Equation:
         """The same for another run: nothing is spent, no pair slips yet."""
@@ -71,7 +73,7 @@ class Equation:
         """Number k of drivers."""
         return len(self.system.drivers)
 
-    def __call__(self, t: float, y: Any) -> Any:
+    def __call__(self, t: float, y: Floats) -> Sequence[float] | Floats:
         """y' at a state; NaN where there is no pose. What is raised on the way is kept."""
         try:
             return self._slope(t, y)
@@ -79,7 +81,7 @@ class Equation:
             self.error = error
             raise
 
-    def _slope(self, t: float, y: Any) -> Any:
+    def _slope(self, t: float, y: Floats) -> Sequence[float] | Floats:
         row, n = self.row(t, y), len(self.layout.initial)
         if row is not None:
             size = self.layout.size
@@ -91,7 +93,7 @@ class Equation:
             return *[0.0] * (self.layout.size - n), *self.signals(t, y)[:n]
         return self._alone(t, y) if self.drivers == 1 and not self.sides else self._general(t, y)
 
-    def _alone(self, t: float, y: Any) -> Any:
+    def _alone(self, t: float, y: Floats) -> Sequence[float]:
         """That of one driver without friction, in numbers."""
         q, qd = self.layout.motion(y)
         if self.system.signals.values:
@@ -145,7 +147,7 @@ class Equation:
         self.spend(states)
         self.system._count(states * per_state, False)
 
-    def row(self, t: float, y: Any) -> list[float] | None:
+    def row(self, t: float, y: Floats) -> list[float] | None:
         """What machine code says of a state, see `rates`; None where it says nothing."""
         code = self.code
         return None if code is None else code.at(t, y)
@@ -154,7 +156,7 @@ class Equation:
 
     def _general(self, t: float, y: Floats) -> Floats:
         q, qd = map(np.atleast_1d, self.motion(t, y))
-        signal_values: Any = ()
+        signal_values: Sequence[float] = ()
         response = self.resisted(t, y) if self.sides else None
         if self.system.signals.values:
             x, qdd = y[self.layout.signals], None if response is None else response.qdd
@@ -196,24 +198,18 @@ class Equation:
                 after[layout.signals.start + index] = value
         return after
 
-    def kinks(self, t: float, y: Any) -> Any:
+    def kinks(self, t: float, y: Floats) -> Sequence[float]:
         """Values of signal blocks of which a change of sign is a kink."""
         n, many = len(self.layout.initial), self.system.signals.kinks
         row = self.row(t, y)
         return self.signals(t, y)[n:] if row is None else row[-many - 1 : -1]
 
-    def signals(self, t: float, y: Floats, qdd: Floats | None = None) -> Any:
-        """Rates of states of signal blocks, and where these have kinks; see `SignalProgram`.
-
-        qdd are the accelerations of the drivers, where they are known.
-        """
-        q, qd = self.motion(t, y)
-        x = y[self.layout.signals]
-        if self.is_fixed:
-            qdd = np.zeros(self.drivers)
-        elif qdd is None and self.sides and self.system.follows_acceleration:
+    def signals(self, t: float, y: Floats) -> Sequence[float]:
+        """Rates of states of signal blocks, and where these have kinks; see `SignalProgram`."""
+        qdd = np.zeros(self.drivers) if self.is_fixed else None
+        if not self.is_fixed and self.sides and self.system.follows_acceleration:
             qdd = self.resisted(t, y).qdd
-        return self.system.terms_of(q, qd, t, x, qdd)[1]
+        return self.system.terms_of(*self.motion(t, y), t, y[self.layout.signals], qdd)[1]
 
     def resisted(self, t: float, y: Floats) -> Response:
         """Acceleration and friction of the pairs at a state."""
@@ -231,7 +227,7 @@ class Equation:
         q, qd = self.motion(t, y)
         return float(self.system.pushes(q, qd, t, y[self.layout.signals])[which])
 
-    def pair_loads(self, t: float, y: Floats) -> Any:
+    def pair_loads(self, t: float, y: Floats) -> Sequence[complex] | Vectors:
         """Loads on the pairs with friction."""
         row = self.row(t, y)
         if row is not None:
@@ -240,7 +236,7 @@ class Equation:
             return [complex(*z) for z in zip(parts[::2], parts[1::2], strict=True)]
         return self.resisted(t, y).loads
 
-    def slips(self, y: Any) -> Any:
+    def slips(self, y: Floats) -> Sequence[float] | Floats:
         """Relative rates (m,) of the pairs with friction at a state.
 
         Of one driver those per unit of its rate: of them a standstill says nothing.
@@ -262,7 +258,7 @@ class Equation:
         """Keep what was computed elsewhere at a place of the only driver."""
         self._last = q, margin, J
 
-    def closeness(self, y: Floats) -> tuple[Any, Any]:
+    def closeness(self, y: Floats) -> tuple[float, float]:
         """Margin, and inertia relative to a typical one, of one driver, at a state."""
         k, (q, _) = self.drivers, self.layout.motion(y)
         coordinates = q if k == 1 else tuple(q)
@@ -284,7 +280,7 @@ class Equation:
         """See `System.typical_inertia`."""
         return self.system.typical_inertia(self.q0)
 
-    def kinetic(self, y: Floats, rates: Any = None) -> float:
+    def kinetic(self, y: Floats, rates: Floats | None = None) -> float:
         """Kinetic energy [J] of a state, or at other rates (k,) there."""
         qd = y[self.layout.rate] if rates is None else rates
         if not qd.any():

@@ -14,6 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.layout import StateLayout
@@ -23,12 +24,13 @@ from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
 from blockmech.result.motion import Event, Floats, Motion
+from blockmech.typing import Real
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import PairProgram
+    from blockmech.dynamics.friction import PairProgram, Vectors
     from blockmech.dynamics.system import System
 
-Value: TypeAlias = Callable[[Any, Any], Any]
+Value: TypeAlias = Callable[[Real, Floats], Real]
 
 PARTS = 8  # of a step, at whose ends an event is looked at: steps take up to a swing
 PER_SWING = 64  # samples of a swing or period among which a user's event is looked for
@@ -80,8 +82,8 @@ def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> Event
 def pair_at(system: System, kind: str, level: float, direction: int, i: int) -> EventFunction:
     """A pair with end stops reaches a coordinate [rad or m]; i is its place among all of them."""
 
-    def value(t: Any, y: Any) -> Any:
-        return system.coordinates(y[: len(system.drivers)])[i] - level
+    def value(t: float, y: Floats) -> float:
+        return float(system.coordinates(y[: len(system.drivers)])[i] - level)
 
     return EventFunction(kind, value, direction, parts=PARTS // 2, index=i)
 
@@ -89,7 +91,7 @@ def pair_at(system: System, kind: str, level: float, direction: int, i: int) -> 
 def general_rules(
     system: System,
     request: SimulationRequest,
-    closeness: Callable[[Any], Any],
+    closeness: Callable[[Floats], tuple[float, float]],
     stop_force: Callable[..., float],
 ) -> list[EventFunction]:
     """The rules that hold all along a run; ``closeness``: y -> (margin, relative inertia).
@@ -101,7 +103,7 @@ def general_rules(
     limits = ((ends.DEAD_CENTRE, LEAST_MARGIN), (ends.NO_INERTIA, LEAST_INERTIA))
     for i, (kind, threshold) in enumerate(limits[:1] if k > 1 else limits):
 
-        def above(t: Any, y: Any, i: int = i, threshold: float = threshold) -> Any:
+        def above(t: float, y: Floats, i: int = i, threshold: float = threshold) -> float:
             return closeness(y)[i] - threshold
 
         rules.append(EventFunction(kind, above, -1, parts=1, dips=True))
@@ -109,7 +111,7 @@ def general_rules(
         kind = system.end_at(i)
         if i in system.contacts:
 
-            def push(t: Any, y: Any, i: int = i, side: int = system.contacts[i]) -> Any:
+            def push(t: float, y: Floats, i: int = i, side: int = system.contacts[i]) -> float:
                 return -side * stop_force(i, t, y)
 
             rules.append(EventFunction(ends.LEAVES_STOP, push, -1, index=i, parts=1))
@@ -139,8 +141,8 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
 
 
 def friction_rules(
-    slips: Callable[[Any], Any],
-    loads: Callable[[float, Any], Any],
+    slips: Callable[[Floats], Sequence[float] | Floats],
+    loads: Callable[[float, Floats], Sequence[complex] | Vectors],
     pairs: PairProgram,
     sides: Sequence[int],
     alone: bool,
@@ -170,7 +172,9 @@ def friction_rules(
     return rules
 
 
-def signal_rules(kinks: Callable[[float, Any], Any], count: int) -> list[EventFunction]:
+def signal_rules(
+    kinks: Callable[[float, Floats], Sequence[float]], count: int
+) -> list[EventFunction]:
     """Kinks of signal blocks, such as a limit that is reached."""
 
     def value(i: int) -> Value:
@@ -318,7 +322,7 @@ def until_terminal(hits: list[EventHit]) -> list[EventHit]:
 
 
 def crossings(
-    direction: int, t: Floats, samples: Any, value: Callable[[float], float]
+    direction: int, t: Floats, samples: ArrayLike, value: Callable[[float], float]
 ) -> list[float]:
     """Times at which a value changes its sign, between times at which it is known."""
     values = np.asarray(samples, dtype=np.float64)
@@ -376,7 +380,7 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     swing = motion.facts.get("swing_time") or motion.facts.get("period") or span
     t = motion.times(PER_SWING // PARTS * max(4, math.ceil(span / swing)) + 1)
 
-    def dense(s: Any) -> Floats:
+    def dense(s: float | Floats) -> Floats:
         values: Floats = np.array(motion.track.state(np.ravel(s)))
         return values if np.ndim(s) else values[:, 0]
 

@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 Move: TypeAlias = Callable[["System", SimulationRequest], Motion]
 LOW = 0.1  # of the accuracy: the height of a bounce from which on they are summed up
 IMPULSES = ("reaction", "N", "C", "drive")  # outputs whose impulses are asked for
-MOST = 10_000  # flights of a run
 REVERSES = "slips of joints end or turn back inside impacts: their friction is followed through it"
 LEFT_OUT = "joint friction is left out of an impact: no impulses satisfy its laws"
 GAINED = (
@@ -115,7 +114,7 @@ class Bounces(Run):
         self.events += [e for e in leg.events if e.kind not in reported]
         if leg.end == ends.LEAVES_STOP:
             after = self._released(leg)
-        elif where is not None and len(self.legs) < MOST:
+        elif where is not None:
             after = self._struck(leg, *where)
         else:
             return RunEnd(leg.end, leg.status)

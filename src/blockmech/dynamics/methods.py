@@ -14,7 +14,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import rate_along
-from blockmech.dynamics.estimate import TARGET
+from blockmech.dynamics.estimate import TARGET, spread
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.method_table import METHODS, Method
 from blockmech.dynamics.path import integrate_by_quadrature
@@ -28,7 +28,6 @@ from blockmech.dynamics.time import integrate
 from blockmech.ground.errors import RequestError, listed, refused
 from blockmech.result.motion import Event, Floats, Motion, Status
 
-LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
 
@@ -66,15 +65,13 @@ def _with_misfit(system: System, motion: Motion) -> Motion:
     friction = system.friction
     if friction is None or motion.t_end == motion.t_start:
         return motion
-    times = np.linspace(motion.t_start, motion.t_end, LOOKED_AT + 2)[1:-1]
+    times = spread(motion.t_start, motion.t_end)[1:-1]
     states = zip(*motion.at(times), times.tolist(), strict=True)
     sides = motion.sides(times).tolist()
     misfits = [
         friction.at(np.atleast_1d(q), np.atleast_1d(qd), t, tuple(side)).misfit
         for (q, qd, t), side in zip(states, sides, strict=True)
     ]
-    if not misfits:
-        return motion
     worst = float(max(misfits))
     note = (
         f'friction "{friction_method.method}": pairs miss their laws by up to {worst:.1e} of the '

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from blockmech.dynamics.friction import PairProgram
-from blockmech.dynamics.source import Source
+from blockmech.dynamics.source import Source, margins
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
@@ -69,9 +69,3 @@ def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., Value]) -
     """Factors (m,) and drags (m,) of pairs by a rule that asks their laws."""
     laws = [s.ask(rule, ref) for ref in joints]
     return [getattr(law, part) for part in FrictionTerms._fields for law in laws]
-
-
-def margins(s: Schedule) -> list[Value]:
-    """Margins of the groups whose poses the schedule needs."""
-    blocks = [e.block for e in s.entries if e.stage == "position"]
-    return [s.ask(forward.margin, b) for b in blocks if s.structure.blocks[b].closes]

@@ -16,6 +16,7 @@ from blockmech.dynamics.contacts import Constraints
 from blockmech.dynamics.source import Source
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.names import split_address
+from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE, JointRef
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
@@ -24,7 +25,7 @@ from blockmech.result.motion import Floats, Lying
 
 Place: TypeAlias = tuple[Floats, Floats, Floats]  # q (k,), coordinates (p,), rows (p, k)
 SURE = 1.0  # [rad] by which an angle may differ from what its row foretells, over one way
-HALVED = 30  # times at most that a way is halved until it does not
+HALVED = -round(math.log2(EPS)) // 2  # times at most that a way is halved: to half its digits
 
 
 @dataclass

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.pair_program import margins
-from blockmech.dynamics.source import Source
+from blockmech.dynamics.source import Source, margins
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.passes import friction, reduction, signals

@@ -1,4 +1,4 @@
-"""What dynamics takes of a mechanism: its structure in its scene, and what is kept of it."""
+"""What dynamics takes of a mechanism: its structure in its scene, and how good its poses are."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any, Protocol, TypeVar
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.plan.plan import Output
+from blockmech.passes import forward
+from blockmech.plan.plan import Output, Schedule
+from blockmech.plan.values import Value
 
 T = TypeVar("T")
 
@@ -35,3 +37,9 @@ class Source(Protocol):
 
     def _once(self, make: Callable[[Any], T]) -> T:
         """What is made of it, made once and kept."""
+
+
+def margins(s: Schedule) -> list[Value]:
+    """Margins of the groups whose poses the schedule needs."""
+    blocks = [e.block for e in s.entries if e.stage == "position"]
+    return [s.ask(forward.margin, b) for b in blocks if s.structure.blocks[b].closes]

@@ -16,7 +16,7 @@ Sources: [D14] Durango et al. 2014, Eqs. 1-6.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -335,8 +335,8 @@ class System:
         return self.scalar_terms_of(q, qd, t)[0]
 
     def scalar_terms_of(
-        self, q: float, qd: float, t: float, x: Any = None, qdd: float | None = None
-    ) -> tuple[ScalarTerms, Any]:
+        self, q: float, qd: float, t: float, x: Floats | None = None, qdd: float | None = None
+    ) -> tuple[ScalarTerms, Sequence[float]]:
         """One state of one driver, and what signal blocks make of it: see `SignalProgram`.
 
         x are their states, by default the initial ones. Where signals follow the acceleration,
@@ -363,7 +363,7 @@ class System:
 
     def terms_of(
         self, q: Any, qd: Any, t: float, x: Any = None, qdd: Any = None
-    ) -> tuple[Terms, Any]:
+    ) -> tuple[Terms, Sequence[float]]:
         """The equation of motion at one state, and the rest as of `scalar_terms_of`.
 
         Coordinates, rates and accelerations are numbers of one driver, else arrays (k,).
@@ -371,7 +371,7 @@ class System:
         k = len(self.drivers)
         if k == 1:
             q, qd = float(np.ravel(q)[0]), float(np.ravel(qd)[0])
-            signal_values: Any = ()
+            signal_values: Sequence[float] = ()
             if self.signals.values:
                 scalar, signal_values = self.scalar_terms_of(
                     q, qd, t, x, None if qdd is None else float(np.ravel(qdd)[0])
@@ -438,7 +438,9 @@ class System:
         tau = abs(float(self.at(q, 0.0, t).tau[0]))
         return self.rounding(q) / tau if tau > 0 else 0.0
 
-    def _single(self, inputs: Mapping[str, float], x: Any = None) -> tuple[Any, ...]:
+    def _single(
+        self, inputs: Mapping[str, float], x: Sequence[float] | Floats | None = None
+    ) -> tuple[float, ...]:
         """Values of the program of the equation of motion at one state."""
         self._count(1, False)
         if self.signals.names:

@@ -4,8 +4,7 @@ The effort that the drivers need for a motion,
 
     u(q, q', q'', t) = M q'' + c - Q,
 
-is one program, from the reduction pass or, with joint friction, from the force pass. Run on dual
-numbers it gives at once
+is one program of the reduction pass, without joint friction. Run on dual numbers it gives at once
 
     M = du/dq''      C = du/dq'      K = du/dq
 
@@ -19,21 +18,18 @@ Sources: Shabana, Dynamics of Multibody Systems, 4th ed., ch. 3 (linearised equa
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from blockmech.dynamics.pair_program import margins
-from blockmech.dynamics.source import Source
+from blockmech.dynamics.source import Source, margins
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, value
 from blockmech.ground.errors import refused
-from blockmech.passes import forces, reduction
+from blockmech.passes import reduction
 from blockmech.passes.homotopy import schedule
-from blockmech.plan.plan import Friction, Schedule
-from blockmech.plan.values import Value
+from blockmech.plan.plan import Friction
 from blockmech.result.motion import Floats
 from blockmech.typing import Arguments
 
@@ -61,17 +57,10 @@ def tangents(
     qd: ArrayLike = 0.0,
     qdd: ArrayLike = 0.0,
     t: ArrayLike = 0.0,
-    *,
-    friction: bool = False,
 ) -> Tangents:
-    """The driving effort and its derivatives at states (n, k).
-
-    ``friction`` puts the friction of joints that slip into it; at rest it has no derivative.
-    """
+    """The driving effort and its derivatives at states (n, k), without joint friction."""
     refuse_signals(compiled)
-    if friction:
-        refuse_friction_states(compiled)
-    engine = compiled._once(_with_friction if friction else _without)
+    engine = compiled._once(_effort)
     k = len(compiled.structure.drivers)
     q = np.asarray(q, float).reshape(-1, k)
     columns_by_name: Arguments = {"t": np.broadcast_to(np.asarray(t, float), len(q))}
@@ -106,15 +95,7 @@ def refuse_friction_states(compiled: Source) -> None:
         raise refused(str(compiled.structure.remembering[0]), fault, remedy)
 
 
-def _without(compiled: Source) -> DualEngine:
-    return _engine(compiled, "none", reduction.drive_by_reduction)
-
-
-def _with_friction(compiled: Source) -> DualEngine:
-    return _engine(compiled, "newton", forces.drive)
-
-
-def _engine(compiled: Source, method: str, rule: Callable[[Schedule, str], Value]) -> DualEngine:
-    s = schedule(compiled.structure, compiled.scene, Friction(method))
-    values = [s.ask(rule, k) for k in compiled.structure.drivers]
-    return DualEngine(s.program([*values, *margins(s)]), WITH_DIFFERENCES)
+def _effort(compiled: Source) -> DualEngine:
+    s = schedule(compiled.structure, compiled.scene, Friction("none"))
+    efforts = [s.ask(reduction.drive_by_reduction, k) for k in compiled.structure.drivers]
+    return DualEngine(s.program([*efforts, *margins(s)]), WITH_DIFFERENCES)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.dynamics.pair_program import margins
+from blockmech.dynamics.source import margins
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, slope, value
 from blockmech.functions.series import Floats

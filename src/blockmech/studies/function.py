@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.dynamics.pair_program import margins
+from blockmech.dynamics.source import margins
 from blockmech.engines.arrays import ArrayEngine
 from blockmech.engines.numpy import leaves
 from blockmech.friction.continuation import Outcome
