@@ -164,6 +164,18 @@ def pairs_of(*offs):
     return lambda _, halves: run(next(offsets), 100 if halves else 0)
 
 
+@pytest.mark.parametrize("target", [1e-7, 5e-9])
+def test_a_load_that_passes_through_zero_within_a_step_is_stated(target):
+    """Where it does the pin's friction has a corner; half the steps may hit it worse."""
+    pytest.importorskip("llvmlite")  # by whose steps it was found
+    pendulum = bm.Graph.load(GRAPHS / "motions" / "pin_pendulum.json").compile()
+    start = {"crank": (0.37899672956154723, -0.16631446156137006)}
+    times = np.linspace(0.0, 2.074735950072201, REQUESTED + 1)[1:]
+    request = {"times": times, "start": start, "method": "dop853", "engine": "llvm", "want": ()}
+    motions = (pendulum.simulate(accuracy=x, **request).motion for x in (target, 1e-12))
+    assert agree(*motions)
+
+
 @pytest.mark.parametrize(("offs", "off"), [((4e-4, 0.0, 4e-6, 1e-7), 1e-7), ((4e-6, 0.0), 0.0)])
 def test_pairs_are_refined_until_one_meets_the_target(offs, off):
     system = mechanism("watt_sixbar")._once(System)
