@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import blockmech as bm
+from blockmech.ground.plane import EPS
 from tests.independent import driven
 from tests.independent import multibody as mb
 from tests.independent.released import document, five_bar, link, pin
@@ -142,7 +143,7 @@ def main() -> None:
         except Exception as failure:  # a case of its own
             print(seed, "RAISED", repr(failure)[:100], str(failure)[:300], flush=True)
             continue
-        above = "" if q <= min(motion.error + judge, 1e-8) else "ABOVE"
+        above = "" if q <= min(motion.error + judge, 1e-8) + EPS else "ABOVE"
         counts = f"events {len(events)} slips {len(motion.slips)} impacts {len(motion.impacts)}"
         roles = "".join(role[0] for role in motion.roles[0].of.values())
         verdict = (
