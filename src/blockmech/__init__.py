@@ -17,7 +17,7 @@ from blockmech.ground import sigint as _sigint  # noqa: F401
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from blockmech.ground.garbage import grown_old, uncollected
+from blockmech.ground.garbage import promote_to_oldest, uncollected
 
 with uncollected():  # all that is made here is kept
     from blockmech import friction as friction
@@ -52,7 +52,7 @@ with uncollected():  # all that is made here is kept
     from blockmech.model.subgraph import Subgraph
     from blockmech.typing import FixedStep
 
-    grown_old()
+    promote_to_oldest()
 
 if TYPE_CHECKING:
     from blockmech import design, draw, synthesis

@@ -47,7 +47,7 @@ def closures(e: Evidence) -> Iterator[Residual]:
                 if sliding:
                     size = np.abs(turns[k][0]) + np.abs(turns[k][1]) + sizes[k] / reach
                     yield Residual("closure of", ref, turns[k][1] - turns[k][0], size)
-            residual = _along(earlier, later)[1] if sliding else turns[1][1] - turns[1][0]
+            residual = _slide_motion(earlier, later)[1] if sliding else turns[1][1] - turns[1][0]
             size = sizes[1] if sliding else sizes[1] / reach + np.abs(earlier.om) + np.abs(later.om)
             yield Residual("closure of", ref, residual - e.run[f"{ref}.slip"], size)
 
@@ -69,7 +69,7 @@ def _turns(earlier: Body, later: Body) -> tuple[tuple[Array, Array], ...]:
     return (earlier.e, later.e), (earlier.om, later.om), (earlier.al, later.al)
 
 
-def _along(earlier: Body, later: Body) -> list[Array]:
+def _slide_motion(earlier: Body, later: Body) -> list[Array]:
     """Way, rate and acceleration of a pair along its guide."""
     return [(np.conj(earlier.e) * relative).real for relative in earlier.seen(later)]
 
@@ -91,7 +91,7 @@ def drivers(e: Evidence) -> Iterator[Residual]:
                 yield Residual("value of", driver, b - a - prescribed[k], size * condition)
             continue
         for k, (travel, size) in enumerate(
-            zip(_along(earlier, later), earlier.sizes(later), strict=True)
+            zip(_slide_motion(earlier, later), earlier.sizes(later), strict=True)
         ):
             size = (size + np.abs(prescribed[k]) + abs(offset)) * (condition if k else 1.0)
             yield Residual("value of", driver, travel - prescribed[k], size)
@@ -132,7 +132,7 @@ def modes(e: Evidence) -> Iterator[Residual]:
         else:
             d, c = ends["C"][0].p - B, ends["S"][0].e
             det = (np.conj(c) * d).real
-        wrong = np.minimum(_asked(e, name) * det, 0.0)
+        wrong = np.minimum(_requested_branch(e, name) * det, 0.0)
         yield Residual("mode of", name, wrong, np.abs(d) * np.abs(c))
 
 
@@ -152,7 +152,7 @@ def margins(e: Evidence) -> Iterator[Residual]:
         yield Residual("transmission angle of", name, np.sin(angle) - sine, 1 + 0 * sine)
 
 
-def _asked(e: Evidence, name: str) -> Array | int:
+def _requested_branch(e: Evidence, name: str) -> Array | int:
     """The branch that a dyad was asked for; one that follows changes at each change point."""
     block: Any = e.structure.blocks[name]
     if block.branch != FOLLOW:

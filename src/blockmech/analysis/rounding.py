@@ -32,7 +32,7 @@ def digits_lost(result: Result) -> tuple[Flag, ...]:
         return ()
     index = result.samples.spread(ROWS)
     short = result.isel(index)
-    wide = _again(short, "clongdouble")
+    wide = _rerun(short, "clongdouble")
     good = comparable(short, friction=True) & comparable(wide, friction=True)
     flags = []
     for name, each in reference_errors(wide, short, good, math.inf).each(short).items():
@@ -41,12 +41,12 @@ def digits_lost(result: Result) -> tuple[Flag, ...]:
         if lost[i] > half:
             flags.append(Flag(int(index[i]), DIGITS_LOST, name, value=min(float(lost[i]), 1.0)))
     if flags:
-        runs, at = (short, _again(short, "complex64")), list(index)
+        runs, at = (short, _rerun(short, "complex64")), list(index)
         flags = [f for f in flags if not _is_zero(f.where, at.index(f.sample), wide, runs)]
     return tuple(sorted(flags, key=lambda flag: (-(flag.value or 0.0), flag.where)))
 
 
-def _again(result: Result, precision: Precision) -> Result:
+def _rerun(result: Result, precision: Precision) -> Result:
     """The same samples by numbers of another length."""
     mechanism, plan, samples = result.mechanism, result.plan, result.samples
     values, engine = mechanism._evaluate(plan, samples, "numpy", precision)

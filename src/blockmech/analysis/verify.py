@@ -204,7 +204,7 @@ def verify(
     run = blocks._answer(poses, EVERYTHING, settings, **engine_settings)
     shaken = _perturbed_run(run, engine_settings)
     evidence = Evidence(shaken) if shaken.n > run.n else Evidence(run, shaken)
-    return _judged(mechanism, run.n, evidence)
+    return _worst_rows(mechanism, run.n, evidence)
 
 
 def _of_result(
@@ -215,27 +215,27 @@ def _of_result(
         raise refused("at", f"it is a result of another mechanism, {result.mechanism.name}")
     if isinstance(result, ChartedResult):
         legs = (_of_result(x.mechanism, x.result, engine, chunk) for x in result.parts)
-        return _together([*legs])
+        return _worst_legs([*legs])
     motion = result.motion
     blocks = mechanism._of_blocks
     settings = {"friction": result.settings["friction"]}
     if motion is None:
         settings["static"] = result.settings["static"]
         run = blocks._answer(result.samples, EVERYTHING, settings, engine, None, chunk)
-        return _judged(mechanism, run.n, Evidence(run))
+        return _worst_rows(mechanism, run.n, Evidence(run))
     t = motion.times(1) if result.time is None else result.time
     run = result_along(blocks, motion, t, EVERYTHING, **settings, engine=engine, chunk=chunk)
-    judged = _judged(mechanism, run.n, Evidence(run), idle)
+    judged = _worst_rows(mechanism, run.n, Evidence(run), idle)
     jumps = list(blows(mechanism, motion)) if motion.impacts else []
     checks = [
-        Check(f"{x.equation} {_said(mechanism, x.of)}", float(_relative(x.error, x.scale)))
+        Check(f"{x.equation} {_document_name(mechanism, x.of)}", float(_relative(x.error, x.scale)))
         for x in jumps
     ]
     checks += [Check(*row) for row in trajectory(result, motion)]
     return replace(judged, rows=(*judged.rows, *checks))
 
 
-def _together(legs: Sequence[Verification]) -> Verification:
+def _worst_legs(legs: Sequence[Verification]) -> Verification:
     """The worst of each check over legs of a motion, each in its own chart."""
     worst: dict[str, Check] = {}
     for row in (row for leg in legs for row in leg.rows):
@@ -244,14 +244,14 @@ def _together(legs: Sequence[Verification]) -> Verification:
     return Verification(tuple(worst.values()), sum(leg.samples for leg in legs), conditioning)
 
 
-def _judged(mechanism: Compiled, n: int, evidence: Evidence, *further: CheckOf) -> Verification:
+def _worst_rows(mechanism: Compiled, n: int, evidence: Evidence, *further: CheckOf) -> Verification:
     """The worst of every check over all evidence, the first ``n`` samples of which were asked."""
     worst: dict[str, float] = {}
     good = evidence.good
     residuals = [row for check in (*CHECKS, *further) for row in check(evidence)]
     errors, scale = (np.array([row[k] for row in residuals])[..., good] for k in (2, 3))
     for (equation, of, *_), value in zip(residuals, _relative(errors, scale).tolist(), strict=True):
-        name = f"{equation} {_said(mechanism, of)}"
+        name = f"{equation} {_document_name(mechanism, of)}"
         worst[name] = np.maximum(worst.get(name, 0.0), value)
     requested = good & (np.arange(len(good)) < n)
     conditions = [evidence.condition(block)[requested] for block in evidence.structure.blocks]
@@ -311,7 +311,7 @@ def _stacked(first: Samples, second: Samples) -> Samples:
     return Samples(2 * n, inputs, time)
 
 
-def _said(mechanism: Compiled, of: Part) -> str:
+def _document_name(mechanism: Compiled, of: Part) -> str:
     """A part in the words of a document of links and joints, if there is one."""
     names = mechanism.names
     if names is None:

@@ -85,7 +85,7 @@ def formation(
     edges: list[Edge] = [
         (index.get(p.first), index.get(p.second), 3 if p.name in drivers else 2) for p in ordered
     ]
-    assignment = _give([3] * len(moving), edges)
+    assignment = _assign_conditions([3] * len(moving), edges)
     parts = nx.condensation(assignment.waits)
     part_of: Mapping[int, int] = parts.graph["mapping"]
     pairs_of: dict[int, list[Pair]] = defaultdict(list)
@@ -98,7 +98,7 @@ def formation(
     for n, members in parts.nodes(data="members"):
         if not unsound.intersection(members):
             unit = classify([moving[v] for v in members], pairs_of[n], drivers)
-            if _holds(unit):
+            if _is_determinate(unit):
                 units[n] = unit
     bad = set(parts) - set(units)
     parts.remove_nodes_from(set().union(*nx.bfs_layers(parts.reverse(copy=False), bad)))
@@ -120,7 +120,7 @@ class _Given(NamedTuple):
     short: list[int]  # nodes with less than they need
 
 
-def _give(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
+def _assign_conditions(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
     """Give the conditions of edges to the nodes that they join, as many as these need.
 
     A maximum flow from a source by the edges and the nodes to a sink. (SciPy's bipartite
@@ -168,7 +168,7 @@ def _in_order(parts: nx.DiGraph[int], rank: Mapping[int, object]) -> list[int]:
     )
 
 
-def _holds(unit: Unit) -> bool:
+def _is_determinate(unit: Unit) -> bool:
     """Whether the unit's own conditions place its links, for generic lengths.
 
     By their rank, unless they are so many that counting must do.
@@ -212,7 +212,7 @@ def reseat(
         edges.append((index.get(p.first), index.get(p.second), number))
     for v, pin in enumerate(pins, start=len(moving)):
         edges += [(index.get(a), v, 2) for a in sorted({a for p in pin for a in p.links})]
-    assignment = _give([3] * len(moving) + [2] * len(pins), edges)
+    assignment = _assign_conditions([3] * len(moving) + [2] * len(pins), edges)
     parts = nx.condensation(assignment.waits)
     members: Mapping[int, set[int]] = dict(parts.nodes(data="members"))
     order = _in_order(parts, {n: min(part) for n, part in members.items()})

@@ -64,14 +64,14 @@ class GenevaNumbers(NamedTuple):
     arm: Real  # [-] radius of the pin's path over the distance of the centres; internal: negative
 
 
-def near(x: Real, p: GenevaNumbers) -> Real:
+def pin_angle(x: Real, p: GenevaNumbers) -> Real:
     """Angle [rad] of the pin from the line of centres, between -pi and pi."""
     return modulo(x - p.pin + math.pi, math.tau) - math.pi
 
 
 def stepping(x: Real, p: GenevaNumbers) -> Transmission:
     """The wheel turns while the pin is in a slot."""
-    th = near(x, p)
+    th = pin_angle(x, p)
     z = expi(th)
     a, b = 1.0 - p.arm * z.real, p.arm * z.imag
     d = a * a + b * b
@@ -89,7 +89,7 @@ def stepping(x: Real, p: GenevaNumbers) -> Transmission:
 
 def push(pose: Meshing, effort: Real, sense: Real, p: GenevaNumbers) -> Load:
     """Force [N] of the pin on the slot, or of the lock on the wheel."""
-    th, d = near(pose.x, p), pose.b.p - pose.a.p
+    th, d = pin_angle(pose.x, p), pose.b.p - pose.a.p
     pin = mul(d * expi(th), p.arm) - d
     inside = abs(th) <= p.half
     arm = planar(where(inside, pin.real, -d.real), where(inside, pin.imag, -d.imag))

@@ -190,13 +190,13 @@ class _Fit:
     settings: Arguments
 
     @cached_property
-    def _near(self) -> tuple[Variation, Plan]:
+    def _variation_and_plan(self) -> tuple[Variation, Plan]:
         """The mechanism as these numbers vary, and its plan."""
         variation = Variation.of(self.mechanism, self.chosen.values())
         outputs = (part_of(self.mechanism, n)[0] for n in self.record.columns)
         return variation, variation.general.plan(tuple(dict.fromkeys(outputs)), **self.settings)
 
-    def _about(self, x: Floats) -> tuple[Variation, Plan, dict[str, Parameter]]:
+    def _variation_at(self, x: Floats) -> tuple[Variation, Plan, dict[str, Parameter]]:
         """The same about other numbers, whatever the file says of them by themselves.
 
         Of links and joints it is the document that is decomposed again.
@@ -205,8 +205,8 @@ class _Fit:
         chosen = {a: p._replace(value=numbers[a]) for a, p in self.chosen.items()}
         if of_links(self.mechanism) or is_written_out(self.mechanism):
             fit = replace(self, mechanism=remade(self.mechanism, numbers), chosen=chosen)
-            return *fit._near, chosen
-        variation, plan = self._near
+            return *fit._variation_and_plan, chosen
+        variation, plan = self._variation_and_plan
         seeds = zip(chosen.values(), np.eye(len(chosen)), strict=True)
         return (
             replace(variation, numbers={p.path: Varied(p.value, e) for p, e in seeds}),
@@ -219,7 +219,7 @@ class _Fit:
 
         Raises `BlockmechError` for a design that does not assemble.
         """
-        variation, plan, chosen = self._about(x)
+        variation, plan, chosen = self._variation_at(x)
         parts = [part_of(self.mechanism, n) for n in self.record.columns]
         sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])
         seeds = np.diag(sizes)
@@ -386,10 +386,10 @@ def identify(
         if n <= PART or np.abs(step / np.sqrt(np.diag(cov))).max() <= ENOUGH:
             break
         x[base] += step * sizes[base]
-    return _made(fit, names, x, (base, rest, factors, visible), sizes, cov, r, noise)
+    return _identification(fit, names, x, (base, rest, factors, visible), sizes, cov, r, noise)
 
 
-def _made(
+def _identification(
     fit: _Fit,
     names: list[str],
     x: Floats,

@@ -157,7 +157,7 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
     """What the diagram of a graph shows; ``names`` are those of links and joints."""
     labels = DocumentNames.of(names, graph)
     # An address that is none at all leaves a part empty.
-    wires = [ends for wire in graph.wires if all(ends := wire.apart(graph.blocks))]
+    wires = [ends for wire in graph.wires if all(ends := wire.split_ends(graph.blocks))]
     wires += _drive_wires(graph)
     names_shown = list(
         dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))])

@@ -148,7 +148,7 @@ def judged(
     return solved._replace(t=t, contraction=P, outcome=outcome)
 
 
-def _known(g: Reals) -> Real:
+def _are_finite(g: Reals) -> Real:
     """Whether loads are numbers; they are not where a later group cannot close."""
     return 0.0 * largest_of(g) == 0.0
 
@@ -204,7 +204,7 @@ def successive(
     solution = Solution(t, last.g, *quality)
     if iterations is not None:
         return solution
-    unproved = (P >= 1.0) & _known(g)
+    unproved = (P >= 1.0) & _are_finite(g)
     course = _course(unproved, near, k, edges, base, rows, solvable)
     change = enough(last.g, tolerance)
     checks = course, near, k, edges, base, rows, change
@@ -289,7 +289,7 @@ def newton(
     g = norms(loads(t, base, rows), edges)
     residual = misfit(t, k, g)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
-    unproved = ((P >= 1.0) & _known(at_first)) | (residual > SETTLED * EPS)
+    unproved = ((P >= 1.0) & _are_finite(at_first)) | (residual > SETTLED * EPS)
     course = _course(unproved, near, k, edges, base, rows, solvable)
     settled, _ = repeat(replaced, (solution, unproved), 1, course, near, k, edges, base, rows)
     return differentiable(settled, k, edges, base, rows)
@@ -350,7 +350,7 @@ def _course(
 ) -> Any:
     """The path from zero friction, of the samples of which no solution is known nearby."""
     if near:
-        requested = requested & where(_known(near), False, True)
+        requested = requested & where(_are_finite(near), False, True)
     return course_from_zero(requested, k, edges, base, rows, solvable)
 
 
@@ -359,7 +359,7 @@ def _end(course: Any, near: Any, k: Reals, edges: Edges, base: Planars, rows: In
     end = end_of(course, k, edges, base, rows)
     if not near:
         return end
-    finite = _known(near)
+    finite = _are_finite(near)
     t, count, _ = repeat(
         newton_step, (near, 0.0 * near[0], finite), NEWTON_CAP, k, edges, base, rows, True
     )

@@ -1,7 +1,7 @@
 """Python's search for garbage, held off while what is made is kept.
 
 Of the 0.9 s of processor time in which the package is imported and a four-bar is run for the first
-time, searches take 20 ms; without this module 86 ms, without `grown_old` alone as much.
+time, searches take 20 ms; without this module 86 ms, without `promote_to_oldest` alone as much.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def grown_old() -> None:
+def promote_to_oldest() -> None:
     """Count what there is among what is kept for long, without the search that would find it so.
 
     Only for what is made once: in a loop what is really garbage would never be searched for.

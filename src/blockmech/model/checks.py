@@ -107,7 +107,7 @@ def remarks(blocks: Blocks, wires: Iterable[Wire]) -> list[Problem]:
     """Unused and unreachable things of a graph: not wrong, but perhaps forgotten."""
     import networkx as nx
 
-    dag, used = block_dag(blocks, [w.apart(blocks) for w in wires]), {w.source for w in wires}
+    dag, used = block_dag(blocks, [w.split_ends(blocks) for w in wires]), {w.source for w in wires}
     frames = {n: b for n, b in blocks.items() if isinstance(b, Frame)}
     moving = {n: b for n, b in blocks.items() if isinstance(b, Moving)}
     reached = set(frames).union(*(nx.descendants(dag, n) for n in frames))

@@ -66,7 +66,7 @@ class Wire:
         """The same the other way round."""
         return Wire(self.target, self.source)
 
-    def apart(self, blocks: Container[str]) -> Ends:
+    def split_ends(self, blocks: Container[str]) -> Ends:
         """The names of its blocks, and those behind them; empty where an address has none."""
         source, target = (split_address(str(end), blocks) for end in self.ends)
         return Ends(*source, *target)

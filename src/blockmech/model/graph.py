@@ -276,7 +276,7 @@ class Graph(Document):
         for graph in (near, self):  # for messages all there is
             flat = graph._flattened()
             there = Wire(*map(flat.address, wire.ends))
-            problems = list(wire_problems(flat.blocks, there, there.apart(flat.blocks), fed))
+            problems = list(wire_problems(flat.blocks, there, there.split_ends(flat.blocks), fed))
             if not problems:
                 break
         return problems

@@ -66,7 +66,7 @@ def decoded(raw: bytes, shown: str) -> str:
     except UnicodeDecodeError as error:
         before = raw[: error.start].decode(errors="replace")
         message = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
-        where = place(before, len(before))
+        where = position(before, len(before))
     valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
     raise _refused(shown, "wrong-encoding", where, message, valid, remedy)
 
@@ -75,7 +75,7 @@ def _refused(shown: str, *problem: str) -> FormatError:
     return FormatError(in_file([Problem(*problem)], shown))
 
 
-def place(text: str, offset: int) -> str:
+def position(text: str, offset: int) -> str:
     """Line and column, from 1, of an offset in a text."""
     line = text.count("\n", 0, offset) + 1
     return f"line {line}, column {offset - text.rfind(chr(10), 0, offset)}"
@@ -103,7 +103,7 @@ def data_of(text: str) -> tuple[Data, list[Problem]]:
     try:
         data = json.loads(text, parse_int=whole, object_pairs_hook=made)
         plain = text.isascii() and "\\u" not in text  # no half of a character
-        fits = plain and not twice and _fits(data)
+        fits = plain and not twice and _is_within_bounds(data)
         misfits = [] if fits else list(islice(_misfits(text), MOST + 1))
     except json.JSONDecodeError as error:
         raise FormatError(_syntax(text, error)) from error
@@ -132,14 +132,14 @@ def _syntax(text: str, error: json.JSONDecodeError) -> Problem:
     if half or error.msg.startswith("Unterminated string"):
         found, valid = "the file ends in the middle", "every { [ and quotation mark is closed"
         remedy = "complete it, or fetch it again"
-        return Problem("truncated", place(text, end), found, valid, remedy)
+        return Problem("truncated", position(text, end), found, valid, remedy)
     before = text[:at].rstrip()
     comma = text[at] == "," and text[at + 1 :].lstrip()[:1] in ("}", "]")
     if comma or (before.endswith(",") and text[at] in "}]"):
         at = at if comma else len(before) - 1
-        return Problem("syntax", place(text, at), "a comma after the last item", "", "remove it")
-    found, remedy = _slip(text, at, before, error.msg)
-    return Problem("syntax", place(text, at), found, "", remedy)
+        return Problem("syntax", position(text, at), "a comma after the last item", "", "remove it")
+    found, remedy = _explanation(text, at, before, error.msg)
+    return Problem("syntax", position(text, at), found, "", remedy)
 
 
 VALUES = 'a value is a number, "text", true, false, null, [..] or {..}'
@@ -150,7 +150,7 @@ OTHERS = {"True": "true", "False": "false", "None": "null"}
 """How other languages write a value -> how JSON does."""
 
 
-def _meant(value: str) -> str:
+def _as_json(value: str) -> str:
     """A value that is written as elsewhere, in JSON; empty for what is none."""
     for read in (float, lambda word: int(word, 0)):
         with suppress(ValueError):
@@ -171,10 +171,10 @@ def _not_closed(text: str) -> tuple[str, str]:
         elif token.group() in "}]":
             inside.pop()
     bracket, at = inside[-1]
-    return bracket, place(text, at)
+    return bracket, position(text, at)
 
 
-def _slip(text: str, at: int, before: str, message: str) -> tuple[str, str]:
+def _explanation(text: str, at: int, before: str, message: str) -> tuple[str, str]:
     """What stands at the place of a syntax error, and what to do about it."""
     word = re.match(r'"[^"\n]{,20}"?|\w{1,20}|.', text[at:], re.DOTALL)
     sign = word.group() if word else ""
@@ -187,7 +187,7 @@ def _slip(text: str, at: int, before: str, message: str) -> tuple[str, str]:
         return f"a {kind} quotation mark", 'texts and keys stand in double ones: "..."'
     run = next((r for r in RUN.finditer(text, line) if r.end() > at), None)
     if run and (run.start() < at or (run.start() == at and message.startswith("Expecting value"))):
-        meant, value = _meant(run.group()), json.dumps(run.group()[:20], ensure_ascii=False)
+        meant, value = _as_json(run.group()), json.dumps(run.group()[:20], ensure_ascii=False)
         if meant or not re.search(r"\s", run.group()):
             return f"{value} is not a value", f"write {meant}" if meant else VALUES
     comma = re.search(r"\d,$", before)
@@ -228,7 +228,7 @@ class _Open:
     expects_key: bool
 
 
-def _fits(data: Any) -> bool:
+def _is_within_bounds(data: Any) -> bool:
     """Whether no number of a document is out of range and nothing too deep, level by level.
 
     What does not fit is found by `_misfits`, which knows its place and takes ten times as long.
@@ -277,12 +277,13 @@ def _misfits(text: str) -> Iterator[Problem]:
                 here.key = key
                 first = here.keys.setdefault(key, at)
                 if first != at:
-                    found = f"the key is given twice: {place(text, first)} and {place(text, at)}"
+                    twice = " and ".join(position(text, x) for x in (first, at))
+                    found = f"the key is given twice: {twice}"
                     yield problem("duplicate-key", found, "keep one of them")
             if not key.isascii() and any("\ud800" <= c <= "\udfff" for c in key):
-                found = f"half of a character ({place(text, at)})"
+                found = f"half of a character ({position(text, at)})"
                 yield problem("wrong-encoding", found, "write the whole character")
         elif sign[0] not in "tfn" and not abs(float(sign)) <= HIGHEST:
             large = math.isfinite(float(sign))
             found = "so large that its products are not finite" if large else "not a finite number"
-            yield problem("non-finite", f"{sign[:20]} is {found} ({place(text, at)})")
+            yield problem("non-finite", f"{sign[:20]} is {found} ({position(text, at)})")

@@ -62,7 +62,7 @@ def checked_wires(
     """Wires with their ends, and what is locally wrong with each."""
     fed: dict[str, Wire] = {}
     for wire in wires:
-        ends = wire.apart(blocks)
+        ends = wire.split_ends(blocks)
         problems = list(wire_problems(blocks, wire, ends, fed.get(wire.target)))
         yield wire, ends, problems
         if not problems:
@@ -165,7 +165,7 @@ def _target_problems(
         valid, remedy = "has one source", f"remove one of: {fed}; {wire}"
         valid = f"an input {valid}" if sensed else f"a joint {valid}"
         yield Problem("double-wire", wire.target, message, valid, remedy)
-    ends = wire.apart(blocks)
+    ends = wire.split_ends(blocks)
     if not sensed and ends.source == ends.target:
         message = f"fed by {wire.source} of the same block"
         valid = "a joint is fed by an earlier block"

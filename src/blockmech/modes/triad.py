@@ -113,10 +113,10 @@ def placed(
 
     Lengths are measured by the largest one at the first place, or as in ``like``.
     """
-    pins, reaches, alongs = (_rows(x, n) for x in triad[1:])
+    pins, reaches, alongs = (_three_columns(x, n) for x in triad[1:])
     guided = [isinstance(s, Guide) for s in supports]
-    pivots = _rows([s.p if g else s for s, g in zip(supports, guided, strict=True)], n)
-    guides = _rows([s.u if g else 1 for s, g in zip(supports, guided, strict=True)], n)
+    pivots = _three_columns([s.p if g else s for s, g in zip(supports, guided, strict=True)], n)
+    guides = _three_columns([s.u if g else 1 for s, g in zip(supports, guided, strict=True)], n)
     centres = pins.mean(axis=1)
     pins = pins - centres[:, None]
     if like is None:
@@ -129,7 +129,7 @@ def placed(
     return Placed(kinds, pins, reaches, alongs, pivots, guides, centres, size, origin)
 
 
-def _rows(numbers: Any, n: int) -> Any:
+def _three_columns(numbers: Any, n: int) -> Any:
     """Three numbers, three arrays (n,) of them, or one (n, 3), as an array (n, 3)."""
     if isinstance(numbers, np.ndarray) and numbers.ndim == 2:
         return numbers

@@ -268,10 +268,10 @@ def _coordinate(structure: Structure, ref: JointRef, by: str, on: str) -> Output
         earlier, later = (s.ask(forward.link_position, link).scalar for link in ends)
         return earlier, later
 
-    return Output(name, "rad", "real", directions, _between, by, on)
+    return Output(name, "rad", "real", directions, _signed_angle, by, on)
 
 
-def _between(first: Any, second: Any) -> Any:
+def _signed_angle(first: Any, second: Any) -> Any:
     """Angle [rad] from one direction to the other, between -pi and pi."""
     cross = first.real * second.imag - first.imag * second.real
     return np.arctan2(cross, first.real * second.real + first.imag * second.imag)

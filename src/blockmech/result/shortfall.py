@@ -22,20 +22,20 @@ def shortfall(mechanism: Any, block: str, drivers: Places, margin: float) -> str
 
     ``mechanism`` is a `Compiled`, which stands above; ``margin`` [-] is the group's there.
     """
-    reason = _missed(mechanism, block, drivers, margin)
+    reason = _unreachable_distance(mechanism, block, drivers, margin)
     reason = reason or f"its margin is {margin:.4g}, 0 at a dead centre and negative beyond it"
-    slip = _slip(mechanism, block, drivers)
+    slip = _unit_slip(mechanism, block, drivers)
     return f"{reason}; {slip}" if slip else reason
 
 
-def _missed(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
+def _unreachable_distance(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
     structure: Structure = mechanism.structure
     dyad = structure.blocks[block]
     if not isinstance(dyad, TwoModes):
         return ""
     pins = [j.name for j in dyad.joints.values() if j.outer and j.kind == "R"]
     ends = [f"{structure.feeds[JointRef(block, pin)]}.p" for pin in pins]
-    run = _at(mechanism._of_blocks, drivers, ends)
+    run = _run_at(mechanism._of_blocks, drivers, ends)
     apart = abs(complex(run[ends[0]][0]) - complex(run[ends[-1]][0]))
     description, x, low, high = dyad.reach(apart, margin)
     if not isfinite(x) or low <= x <= high:
@@ -48,12 +48,12 @@ def _missed(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
     return f"{length}, {by:.4g} m too {direction}: its lengths allow {reach}"
 
 
-def _at(mechanism: Any, drivers: Places, want: list[str]) -> Any:
+def _run_at(mechanism: Any, drivers: Places, want: list[str]) -> Any:
     still = dict.fromkeys(drivers, 0.0)
     return mechanism.run(at=drivers, rates=still, want=want, friction="none", on_gap="mark")
 
 
-def _slip(mechanism: Any, block: str, drivers: Places) -> str:
+def _unit_slip(mechanism: Any, block: str, drivers: Places) -> str:
     """The one length, or lengths of one block, that let the group close in mm or m instead.
 
     A slip shows in that the lengths of a mechanism are more alike without it. Groups that are
@@ -79,7 +79,7 @@ def _slip(mechanism: Any, block: str, drivers: Places) -> str:
         else:
             changed = replace(structure, blocks={**structure.blocks, name: cast(Moving, scaled)})
         variant = type(mechanism)(changed, mechanism._of_blocks.scene, mechanism.name)
-        if float(_at(variant, drivers, [f"{block}.margin"])[f"{block}.margin"][0]) > 0:
+        if float(_run_at(variant, drivers, [f"{block}.margin"])[f"{block}.margin"][0]) > 0:
             return f"it would close with {lengths}: is that in mm? Lengths are in m"
     return ""
 
@@ -92,9 +92,9 @@ def _scaled(block: Block, factor: float) -> Iterator[tuple[str, Block]]:
     update: Arguments = {name: factor * x for name, x in lengths.items()}
     if isinstance(block, Moving):
         links = block.links.items()
-        update["links"] = {k: link.model_copy(update=_moved(link, factor)) for k, link in links}
+        update["links"] = {k: link.model_copy(update=_markers(link, factor)) for k, link in links}
     else:
-        update |= _moved(block, factor)
+        update |= _markers(block, factor)
     names = " and ".join(lengths) or "markers"
     yield f".{names}", block.model_copy(update=update)
 
@@ -104,7 +104,7 @@ def _lengths(block: Block) -> dict[str, float]:
     return {name: x for name in names if (x := getattr(block, name))}
 
 
-def _moved(owner: Any, factor: float) -> Data:
+def _markers(owner: Any, factor: float) -> Data:
     markers = owner.markers.items()
     return {"markers": {k: m.model_copy(update={"at": Place(factor * m.at.z)}) for k, m in markers}}
 

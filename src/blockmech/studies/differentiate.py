@@ -111,11 +111,11 @@ def sensitivity(
         return _of_reductions(mechanism, patterns, to, at, arguments, on_gap)
     names = _differentiable(mechanism, patterns)
     result = mechanism.run(at, want=names, on_gap=on_gap, **arguments)
-    parameters, alone = _asked(mechanism, result, to)
+    parameters, alone = _named_numbers(mechanism, result, to)
     excluded = {a: why for a, p in parameters.items() if (why := without_derivative(p))}
     chosen = {a: p for a, p in parameters.items() if a not in excluded}
     variation = Variation.of(mechanism, chosen.values())
-    if gone := _gone(names, variation, patterns):
+    if gone := _missing(names, variation, patterns):
         result = mechanism.run(
             at, want=[n for n in names if n not in gone], on_gap=on_gap, **arguments
         )
@@ -327,13 +327,13 @@ def _derived(
     for name in result:
         columns = [values[i] for i in plan.layout[name]]
         with np.errstate(all="ignore"):
-            d = _read(outputs[name], columns, shape)
+            d = _output_slopes(outputs[name], columns, shape)
         derivatives[name] = np.where(np.isnan(result[name]), np.nan, d / sizes)
     slips = {pair: slope(values[at[0]]) for pair, at in plan.reports["rest"].items()}
     return derivatives, {pair: np.abs(d) > REST_SHARE for pair, d in slips.items()}
 
 
-def _read(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:
+def _output_slopes(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:
     value = output.read(*columns)
     if output.kind == "vector":
         return np.asarray(slope(value.real) + 1j * slope(value.imag)) + np.zeros(shape)
@@ -351,7 +351,7 @@ def _differentiable(mechanism: Compiled, patterns: Sequence[str]) -> tuple[str, 
     return tuple(names)
 
 
-def _gone(names: Sequence[str], variation: Variation, alone: Sequence[str]) -> dict[str, str]:
+def _missing(names: Sequence[str], variation: Variation, alone: Sequence[str]) -> dict[str, str]:
     """Outputs that no design near by has, and why: of a dyad by chance its transmission angle.
 
     Raises `RequestError` for those that are named one by one, and where no others are.
@@ -363,7 +363,7 @@ def _gone(names: Sequence[str], variation: Variation, alone: Sequence[str]) -> d
     return gone
 
 
-def _asked(
+def _named_numbers(
     mechanism: Compiled, result: Result, patterns: Sequence[str]
 ) -> tuple[dict[str, Parameter], set[str]]:
     """The numbers that addresses and patterns name, and which are named one by one."""

@@ -58,7 +58,7 @@ WITHIN = 0.02  # of its change, within which an output has settled
 MOTION = "motion"  # what is reduced is the motion itself
 
 
-def _rested(motion: Motion) -> float:
+def _rest_time(motion: Motion) -> float:
     """When it came to rest [s]; NaN where it did not."""
     rests = [event.t for event in motion.events if event.kind == ends.REST]
     at_rest = motion.status == "rest" or motion.end == ends.REST
@@ -72,7 +72,7 @@ NUMBERS: Mapping[str, tuple[str, Callable[[Motion], float]]] = {
     "error": ("{q}", lambda m: m.error),
     "time_error": ("s", lambda m: m.time_error),
     "standstills": ("", lambda m: sum(e.kind == ends.STANDSTILL for e in m.events)),
-    "time_to_rest": ("s", _rested),
+    "time_to_rest": ("s", _rest_time),
     "fluctuation": ("", lambda m: m.fluctuation(m.t_start, m.t_start + _period(m))),
 }
 """Numbers of a motion that are no facts: unit and reading, of the only driver."""
@@ -210,7 +210,7 @@ class MotionRunner(Runner):
     def block(self, planned: Together | None, columns: Mapping[Parameter, Array]) -> Rows:
         """Some designs, side by side, and each by itself where that cannot be."""
         m = len(next(iter(columns.values())))
-        values = {w.label: np.array([_nothing(w, self.n)] * m) for w in self.want}
+        values = {w.label: np.array([_empty_column(w, self.n)] * m) for w in self.want}
         word, culprit = np.zeros(m, np.int8), np.full(m, "", object)
         alone = range(m) if planned is None else planned.into(values, columns).tolist()
         for i in alone:
@@ -377,7 +377,7 @@ def reduced(w: Wanted, t: Array, y: Array, n: int) -> Any:
     if w.how == "settling":
         return settling(t, y, w.sample)
     if w.how == POSES:
-        row = np.full(n, _nothing(w, 1)[0])
+        row = np.full(n, _empty_column(w, 1)[0])
         row[: len(y)] = y
         return row
     return w.value(y)[0] if np.ndim(y) else y
@@ -412,7 +412,7 @@ def _share(text: str, name: str) -> float:
     return share
 
 
-def _nothing(w: Wanted, n: int) -> Any:
+def _empty_column(w: Wanted, n: int) -> Any:
     """A column of a design without an answer."""
     nan = complex(math.nan, math.nan) if w.kind == "vector" else math.nan
     return np.full(n, nan) if w.how == POSES else nan

@@ -134,7 +134,7 @@ def wire_problems(linkage: Any, wire: Wire, others: Sequence[Wire]) -> Iterator[
     """What is wrong with a wire of signals beside others that are there."""
     fed = next((w for w in others if w.target == wire.target), None)
     blocks, owners = {**linkage.signals, **linkage.loads}, (*OWNERS, *linkage.couplings)
-    yield from motion_or_signal(blocks, wire, wire.apart(blocks), fed, owners)
+    yield from motion_or_signal(blocks, wire, wire.split_ends(blocks), fed, owners)
 
 
 def _links(linkage: Any) -> Iterator[Problem]:
