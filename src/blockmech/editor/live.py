@@ -76,7 +76,7 @@ class Tape:
 
 
 @primitives_of.register(Node)
-def _of_nodes(x: object) -> Record:
+def _node_primitives(x: object) -> Record:
     return {**PRIMITIVES, "hypot": lambda a, b: sqrt(a * a + b * b)}
 
 
@@ -97,48 +97,48 @@ class Recorded(Varied):
         return recorded
 
     def __add__(self, x: complex) -> Recorded:
-        (a, b), (c, d) = _parts(self), _parts(x)
+        (a, b), (c, d) = _xy(self), _xy(x)
         return Recorded.of(Varied.__add__(self, x), _sum(a, c), _sum(b, d))
 
     __radd__ = __add__
 
     def __neg__(self) -> Recorded:
-        return Recorded.of(Varied.__neg__(self), *(-x for x in _parts(self)))
+        return Recorded.of(Varied.__neg__(self), *(-x for x in _xy(self)))
 
     def __mul__(self, x: complex) -> Recorded:
-        (a, b), (c, d) = _parts(self), _parts(x)
-        real, imag = _sum(_by(a, c), -_by(b, d)), _sum(_by(a, d), _by(b, c))
+        (a, b), (c, d) = _xy(self), _xy(x)
+        real, imag = _sum(_product(a, c), -_product(b, d)), _sum(_product(a, d), _product(b, c))
         return Recorded.of(Varied.__mul__(self, x), real, imag)
 
     __rmul__ = __mul__
 
     def __truediv__(self, x: complex) -> Recorded:
-        (a, b), (c, d) = _parts(self), _parts(x)
+        (a, b), (c, d) = _xy(self), _xy(x)
         if not _is_nought(d):
             return self * x.conjugate() / (x * x.conjugate()).real
         return Recorded.of(Varied.__truediv__(self, x), a / c, 0.0 if _is_nought(b) else b / c)
 
     def __rtruediv__(self, x: complex) -> Recorded:
-        return Recorded.of(Varied(x, 0.0 * self.d), *_parts(x)) / self
+        return Recorded.of(Varied(x, 0.0 * self.d), *_xy(x)) / self
 
     def __abs__(self) -> Recorded:  # type: ignore[override]
-        x, y = _parts(self)
+        x, y = _xy(self)
         return Recorded.of(Varied.__abs__(self), abs(x) if _is_nought(y) else sqrt(x * x + y * y))
 
     def conjugate(self) -> Recorded:
         """x - iy."""
-        x, y = _parts(self)
+        x, y = _xy(self)
         return Recorded.of(Varied.conjugate(self), x, -y)
 
     @property
     def real(self) -> Recorded:  # type: ignore[override]
         """x."""
-        return Recorded.of(Varied.real.fget(self), _parts(self)[0])  # type: ignore[attr-defined]
+        return Recorded.of(Varied.real.fget(self), _xy(self)[0])  # type: ignore[attr-defined]
 
     @property
     def imag(self) -> Recorded:  # type: ignore[override]
         """y."""
-        return Recorded.of(Varied.imag.fget(self), _parts(self)[1])  # type: ignore[attr-defined]
+        return Recorded.of(Varied.imag.fget(self), _xy(self)[1])  # type: ignore[attr-defined]
 
     __hash__ = Varied.__hash__
 
@@ -148,22 +148,22 @@ class Recorded(Varied):
 
 
 @primitives_of.register(Recorded)
-def _of_recorded(x: object) -> Record:
+def _recorded_primitives(x: object) -> Record:
     plain = primitives_of.dispatch(Varied)(x)
 
     def planar(a: complex, b: complex) -> Recorded:
-        return Recorded.of(plain["planar"](a, b), _parts(a)[0], _parts(b)[0])
+        return Recorded.of(plain["planar"](a, b), _xy(a)[0], _xy(b)[0])
 
     def turned(t: complex) -> Recorded:
-        return Recorded.of(plain["expi"](t), *_parts(expi(_parts(t)[0])))
+        return Recorded.of(plain["expi"](t), *_xy(expi(_xy(t)[0])))
 
     def between(a: complex, b: complex) -> Recorded:
-        return Recorded.of(plain["angle"](a, b), angle(Planar(*_parts(a)), Planar(*_parts(b))))
+        return Recorded.of(plain["angle"](a, b), angle(Planar(*_xy(a)), Planar(*_xy(b))))
 
     return {"planar": planar, "expi": turned, "angle": between}
 
 
-def _parts(x: Any) -> tuple[Any, Any]:
+def _xy(x: Any) -> tuple[Any, Any]:
     """x and y of a number: nodes, or numbers where they are constant."""
     z = x.z if isinstance(x, Recorded) else x
     return z.real, z.imag
@@ -177,7 +177,7 @@ def _sum(x: Any, y: Any) -> Any:
     return y if _is_nought(x) else x if _is_nought(y) else x + y
 
 
-def _by(x: Any, y: Any) -> Any:
+def _product(x: Any, y: Any) -> Any:
     return 0.0 if _is_nought(x) or _is_nought(y) else x * y
 
 
@@ -254,7 +254,7 @@ def live(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | None = N
     for drags in (not fixed, False):
         with suppress(BlockmechError, Untraceable, ZeroDivisionError):
             if isinstance(document, Linkage):
-                return _of_links(document, mechanism, drags)
+                return _live_linkage(document, mechanism, drags)
             return _of_blocks(now, mechanism, hold if drags else None)
     return None
 
@@ -308,7 +308,7 @@ def _of_blocks(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | No
     return functions and replace(functions, spots=spots)
 
 
-def _of_links(document: Linkage, mechanism: Compiled, drags: bool) -> Live | None:
+def _live_linkage(document: Linkage, mechanism: Compiled, drags: bool) -> Live | None:
     """Of links and joints: links are named as there, and their frames are seats on blocks."""
     tape, form, at = Tape(), document.to_data(), dict[str, int]()
     pins, varied = pins_of(form), dict[Any, Recorded]()
