@@ -68,7 +68,7 @@ def draw_mechanism(
         default the user's markers, or inner joints if there are none
     degrees : angles in the caption in degrees
     curves : name -> places (n,) [m] to be drawn in place of paths
-    named : with names and a caption
+    named : with names and a caption: the title of the document, poses and gravity
 
     Raises `RequestError` where the range is not known and no pose is named, and the
     errors of `Compiled.run` where the first pose cannot be reached.
@@ -80,7 +80,9 @@ def draw_mechanism(
     sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
     paths = paths_of(sweep, trace) if sweep is not None and sweep.result.n > 1 else {}
     paths = worded(paths) if curves is None else curves
-    text = caption(motion, range(len(motion.samples)), degrees) if named else ""
+    poses = caption(motion, range(len(motion.samples)), degrees) if named else ""
+    title = mechanism.document.title if named and mechanism.document else ""
+    text = "\n".join(filter(None, [title, poses]))
     with styled():
         page = page_of(sketch, motion, paths, [text] * bool(text))
         stage = Stage(sketch, motion, page.unit)
