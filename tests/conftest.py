@@ -10,12 +10,14 @@ on two cores wait for one another, and a singular value decomposition takes ten 
 import gc
 import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.fresh import without_kept_code
+from tests.slow import SLOW
 
 SHARED = {
     "deadline": None,  # machines differ
@@ -38,6 +40,17 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     """Workers of xdist take over what is left of each other's tests: some last a minute."""
     if getattr(config.option, "dist", "") == "no" and config.option.numprocesses:
         config.option.dist = "worksteal"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is slow: ``-m "not slow"`` is every room's core."""
+    tests = Path(__file__).parent
+    for item in items:
+        room = item.path.parent.name if item.path.parent != tests else ""
+        modules = SLOW.get(room, "none") if tests in item.path.parents else "none"
+        if not modules or item.path.stem.removeprefix("test_") in modules.split():
+            item.add_marker(pytest.mark.slow)
 
 
 def pytest_collection_finish() -> None:

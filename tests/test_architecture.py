@@ -16,6 +16,7 @@ import pytest
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.plane import SCALAR_PRIMITIVES
+from tests.slow import SLOW
 from tests.source import MODULES, trees
 
 ROOT = Path(__file__).parents[1]
@@ -243,3 +244,12 @@ def test_the_general_group_computes_with_the_primitives_alone(module):
         "blockmech.typing",
     }
     assert not [n for n in ast.walk(tree) if isinstance(n, ast.Import)]
+
+
+def test_modules_that_are_marked_slow_exist():
+    stems = {(path.parent.name, path.stem) for path in (ROOT / "tests").rglob("test_*.py")}
+    marked = {
+        (room or "tests", f"test_{name}") for room, names in SLOW.items() for name in names.split()
+    }
+    assert marked <= stems
+    assert set(SLOW) - {""} <= {room for room, _ in stems}

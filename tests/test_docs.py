@@ -193,6 +193,7 @@ PAGES = sorted((ROOT / "docs").rglob("*.md"))
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_repeat")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_runs_prints_the_numbers_it_says_and_draws_its_pictures(page, tmp_path):
@@ -232,6 +233,7 @@ def test_the_reference_has_every_public_name_and_every_command():
     assert matches == [function.__name__ for function in COMMANDS]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_repeat")
 def test_python_of_the_readme_runs_from_top_to_bottom_and_prints_the_numbers_it_says(tmp_path):
     snippets = re.findall(r"```python\n.*?```", README, re.DOTALL)

@@ -294,6 +294,7 @@ DOCUMENTS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(document=DOCUMENTS)
 def test_a_made_document_is_read_or_refused(document, tmp_path_factory):

@@ -220,6 +220,7 @@ def test_gravity_and_its_direction_are_in_the_caption():
     assert not [t for t in draw_mechanism(ruiz().compile()).figure.texts if "grav" in t.get_text()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(GRAPHS.glob("*.json")), ids=lambda p: p.stem)
 def test_every_graph_of_the_gallery_is_drawn(path):
     picture = draw_mechanism(bm.Graph.load(path).compile())
