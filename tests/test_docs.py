@@ -304,6 +304,23 @@ def test_the_names_of_the_architecture_page_exist():
         assert hasattr(owner, name[1]), name
 
 
+def test_the_floors_of_the_architecture_page_are_the_rooms_from_door_to_ground():
+    text = (ROOT / "docs" / "how" / "architecture.md").read_text("utf-8")
+    table = text[text.index("## Floors") : text.index("Three consequences:")]
+    rows = [row.split("|")[2] for row in table.splitlines() if row.count("|") > 3]
+    rooms = [room for row in rows for room in re.findall(r"`(\w+)`", row)]
+    tool = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    layers = tool["importlinter"]["contracts"][0]["layers"]
+    assert sorted(rooms) == sorted(layers)
+
+
+def test_files_that_contributing_names_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    paths = re.findall(r"`((?:tests|docs|graphs|\.ci|changelog\.d)(?:/[a-z_.]+)*)`", text)
+    assert len(paths) > 10
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
 @pytest.mark.parametrize("link", [r"\(tile_(\w+)\.svg\)", r"\(machines/(\w+)\.md\)"])
 def test_the_gallery_page_has_every_mechanism(link):
     names = set(re.findall(link, (ROOT / "docs" / "gallery.md").read_text("utf-8")))
