@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import blockmech as bm
-from blockmech.builders import compiled
-from blockmech.cli.numbers import coordinates, rates_of
+from blockmech.cli.numbers import coordinates, number_in, rates_of, texts_by_name
 from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, number_of, option
 from blockmech.cli.output import PlotDisplay
 from blockmech.cli.terminal import note
-from blockmech.ground.errors import refused
 from blockmech.ground.files import refuse_spared
 from blockmech.typing import Arguments
 
@@ -33,7 +31,7 @@ def equilibria(
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
     options: Arguments = {"friction": friction, "time": time}
-    display.answer_command(file, compiled, "searching", lambda m: m.equilibria(**options))
+    display.answer_command(file, "searching", lambda m: m.equilibria(**options))
 
 
 def solve(
@@ -55,10 +53,11 @@ def solve(
     options: Arguments = {"modes": modes, "friction": friction, "static": static}
 
     def question(m: Mechanism) -> Any:
-        values = dict(map(_quantity, want))
+        targets = texts_by_name("--want", want, "dyad.j.angle=80deg")
+        values = {name: _number_or_quantity(text) for name, text in targets}
         return m.solve(values, names_of(to) or (), at=coordinates(m, at), **options)
 
-    display.answer_command(file, compiled, "solving", question)
+    display.answer_command(file, "solving", question)
 
 
 def linearize(
@@ -83,12 +82,14 @@ def linearize(
 ) -> None:
     """Find how the mechanism vibrates about a pose: frequencies, damping, mode shapes."""
     request: Arguments = {"inputs": names_of(inputs), "outputs": names_of(outputs)}
-    request |= {"friction": friction, "states": dict(map(_number_by_name, states or []))}
+    starts = texts_by_name("--states", states, "pid.integral=0.3")
+    at_start = {name: number_in(f"--states {name}", text, "") for name, text in starts}
+    request |= {"friction": friction, "states": at_start}
 
     def ask(m: Mechanism) -> Any:
         return m.linearize(coordinates(m, at), rates=rates_of(m, rates), **request)
 
-    display.answer_command(file, compiled, "differentiating", ask)
+    display.answer_command(file, "differentiating", ask)
 
 
 def balance(
@@ -109,52 +110,28 @@ def balance(
 ) -> None:
     """Find the springs or counterweights that leave the least effort over the poses."""
     refuse_spared(*filter(None, (save,)))
-    ends = {name: _range(name, text) for name, text in (_split(b) for b in bounds or [])}
+    ends = {}
+    for name, text in texts_by_name("--bounds", bounds, "spring.stiffness=0:5000"):
+        low, _, high = text.partition(":")
+        where = f"--bounds {name}={text}"
+        ends[name] = number_in(where, low, ""), number_in(where, high, "")
     targets = names_of(want) or None
 
     def ask(m: Mechanism) -> Any:
         return bm.design.balance(m, names_of(numbers), targets, coordinates(m, at), bounds=ends)
 
-    balanced = display.answer_command(file, compiled, "balancing", ask)
+    balanced = display.answer_command(file, "balancing", ask)
     if save is not None:
         balanced.mechanism.document.save(save)
         note(f"wrote {save}")
 
 
-def _split(text: str) -> tuple[str, str]:
-    """Name and value of an option. Raises `RequestError` without =."""
-    name, sign, value = text.partition("=")
-    if not (name and sign and value):
-        raise refused(text, "it is no NAME=VALUE", "e.g. spring.stiffness=0:5000")
-    return name, value
-
-
-def _quantity(text: str) -> tuple[str, float | str]:
-    """A value by name: a number in SI, or text with a unit. Raises `RequestError` for others."""
-    name, value = _split(text)
-    try:
-        return name, float(value)
-    except ValueError:
-        return name, value
-
-
-def _number_by_name(text: str) -> tuple[str, float]:
-    """A number by name. Raises `RequestError` for others."""
-    name, value = _split(text)
-    return name, _number(name, value)
-
-
-def _range(name: str, text: str) -> tuple[float, float]:
-    """Lowest and highest value. Raises `RequestError` for others."""
-    low, _, high = text.partition(":")
-    return _number(name, low), _number(name, high)
-
-
-def _number(name: str, text: str) -> float:
+def _number_or_quantity(text: str) -> float | str:
+    """A number in SI units, or a text with a unit."""
     try:
         return float(text)
     except ValueError:
-        raise refused(name, f'"{text}" is not a number', "give a number in SI units") from None
+        return text
 
 
 def identify(
@@ -171,5 +148,5 @@ def identify(
     """Identify numbers of the mechanism from what was measured on it."""
     request: Arguments = {"friction": friction, "static": static}
     display.answer_command(
-        file, compiled, "fitting", lambda m: bm.design.identify(m, names_of(to), data, **request)
+        file, "fitting", lambda m: bm.design.identify(m, names_of(to), data, **request)
     )

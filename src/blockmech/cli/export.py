@@ -8,10 +8,12 @@ from typing import Annotated
 import typer
 
 from blockmech.builders import compiled_of, opened
+from blockmech.cli.numbers import texts_by_name
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.ground.errors import refused
 from blockmech.ground.runnable import EVERYTHING
+from blockmech.typing import Arguments
 
 
 def export(
@@ -33,8 +35,7 @@ def export(
     ] = None,
 ) -> None:
     """Write a mechanism, or what it computes, for another program: C, FMU, MJCF, DXF, XLSX ..."""
-    from blockmech.exchange.formats import WRITERS, writer_for
-    from blockmech.exchange.writing import write
+    from blockmech.exchange.formats import WRITERS
 
     if to == "list":
         raise refused("--to list", "it takes no file", "write blockmech export list")
@@ -46,25 +47,29 @@ def export(
             lines += [f"{'':<26}--set {k}=...  {v}" for k, v in writer.options.items()]
         say("\n".join(lines))
         return
+    options = dict(texts_by_name("--set", set_, "--set width=20mm"))
+    written(file, output, to, poses, want, friction=friction, static=static or None, **options)
+
+
+def written(
+    file: str,
+    output: str | None,
+    to: str | None,
+    poses: Poses,
+    want: list[str] | None,
+    **options: str | bool | None,
+) -> None:
+    """Write what a file holds in a format, by default beside its name."""
+    from blockmech.exchange.formats import writer_for
+    from blockmech.exchange.writing import write
+
     document = reading(file, opened)
     mechanism = compiled_of(document, file)
     if output is None:
         if to is None:
             raise refused("export", "no file to write is named", "add -o FILE, or --to FORMAT")
         output = f"{mechanism.name}{writer_for(Path(), to).suffixes[0]}"
-    request = poses.of(mechanism) | {"friction": friction, "static": static or None}
+    request: Arguments = {"want": names_of(want) or EVERYTHING, **poses.of(mechanism), **options}
     with progress_bar("writing"):
-        files = write(
-            document, output, to, want=names_of(want) or EVERYTHING, **request, **_options(set_)
-        )
+        files = write(document, output, to, **request)
     say("\n".join(f"wrote {path}" for path in files))
-
-
-def _options(texts: list[str] | None) -> dict[str, str]:
-    options = {}
-    for text in texts or ():
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise refused(f"--set {text}", "it has no value", "write NAME=VALUE")
-        options[name] = value
-    return options

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from blockmech.ground.errors import Problem, RequestError, close_match, listed
+from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.ground.units import NoQuantity, quantity, unit_behind
 from blockmech.result.samples import DEFAULT_SAMPLES
 
@@ -49,12 +49,12 @@ def roles(
     mechanism: Compiled, prescribed: list[str] | None, locked: list[str] | None
 ) -> dict[str, str | float] | None:
     """Roles of drivers from the ``--prescribed`` and ``--locked`` options; None without any."""
-    coordinates = _by_driver(mechanism, locked, "--locked", "0.5", _number)
+    coordinates = _by_driver(mechanism, locked, "--locked", "0.5", number_in)
     if prescribed is None and coordinates is None:
         return None
     if both := sorted({*(prescribed or ())} & {*(coordinates or ())}):
         found, remedy = f"{listed(both)} is prescribed as well", "give each driver one role"
-        raise RequestError(Problem("roles", "--locked", found, "", remedy))
+        raise refused("--locked", found, remedy, code="roles")
     return dict.fromkeys(prescribed or (), "prescribed") | (coordinates or {})
 
 
@@ -80,9 +80,9 @@ def _by_driver(
         if not equals:
             name, numbers = drivers[0] if len(drivers) == 1 else "", text
         if name not in drivers:
-            problems.append(_unknown(where, name, drivers, f"{option} {{}}={example}"))
+            problems += _unknown(where, name, drivers, f"{option} {{}}={example}").problems
         elif name in named:
-            problems.append(_problem(where, f"{name} is given twice", "", "give it once"))
+            problems += refused(where, f"{name} is given twice", "give it once").problems
         else:
             try:
                 values[name] = read(
@@ -96,13 +96,13 @@ def _by_driver(
     return values or None
 
 
-def _unknown(where: str, name: str, drivers: Sequence[str], example: str) -> Problem:
+def _unknown(where: str, name: str, drivers: Sequence[str], example: str) -> RequestError:
     """No driver of that name, or none where there are several or none at all."""
     message = f'no driver "{name}"' if name else f"there are {len(drivers)} drivers"
     if not drivers:
-        return _problem(where, message, "it has no drivers", f"leave {where.split()[0]} out")
+        return refused(where, message, f"leave {where.split()[0]} out", "it has no drivers")
     remedy = close_match(name, drivers) or f"write {example.format(drivers[-1])}"
-    return _problem(where, message, f"drivers: {listed(drivers)}", remedy)
+    return refused(where, message, remedy, f"drivers: {listed(drivers)}")
 
 
 def _start(where: str, text: str, unit: str) -> tuple[float, float]:
@@ -111,10 +111,10 @@ def _start(where: str, text: str, unit: str) -> tuple[float, float]:
     problems: list[Problem] = []
     if len(parts) > 2:
         valid = "a start is the coordinate, then the rate"
-        raise RequestError(_problem(where, f"{len(parts)} numbers", valid, ""))
+        raise refused(where, f"{len(parts)} numbers", valid=valid)
     for i, (part, of) in enumerate(zip(parts, (unit, f"{unit}/s"), strict=False)):
         try:
-            start[i] = _number(where, part, of)
+            start[i] = number_in(where, part, of)
         except RequestError as error:
             problems += error.problems
     if problems:
@@ -137,34 +137,38 @@ def row(where: str, text: str, unit: str) -> list[float]:
     for part in text.split(","):
         pieces = part.replace("..", ":", 1).split(":")
         if len(pieces) == 1:
-            numbers.append(_number(where, part, unit, ROW))
+            numbers.append(number_in(where, part, unit, ROW))
             continue
         if ".." in part and len(pieces) == 2:
             pieces.append(str(DEFAULT_SAMPLES))
         if len(pieces) != 3:
             valid = "a range is start:stop:count, or start..stop"
-            raise RequestError(_problem(where, f'"{part}" is not a range', valid, ""))
+            raise refused(where, f'"{part}" is not a range', valid=valid)
         if not unit_behind(pieces[0]):
             pieces[0] += unit_behind(pieces[1])
-        start, stop = (_number(where, x, unit, ROW) for x in pieces[:2])
+        start, stop = (number_in(where, x, unit, ROW) for x in pieces[:2])
         numbers += np.linspace(start, stop, _count(where, pieces[2])).tolist()
     return numbers
 
 
-def _number(where: str, text: str, unit: str, remedy: str = "") -> float:
+def number_in(where: str, text: str, unit: str, remedy: str = "") -> float:
     """The number of a unit that a text says."""
     try:
         return quantity(text, unit)
     except NoQuantity as error:
-        raise RequestError(_problem(where, error.found, error.valid, remedy)) from None
+        raise refused(where, error.found, remedy, error.valid) from None
 
 
 def _count(where: str, text: str) -> int:
     if text.isascii() and text.isdigit() and 1 <= int(text[:12]) <= MOST:
         return int(text)
-    problem = _problem(where, f'"{text}" is not a count', f"a count is 1 to {MOST}", "")
-    raise RequestError(problem)
+    raise refused(where, f'"{text}" is not a count', valid=f"a count is 1 to {MOST}")
 
 
-def _problem(where: str, message: str, valid: str, remedy: str) -> Problem:
-    return Problem("bad-request", where, message, valid, remedy)
+def texts_by_name(option: str, texts: list[str] | None, example: str) -> Iterator[tuple[str, str]]:
+    """Name and text of options that are NAME=TEXT. Raises `RequestError` for others."""
+    for text in texts or ():
+        name, _, value = text.partition("=")
+        if not (name and value):
+            raise refused(f"{option} {text}", "it names no values", f"write for example {example}")
+        yield name, value

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
-from blockmech.cli.options import AsJson, Degrees, at_most_one, option, si_only, switch
+from blockmech.builders import compiled
+from blockmech.cli.options import AsJson, Degrees, at_most_one, option, si_only
 from blockmech.cli.terminal import (
     UNDRAWN,
     Interrupted,
@@ -22,12 +24,13 @@ from blockmech.cli.terminal import (
     say,
 )
 from blockmech.ground.errors import refused
-from blockmech.ground.files import folder, refuse_spared, writing
+from blockmech.ground.files import folder, refuse_spared
 from blockmech.ground.report import DEGREES, Facts, Report, as_json
 from blockmech.result.exported import csv_chunks, json_chunks, table, write_csv
 from blockmech.typing import Data
 
 if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
     from blockmech.result.result import Result
 
 AnyResult = TypeVar("AnyResult", bound="Result[Any]")
@@ -89,6 +92,28 @@ def write_answer(answer: Any, table: str | None, plot: str | None, degrees: bool
         say(f"wrote {plot}")
 
 
+def fill_folder(
+    out: Path,
+    numbers: Mapping[str, Iterable[str]],
+    outdated: Collection[str],
+    draw: Callable[[], list[Path]] = list,
+) -> list[Path]:
+    """Write the files of a folder: texts by name, without an earlier one's pictures; then draw.
+
+    What was in the folder is outdated where the last of these files is there.
+    """
+    names = list(numbers)
+    outdated = outdated if os.path.exists(out / names[-1]) else ()
+    with progress_bar("writing"), saving() as saved, folder(out, outdated) as draft:
+        for name, pieces in numbers.items():
+            write_csv(saved(pieces), draft / name)
+    try:
+        with progress_bar("drawing"):
+            return sorted([*(out / name for name in names), *draw()])
+    except KeyboardInterrupt:
+        raise Interrupted(UNDRAWN) from None
+
+
 @dataclass(frozen=True)
 class Display:
     """How an answer is shown: as text or as JSON."""
@@ -97,7 +122,7 @@ class Display:
     json: AsJson = False
 
     def __post_init__(self) -> None:
-        chosen = {name: vars(self).get(name) is not None for name in ("csv", "plot")}
+        chosen = {name: vars(self).get(name) is not None for name in ("out", "csv", "plot")}
         at_most_one(json=self.json, **chosen)
         si_only(self.json, self.deg)
 
@@ -107,17 +132,15 @@ class Display:
         check_places(table, plot)
         return table, plot
 
-    def answer_command(
-        self, file: str, reader: Callable[[str], T], doing: str, question: Callable[[T], Any]
-    ) -> Any:
-        """Answer a question about what a file holds: show the answer, write it, and return it.
+    def answer_command(self, file: str, doing: str, question: Callable[[Mechanism], Any]) -> Any:
+        """Answer a question about a mechanism: show the answer, write it, and return it.
 
         Raises `RequestError`, before anything is computed, where the answer cannot be written.
         """
-        model = reading(file, reader)
+        mechanism = reading(file, compiled)
         table, plot = self.files()
         with progress_bar(doing):
-            report = question(model)
+            report = question(mechanism)
         if table == "-":
             pour([report.to_csv()])
         else:
@@ -137,7 +160,9 @@ class PlotDisplay(Display):
 class TableDisplay(PlotDisplay):
     """The same, or as a table."""
 
-    csv: Annotated[str | None, option("Write all of it (csv); - prints it.", "FILE")] = None
+    csv: Annotated[
+        str | None, option("Write a CSV file, or results.csv into a folder; - prints it.", "FILE")
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -157,28 +182,14 @@ class Reports(Facts, Report):
 
 
 @dataclass(frozen=True)
-class Output:
-    """The way of output that was asked for; without one a table, and nothing is written.
+class Output(TableDisplay):
+    """The way of output that was asked for; without one a table, and nothing is written."""
 
-    Raises `RequestError` for ways that do not go together.
-    """
-
-    json: Annotated[bool, switch("json", "Print the result as JSON.")] = False
     out: Annotated[
         str | None, option("Write results.csv, result.json and the pictures.", "DIR")
     ] = None
-    csv: Annotated[
-        str | None, option("Write a CSV file, or results.csv into a folder; - prints it.", "FILE")
-    ] = None
-    plot: Annotated[str | None, option("Draw the wanted outputs (png, svg, pdf).", "FILE")] = None
-    deg: Degrees = None
     separator: Annotated[str, option('Between CSV cells: "," ";" "|" or tab.', "SIGN")] = ","
     decimal: Annotated[str, option('Decimal sign of CSV numbers: "." or ",".', "SIGN")] = "."
-
-    def __post_init__(self) -> None:
-        chosen = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}
-        at_most_one(json=self.json, **chosen)
-        si_only(self.json, self.deg)
 
     def read(self, file: str, reader: Callable[[str], T]) -> T:
         """What ``reader`` reads; raises `RequestError` if no answer could be written."""
@@ -240,21 +251,9 @@ class Output:
         return [] if self.out is None else self._fill(Path(self.out), result, pictures)
 
     def _fill(self, out: Path, result: Result, pictures: Pictures) -> list[Path]:
-        """Fill a folder: first the numbers, without an earlier run's pictures; then the new ones.
-
-        Of an interrupted simulation the numbers alone.
-        """
-        outdated = PICTURES if os.path.exists(out / NUMBERS[1]) else ()
-        with progress_bar("writing"), saving() as saved, folder(out, outdated) as draft:
-            write_csv(saved(self._csv(result)), draft / NUMBERS[0])
-            with writing(draft / NUMBERS[1]) as stream:
-                for chunk in saved(json_chunks(result)):
-                    stream.write(chunk.encode())
-        written = [out / name for name in NUMBERS]
+        """Fill a folder with a result; of an interrupted simulation the numbers alone."""
+        numbers = dict(zip(NUMBERS, (self._csv(result), json_chunks(result)), strict=True))
         if result.motion is not None and result.motion.end == "interrupted":
-            return written
-        try:
-            with progress_bar("drawing"):
-                return sorted(written + pictures(result, out, degrees=self.deg is not False))
-        except KeyboardInterrupt:
-            raise Interrupted(UNDRAWN) from None
+            return fill_folder(out, numbers, PICTURES)
+        draw = partial(pictures, result, out, degrees=self.deg is not False)
+        return fill_folder(out, numbers, PICTURES, draw)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import row, starts
+from blockmech.cli.numbers import row, starts, texts_by_name
 from blockmech.cli.options import (
     Accuracy,
     FrictionOptions,
@@ -150,17 +150,14 @@ def _vary(mechanism: Compiled, texts: list[str]) -> dict[str, list[float] | Dist
 
     catalogue = parameters(mechanism)
     varied: dict[str, list[float] | Distribution] = {}
-    for text in texts:
-        address, equals, values = text.partition("=")
-        if not equals:
-            remedy = f"write for example {address}=1:2:11"
-            raise refused(f"--vary {text}", "it names no values", remedy)
+    for address, values in texts_by_name("--vary", texts, "dyad.l_i=1:2:11"):
+        where = f"--vary {address}={values}"
         (parameter,) = named(catalogue, {address: 0})
         if parameter.address in varied:
-            raise refused(f"--vary {text}", f"{address} is given twice", "give it once")
+            raise refused(where, f"{address} is given twice", "give it once")
         law = LAW.fullmatch(values)
-        numbers = row(f"--vary {text}", law[2] if law else values, parameter.unit)
+        numbers = row(where, law[2] if law else values, parameter.unit)
         if law and len(numbers) != 2:
-            raise refused(f"--vary {text}", f"{len(numbers)} numbers", f"{law[1]} has two")
+            raise refused(where, f"{len(numbers)} numbers", f"{law[1]} has two")
         varied[parameter.address] = LAWS[law[1]](*numbers) if law else numbers
     return varied

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import json as text_of
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
 from blockmech.cli.numbers import row, starts
 from blockmech.cli.options import GraphFile, Poses, Static, at_most_one, names_of, option, switch
-from blockmech.cli.output import check_places, csv_place
-from blockmech.cli.terminal import (
-    UNDRAWN,
-    Interrupted,
-    pour,
-    progress_bar,
-    reading,
-    saving,
-    say,
-)
+from blockmech.cli.output import check_places, csv_place, fill_folder
+from blockmech.cli.terminal import Interrupted, pour, progress_bar, reading, say
 from blockmech.ground.errors import refused
-from blockmech.ground.files import folder, refuse_spared, writing
+from blockmech.ground.files import refuse_spared
 from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
@@ -125,22 +116,17 @@ def _write(measured: Trade, csv: str | None, out: str | None, plot: str | None) 
         return [Path(plot)]
     if out is None:
         return []
-    home = Path(out)
-    table, json, picture = (home / name for name in FILES)
-    outdated = FILES if os.path.exists(json) else ()
-    with saving() as saved, folder(out, outdated) as draft:
-        measured.to_csv(draft / table.name)
-        with writing(draft / json.name) as stream:
-            for text in saved([text_of.dumps(measured.to_dict(), indent=2)]):
-                stream.write(text.encode())
+    data = text_of.dumps(measured.to_dict(), indent=2)
+    numbers = dict(zip(FILES, ([measured.to_csv()], [data]), strict=False))
     if _interrupted(measured):
-        return [table, json]
-    try:
-        with progress_bar("drawing"):
-            measured.plot(picture)
-        return [table, json, picture]
-    except KeyboardInterrupt:
-        raise Interrupted(UNDRAWN) from None
+        return fill_folder(Path(out), numbers, FILES)
+    picture = Path(out) / FILES[-1]
+
+    def draw() -> list[Path]:
+        measured.plot(picture)
+        return [picture]
+
+    return fill_folder(Path(out), numbers, FILES, draw)
 
 
 def _seconds(where: str, text: str) -> float:
