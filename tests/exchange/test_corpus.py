@@ -84,8 +84,8 @@ ADDED = {  # format -> what finds a place for a thing that nobody knows, and how
     "urdf": ("</robot>", "<quirk/></robot>", "quirk"),
     "sdf": ("</model>", "<quirk/></model>", "quirk"),
     "asmt": ("\tConstraintSets\n", "\tQuirk\n\t\t7\n\tConstraintSets\n", "Quirk"),
-    "json": ('"id": "B"', '"quirk": 7, "id": "B"', "B: quirk"),
-    "pmks": ('"X": 0.0', '"Quirk": 7, "X": 0.0', "joint A: Quirk"),
+    "json": ('"id": "B"', '"quirk": 7, "id": "B"', "joints quirk"),
+    "pmks": ('"X": 0.0', '"Quirk": 7, "X": 0.0', "Joints Quirk"),
     "txt": ("0.0,0.0,0.0,tfft", "0.0,0.0,0.0,7,tfft", "joint A: 7"),
 }
 

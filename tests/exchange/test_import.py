@@ -329,7 +329,7 @@ HOSTILE = {
     ),
     "nothing": (b"hello, who is there?", "no format that is read"),
     "json nan": (b'{"joints": [{"id": "a", "position": [NaN, 0]}]}', "not a number"),
-    "json type": (b'{"joints": {"position": 3}}', "a list"),
+    "json type": (b'{"joints": {"position": 3}}', "position has 0 numbers"),
     "topology": (b'{"nodes": [{"joint_type": "R"}]}', "no lengths"),
     "no links": (b"<linkage2></linkage2>", "no links"),
     "unknown encoding": (b'<?xml version="1.0" encoding="foo"?><linkage2/>', '"foo"'),

@@ -10,18 +10,20 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
-from importlib import import_module
 from pathlib import Path
-from typing import IO, Any, Generic, NamedTuple, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
 from blockmech.exchange.drawing import Drawing
-from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused, shown
+from blockmech.ground.errors import close_match, listed, refused, shown
 from blockmech.ground.files import writing
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.units import NoQuantity, quantity
 from blockmech.result.result import Result
-from blockmech.typing import Arguments, Data, Record
+from blockmech.typing import Arguments, Record
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 
 @dataclass(frozen=True)
@@ -113,39 +115,33 @@ class Formats(Generic[T], Mapping[str, T]):
 
     def __init__(self, group: str, builtin: Mapping[str, str]) -> None:
         """``builtin`` has the format's name and the place of its object, ``"module:name"``."""
-        self.group, self._own = group, builtin
-        self._made: dict[str, T] = {}
+        self.group, self._builtin = group, builtin
+        self._formats: dict[str, T] = {}
 
     @cached_property
-    def _outside(self) -> Data:
-        from importlib.metadata import entry_points
+    def _points(self) -> dict[str, EntryPoint]:
+        from importlib.metadata import EntryPoint, entry_points
 
-        return {point.name: point for point in entry_points(group=self.group)}
+        builtin = (EntryPoint(name, x, self.group) for name, x in self._builtin.items())
+        outside = {point.name: point for point in entry_points(group=self.group)}
+        return {point.name: point for point in builtin} | outside
 
     def __getitem__(self, name: str) -> T:
-        if name not in self._made:
-            self._made[name] = self._load(name)
-        return self._made[name]
-
-    def _load(self, name: str) -> T:
-        if name in self._own:
-            module, _, attribute = self._own[name].partition(":")
-            loaded: T = getattr(import_module(module), attribute)
-            return loaded
-        point = self._outside[name]
-        try:
-            format_: T = point.load()
-        except Exception as error:
-            message = f"the package {point.value} failed to load: {error}"
-            wrong = Problem("broken-plugin", name, message, "", "repair or uninstall it")
-            raise RequestError(wrong) from error
-        return format_
+        if name not in self._formats:
+            point = self._points[name]
+            try:
+                self._formats[name] = point.load()
+            except Exception as error:
+                message = f"the package {point.value} failed to load: {error}"
+                remedy = "repair or uninstall it"
+                raise refused(name, message, remedy, code="broken-plugin") from error
+        return self._formats[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter({**self._own, **self._outside})
+        return iter(self._points)
 
     def __len__(self) -> int:
-        return len({**self._own, **self._outside})
+        return len(self._points)
 
 
 WRITERS: Formats[Writer] = Formats(
@@ -196,17 +192,16 @@ def writer_for(path: Path, to: str | None) -> Writer:
 
     Raises `RequestError` for what nobody writes.
     """
+    if to is None and path.name in WRITERS:  # e.g. "address" alone
+        to = path.name
     if to is not None:
         if to in WRITERS:
             return WRITERS[to]
         remedy = close_match(to, WRITERS)
         raise refused("--to", f'no format "{to}"', remedy, f"formats: {listed(WRITERS, 30)}")
     suffix = path.suffix.lower()
-    if path.name in WRITERS:  # e.g. "address" alone
-        return WRITERS[path.name]
-    for name in WRITERS:
-        if suffix in WRITERS[name].suffixes:
-            return WRITERS[name]
+    if writer := next((x for x in WRITERS.values() if suffix in x.suffixes), None):
+        return writer
     suffixes = ", ".join(f"{WRITERS[n].suffixes[0]} ({n})" for n in WRITERS)
     message = f'no format has the suffix "{suffix}"' if suffix else "the name has no suffix"
     raise refused(str(path), message, "name the format with --to", f"suffixes: {suffixes}")

@@ -12,7 +12,6 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from blockmech.ground.errors import FormatError, Problem, shown
-from blockmech.typing import Data
 
 DEEPEST = 100  # elements in each other
 MOST = 100_000  # elements of a file
@@ -35,34 +34,6 @@ def number(raw: Any, where: str, default: float | None = None) -> float:
     if not math.isfinite(x) or abs(x) > 1e100:
         raise wrong(where, f"{shown(raw)} is not a number", "a finite number")
     return x
-
-
-def items(raw: Any, where: str) -> list[Any]:
-    """A list. Raises `FormatError` for anything else."""
-    if not isinstance(raw, list):
-        raise wrong(where, f"got {shown(raw)}", "a list")
-    return raw
-
-
-class Fields(Data):
-    """An object of JSON that knows which of its fields were taken."""
-
-    def get(self, key: str, default: Any = None) -> Any:
-        """The value of a field, which is taken."""
-        self.__dict__.setdefault("consumed", set()).add(key)
-        return super().get(key, default)
-
-    def unread(self, subject: str, looks: Iterable[str] = ()) -> list[str]:
-        """A sentence for the fields that nobody took, but for how parts are drawn."""
-        unread = [x for x in self if x not in {*self.__dict__.get("consumed", ()), *looks}]
-        return [f"{subject}: {', '.join(unread)[:80]}: left out"] if unread else []
-
-
-def fields(raw: Any, where: str) -> Fields:
-    """An object. Raises `FormatError` for anything else."""
-    if not isinstance(raw, dict):
-        raise wrong(where, f"got {shown(raw)}", "an object")
-    return Fields(raw)
 
 
 def json_of(text: str, where: str) -> Any:
@@ -201,6 +172,32 @@ class Record:
         """A sentence for each kind of thing that nobody took, but for how parts are drawn."""
         counts = Counter(self._unread(set(looks)))
         return [f"{x}: left out" + f" ({n} times)" * (n > 1) for x, n in counts.items()]
+
+
+def record_of_json(raw: object, tag: str, where: str) -> Record:
+    """A value of JSON as a record: numbers and texts in it are fields, all else parts.
+
+    Each item of a list is a part of the list's name.
+    """
+    if not isinstance(raw, dict):
+        return Record(tag, {}, [], where, _text_of(raw))
+    label = f"{where}, {tag} {raw['id']}" if "id" in raw else where
+    inner, fields = list[Record](), dict[str, str]()
+    for key, x in raw.items():
+        if isinstance(x, dict | list):
+            inner += [
+                record_of_json(part, key, label) for part in (x if isinstance(x, list) else [x])
+            ]
+        elif x is not None:
+            fields[key] = _text_of(x)
+    return Record(tag, fields, inner, label)
+
+
+def _text_of(raw: object) -> str:
+    """A number or text of JSON as it stands there; "" for anything else."""
+    if isinstance(raw, bool):
+        return str(raw).lower()
+    return raw if isinstance(raw, str) else repr(raw) if isinstance(raw, int | float) else ""
 
 
 def record_of(element: Element, where: str) -> Record:

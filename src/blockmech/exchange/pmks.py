@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, Wheels
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import fields, items, json_of, number, wrong
+from blockmech.exchange.parsing import json_of, number, record_of_json, wrong
 
 TYPES = ("R", "P", "RP", "G")
 GROUND = "ground"
-LOOKS = ("Links", "OffsetAngle", "Pathvisible", "Velocityvisible", "Accelvisible", "IsGround")
+LOOKS = {"Links", "OffsetAngle", "Pathvisible", "Velocityvisible", "Accelvisible", "IsGround"}
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 JOINT = re.compile(
     r"J\[\s*(?P<type>\w+)\s*,(?:\s*A\[(?P<angle>[^\]]*)\]\s*,)?\s*(?:color\[[^\]]*\]\s*,)?"
@@ -135,21 +135,18 @@ def read_text(text: str, where: str) -> Drawing:
 
 def read_json(text: str, where: str) -> Drawing:
     """``Joints`` with their links, ``DrivingIndex`` and ``InputSpeed``."""
-    data = fields(json_of(text, where), where)
-    driving = data.get("DrivingIndex")
-    rows, notes = list[Row](), list[str]()
-    for i, raw in enumerate(items(data.get("Joints"), f"{where}, Joints")):
-        at = f"{where}, Joints[{i}]"
-        record = fields(raw, at)
-        links = [str(link) for link in items(record.get("Links"), f"{at}.Links")]
-        position = complex(number(record.get("X"), at), number(record.get("Y"), at))
-        angle = math.radians(number(record.get("Angle"), at, 0.0))
-        kind = _kind(record.get("TypeOfJoint", "R"), at)
+    root = record_of_json(json_of(text, where), "file", where)
+    driving = int(root.number("DrivingIndex", -1.0))
+    rows = list[Row]()
+    for i, record in enumerate(root.all("Joints")):
+        record.where = f"{where}, Joints[{i}]"
+        position = complex(record.number("X"), record.number("Y"))
+        angle = math.radians(record.number("Angle", 0.0))
+        kind = _kind(record.get("TypeOfJoint", "R"), record.where)
+        links = [link.text for link in record.all("Links")]
         rows.append(Row(links, kind, position, angle, i == driving, _name(i)))
-        notes += record.unread(f"joint {_name(i)}", LOOKS)
-    rate, name = number(data.get("InputSpeed"), where, 1.0), str(data.get("Name") or where)
-    drawing = drawing_of(rows, name, rate)
-    drawing.notes += [*notes, *data.unread("the file", LOOKS)]
+    drawing = drawing_of(rows, root.get("Name") or where, root.number("InputSpeed", 1.0))
+    drawing.notes += root.unread(LOOKS)
     return drawing
 
 

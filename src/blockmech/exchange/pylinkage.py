@@ -16,15 +16,14 @@ from typing import Any
 from blockmech.couplings.laws import POLYNOMIALS
 from blockmech.exchange.drawing import FRAME, Cam, Drawing, Drive, Pair, Slot, direction
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import Fields, fields, items, json_of, number, wrong
+from blockmech.exchange.parsing import Record, json_of, number, record_of_json, wrong
 from blockmech.ground.errors import listed
 from blockmech.ground.names import free_name
-from blockmech.typing import Record
+from blockmech.typing import Data
 
 STEP = "rates of pylinkage are radians a step: a step was taken as a second"
-LOOKS: tuple[str, ...] = ("name", "version", "ground", "distance", "angle", "radius", "length")
-LOOKS += ("line_point", "initial_angle", "ref_joint1_id", "ref_joint2_id", "color", "order")
-LOOKS += ("slide_distance",)
+LOOKS = {"name", "version", "ground", "distance", "angle", "radius", "length", "line_point"}
+LOOKS |= {"initial_angle", "ref_joint1_id", "ref_joint2_id", "color", "order", "slide_distance"}
 DRIVEN = ("Crank", "ArcCrank", "LinearActuator")
 RIGID = ("FixedDyad", "PointTracker")
 DYADS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -42,76 +41,72 @@ LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
 
 def read(text: str, where: str) -> Drawing:
     """The drawing of a file."""
-    return of_data(fields(json_of(text, where), where), where)
+    return of_data(json_of(text, where), where)
 
 
-def of_data(data: Record, where: str) -> Drawing:
+def of_data(data: object, where: str) -> Drawing:
     """The drawing of joints and links, as ``mechanism_to_dict`` gives them."""
-    if "nodes" in data or "instances" in data:
+    root = record_of_json(data, "linkage", where)
+    if root.all("nodes", "instances"):
         message = "a hypergraph says who joins whom, but no lengths"
         raise wrong(where, message, "a file of mechanism_to_json", "save the mechanism itself")
-    drawing = Drawing(str(data.get("name") or "linkage"), source="pylinkage file")
-    trackers: list[Fields] = []
-    records: list[Fields] = []
-    for i, raw in enumerate(items(data.get("joints"), f"{where}, joints")):
-        at = f"{where}, joints[{i}]"
-        records.append(entry := fields(raw, at))
-        key, kind = str(entry.get("id")), entry.get("type", "revolute")
+    drawing = Drawing(root.get("name") or "linkage", source="pylinkage file")
+    trackers: list[Record] = []
+    for joint in root.all("joints"):
+        key, kind = joint.get("id"), joint.get("type", "revolute")
         if kind in LEGACY:
-            raise wrong(at, f'"{kind}" is of the old format', "a file of mechanism_to_json")
+            raise wrong(
+                joint.where, f'"{kind}" is of the old format', "a file of mechanism_to_json"
+            )
         if key in drawing.points:
-            raise wrong(at, f'there are two joints "{key}"')
-        drawing.points[key] = _point(entry.get("position"), at)
+            raise wrong(joint.where, f'there are two joints "{key}"')
+        drawing.points[key] = _point(joint, "position")
         if kind == "ground":
             drawing.fixed.add(key)
         elif kind == "prismatic":
-            axis = _point(entry.get("axis", [1.0, 0.0]), at)
-            drawing.slots[key] = [Slot(direction(0j, axis, at))]
+            axis = _point(joint, "axis") if joint.all("axis") else 1 + 0j
+            drawing.slots[key] = [Slot(direction(0j, axis, joint.where))]
         elif kind == "tracker":
-            trackers.append(entry)
-    for i, raw in enumerate(items(data.get("links"), f"{where}, links")):
-        records.append(entry := fields(raw, f"{where}, links[{i}]"))
-        _link(entry, f"{where}, links[{i}]", drawing)
-    for entry in trackers:
-        _rigid(
-            drawing, str(entry["id"]), [str(entry.get(f"ref_joint{k}_id")) for k in (1, 2)], where
-        )
-    for record in records:
-        drawing.notes += record.unread(str(record.get("id"))[:40], LOOKS)
-    if isinstance(data, Fields):
-        drawing.notes += data.unread("the file", LOOKS)
+            trackers.append(joint)
+    for link in root.all("links"):
+        _link(link, drawing)
+    for tracker in trackers:
+        anchors = [tracker.get(f"ref_joint{k}_id") for k in (1, 2)]
+        _rigid(drawing, tracker.get("id"), anchors, where)
+    drawing.notes += root.unread(LOOKS)
     return drawing
 
 
-def _point(raw: Any, where: str) -> complex:
-    pair = items(raw, where)
-    if len(pair) != 2:
-        raise wrong(where, f"a place has {len(pair)} numbers", "[x, y]")
-    return complex(number(pair[0], where), number(pair[1], where))
+def _point(record: Record, key: str) -> complex:
+    """A place of two numbers."""
+    numbers = [number(part.text, f"{record.where}, {key}") for part in record.all(key)]
+    if len(numbers) != 2:
+        raise wrong(record.where, f"{key} has {len(numbers)} numbers", "[x, y]")
+    return complex(*numbers)
 
 
-def _link(record: Record, where: str, drawing: Drawing) -> None:
-    points = [str(p) for p in items(record.get("joints", []), f"{where}.joints")]
+def _link(record: Record, drawing: Drawing) -> None:
+    where, points = record.where, [part.text for part in record.all("joints")]
     if unknown := [p for p in points if p not in drawing.points]:
         raise wrong(where, f"no joint {listed(unknown)}", f"joints: {listed(drawing.points)}")
-    kind, name = record.get("type", "link"), str(record.get("id"))
+    kind, name = record.get("type", "link"), record.get("id")
     if name in drawing.links:
         raise wrong(where, f'there are two links "{name}"')
     if kind == "ground":
         drawing.fixed.update(points)
         return
     if kind in ("driver", "arc_driver"):
-        motor = record.get("motor_joint") or next((p for p in points if p in drawing.fixed), None)
+        motor = record.get("motor_joint") or next((p for p in points if p in drawing.fixed), "")
         if motor not in drawing.points:
             raise wrong(where, "the driver has no motor joint on the ground")
-        drawing.fixed.add(str(motor))
-        rate = number(record.get("angular_velocity"), where, math.tau / 360)
+        drawing.fixed.add(motor)
+        rate = record.number("angular_velocity", math.tau / 360)
         start, stop = 0.0, math.tau
         if kind == "arc_driver":
-            at = number(record.get("initial_angle"), where, 0.0)
-            start, stop = (number(record.get(k), where, 0.0) - at for k in ("arc_start", "arc_end"))
+            at = record.number("initial_angle", 0.0)
+            start, stop = (record.number(key, 0.0) - at for key in ("arc_start", "arc_end"))
             start, stop = (-start, -stop) if rate < 0 else (start, stop)
-        drawing.drives[str(motor)] = Drive(rate, start, stop, name)
+        drawing.drives[motor] = Drive(rate, start, stop, name)
         drawing.note(STEP)
     drawing.links[name] = points
 
@@ -251,7 +246,7 @@ class _Components:
         self.drawing.slots.setdefault(name, []).append(Slot(angle, on))
 
 
-def _law_of_profile(profile: Any, start: float, where: str) -> Record:
+def _law_of_profile(profile: Any, start: float, where: str) -> Data:
     """What a cam's radius is above its smallest, over its angle from ``start``.
 
     Raises `FormatError` for a profile that no law of a cam is.
