@@ -225,8 +225,8 @@ def read_urdf(text: str, where: str) -> Drawing:
     robot = _Robot(where, root.get("name"), "URDF file")
     robot.links = {record.get("name"): record for record in root.all("link")}
     for joint in root.all("joint"):
-        parent, child = ends = robot.ends(joint)
-        if unknown := [link for link in ends if link not in robot.links]:
+        parent, child = robot.ends(joint)
+        if unknown := [link for link in (parent, child) if link not in robot.links]:
             raise wrong(where, f"no link {listed(unknown)}", f"links: {listed(robot.links)}")
         if child in robot.bases:
             raise wrong(where, "a link is the child of two joints", "a tree; loops by loop_joint")
