@@ -412,6 +412,10 @@ HINGED = {  # what is in the model -> before its world, and in its one body
         '<frame pos="0 0 .3" euler="0 30 0"><geom type="capsule" size=".1 .3"/><frame euler="0 0 40">'
         '<geom type="box" size=".1 .2 .3" pos="1 0 0" xyaxes="1 0 1 0 1 0"/></frame></frame>',
     ),
+    "classes of frames": (
+        '<default><default class="big"><geom size=".3" density="500"/></default></default>',
+        '<geom size=".1" pos="1 0 0"/><frame childclass="big" pos="1 0 0"><geom/></frame>',
+    ),
     "angles of other axes": (
         '<compiler angle="radian" eulerseq="zYx"/>',
         '<geom type="box" size=".1 .2 .3" pos=".1 0 .5" euler=".3 -.4 .7"/>'

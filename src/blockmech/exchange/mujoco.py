@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -60,6 +61,14 @@ def read(text: str, where: str) -> Drawing:
     return _Reading(root, where).read()
 
 
+class Frame(NamedTuple):
+    """A body or a frame in it, where it is, and the class of what names none."""
+
+    record: Record
+    pose: Pose
+    inherited: str
+
+
 class _Reading:
     def __init__(self, root: Record, where: str) -> None:
         self.root, self.where = root, where
@@ -101,7 +110,7 @@ class _Reading:
         """The drawing, with what was not read among its notes."""
         root, assembly = self.root, self.assembly
         for world in root.all("worldbody"):
-            self._inside(world, "world", "", Pose())
+            self._inside(self._frames(world, Pose(), ""), "world")
         for k, record in enumerate(root.below("equality"), 1):
             self._equality(self._of_class(record, ""), f"{record.tag}_{k}")
         for record in root.below("actuator"):
@@ -151,42 +160,52 @@ class _Reading:
 
     # -- bodies -------------------------------------------------------------------
 
-    def _inside(self, record: Record, body: str, inherited: str, pose: Pose) -> None:
-        """Geoms, sites and bodies in a body, which may stand in frames."""
+    def _frames(self, record: Record, pose: Pose, inherited: str) -> list[Frame]:
+        """A body and the frames in it."""
         inherited = record.get("childclass") or inherited
-        for frame in record.all("frame"):
-            self._inside(frame, body, inherited, self._pose(frame, pose))
-        for site in record.all("site"):
-            site = self._of_class(site, inherited)
-            name, at = site.get("name") or f"site_{len(self.sites)}", self._pose(site, pose)
-            self.sites[name] = body, at
-            site.consumed |= {"size", "type"}
-        for inner in record.all("body"):
-            self._body(inner, body, inherited, pose)
-        for part in record.all("geom", "joint", "inertial", "freejoint"):
-            if self.links[body] == FRAME:  # it moves nothing
-                part.skip()
+        inner = (self._frames(f, self._pose(f, pose), inherited) for f in record.all("frame"))
+        return [Frame(record, pose, inherited), *(frame for frames in inner for frame in frames)]
 
-    def _body(self, record: Record, parent: str, inherited: str, outer: Pose) -> None:
+    def _parts(self, frames: list[Frame], tag: str) -> list[tuple[Record, Pose]]:
+        """The parts of a name in frames, as their classes complete them."""
+        return [
+            (self._of_class(part, frame.inherited), frame.pose)
+            for frame in frames
+            for part in frame.record.all(tag)
+        ]
+
+    def _inside(self, frames: list[Frame], body: str) -> None:
+        """Sites and bodies in a body."""
+        for site, pose in self._parts(frames, "site"):
+            name = site.get("name") or f"site_{len(self.sites)}"
+            self.sites[name] = body, self._pose(site, pose)
+            site.consumed |= {"size", "type"}
+        for frame in frames:
+            for inner in frame.record.all("body"):
+                self._body(inner, body, frame)
+            if self.links[body] == FRAME:  # what else is there moves nothing
+                for part in frame.record.all("geom", "joint", "inertial", "freejoint"):
+                    part.skip()
+
+    def _body(self, record: Record, parent: str, outer: Frame) -> None:
         name = record.get("name") or f"body_{len(self.poses)}"
         if name in self.poses:
             raise wrong(record.where, "there are two bodies of this name")
-        inherited = record.get("childclass") or inherited
-        pose = self.poses[name] = self._pose(record, outer)
-        frames = self._frames(record, pose)
-        joints = [(joint, at) for outer, at in frames for joint in outer.all("joint")]
+        pose = self.poses[name] = self._pose(record, outer.pose)
+        frames = self._frames(record, pose, outer.inherited)
+        joints = self._parts(frames, "joint")
         if record.all("freejoint") or any(j.get("type") == "free" for j, _ in joints):
             raise wrong(record.where, "it moves freely in space", "hinges and slides in one plane")
         base = self.links[name] = self.links[parent]
         for k, (joint, at) in enumerate(joints, 1):  # each hangs on what the one before it moves
             link = name if k == len(joints) else free_name(f"{name}_{k}", self.links)
             self.assembly.masses[link] = []
-            self._joint(self._of_class(joint, inherited), base, link, at)
+            self._joint(joint, base, link, at)
             base = self.links[name] = link
-        masses = self._masses(frames, inherited)
+        masses = self._masses(frames)
         if base != FRAME:
             self.assembly.masses[base] += masses
-        self._inside(record, name, inherited, pose)
+        self._inside(frames, name)
 
     def _joint(self, record: Record, base: str, link: str, pose: Pose) -> None:
         key, kind = record.get("name") or f"joint_{link}", record.get("type", "hinge")
@@ -211,19 +230,14 @@ class _Reading:
         joint = joint._replace(stiffness=stiffness, rest=rest, damping=damping)
         self.assembly.join(joint)
 
-    def _masses(self, frames: list[tuple[Record, Pose]], inherited: str) -> list[Mass]:
-        inertial = [self._inertial(x, at) for outer, at in frames for x in outer.all("inertial")]
-        geoms = [(geom, at) for outer, at in frames for geom in outer.all("geom")]
+    def _masses(self, frames: list[Frame]) -> list[Mass]:
+        inertial = [self._inertial(*part) for part in self._parts(frames, "inertial")]
+        geoms = self._parts(frames, "geom")
         if self.of_geoms == "false" or (inertial and self.of_geoms != "true"):
             for geom, _ in geoms:
                 geom.skip()
             return inertial
-        return [m for geom, at in geoms for m in self._geom(self._of_class(geom, inherited), at)]
-
-    def _frames(self, record: Record, pose: Pose) -> list[tuple[Record, Pose]]:
-        """A body and the frames in it."""
-        inner = [(f, self._pose(f, pose)) for f in record.all("frame")]
-        return [(record, pose), *(x for f, at in inner for x in self._frames(f, at))]
+        return [mass for part in geoms for mass in self._geom(*part)]
 
     def _inertial(self, record: Record, pose: Pose) -> Mass:
         at = self._pose(record, pose)
