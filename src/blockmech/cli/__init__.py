@@ -23,11 +23,10 @@ from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, outputs, schema
 from blockmech.cli.design import balance, equilibria, identify, linearize, solve
 from blockmech.cli.draw import draw
-from blockmech.cli.export import export
+from blockmech.cli.export import export, page, report
 from blockmech.cli.import_ import import_
 from blockmech.cli.new import new
 from blockmech.cli.options import flat
-from blockmech.cli.page import page, report
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate

@@ -1,4 +1,4 @@
-"""``blockmech export``: a mechanism, or what it computes, as a file of another program."""
+"""``blockmech export``, ``page``, ``report``: a mechanism, or what it computes, as a file."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.ground.errors import refused
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.typing import Arguments
+
+Page = Annotated[str, typer.Option("--output", "-o", metavar="PAGE", help="The page, PAGE.html.")]
 
 
 def export(
@@ -73,3 +75,35 @@ def written(
     with progress_bar("writing"):
         files = write(document, output, to, **request)
     say("\n".join(f"wrote {path}" for path in files))
+
+
+def page(
+    file: GraphFile,
+    output: Page,
+    poses: Poses,
+    want: Want = None,
+    slider: Annotated[
+        list[str] | None,
+        option("Numbers that have a slider at first; by default a few.", "NAMES"),
+    ] = None,
+    friction: Friction = None,
+    static: Static = False,
+) -> None:
+    """Write one HTML page without a server: drawing, motion, curves, sliders for numbers.
+
+    The page works everything out itself, with the numbers that blockmech has.
+    """
+    settings = {"slider": ",".join(slider) if slider else None, "friction": friction}
+    written(file, output, "page", poses, want, static=static or None, **settings)
+
+
+def report(
+    file: GraphFile,
+    output: Page,
+    poses: Poses,
+    want: Want = None,
+    friction: Friction = None,
+    static: Static = False,
+) -> None:
+    """Write one HTML page to be printed: drawing with dimensions, data, curves, forces."""
+    written(file, output, "report", poses, want, friction=friction, static=static or None)

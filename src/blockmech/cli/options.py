@@ -65,11 +65,7 @@ def of_gallery(name: str) -> str:
     gallery_files = gallery()
     if word in gallery_files:
         return str(gallery_files[word])
-    alike = [
-        f'did you mean "{name_in_gallery}"?'
-        for name_in_gallery in gallery_files
-        if name_in_gallery.startswith(word)
-    ]
+    alike = [f'did you mean "{x}"?' for x in gallery_files if x.startswith(word)]
     if remedy := close_match(word, gallery_files) or (alike or [""])[0]:
         raise refused(name, "no such file, and nothing of that name in the gallery", remedy)
     return name

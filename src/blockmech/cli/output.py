@@ -39,14 +39,8 @@ Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) ->
 NUMBERS = ("results.csv", "result.json")
 PICTURES = (
     *("drive.png", "friction_power.png", "reactions.png", "kinematics.png", "motion.png"),
-    *(
-        "mechanism.png",
-        "energy.png",
-        "phase.png",
-        "phase_slides.png",
-        "animation.gif",
-        "animation.html",
-    ),
+    *("mechanism.png", "energy.png", "phase.png", "phase_slides.png"),
+    *("animation.gif", "animation.html"),
 )
 """What `run` and `simulate` draw into a folder: those of an earlier run do not stay."""
 

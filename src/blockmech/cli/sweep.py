@@ -92,10 +92,8 @@ def sweep(
         raise refused(where, "no design moves", remedy, code="useless-setting")
     request: Arguments = {**over, "friction": friction.method, "simulate": moving}
     request |= {"sampling": _sampling(sampling, count, seed), "static": static}
-    request |= {
-        "want": [_reduction(mechanism, x) for x in want],
-        "out": out if in_parts else None,
-    }
+    request |= {"want": [_reduction(mechanism, x) for x in want]}
+    request |= {"out": out if in_parts else None}
     numbers = _vary(mechanism, vary)
     with progress_bar("running") as progress, _hands(workers, dask) as hands:
         study = mechanism.study(numbers, progress=progress, workers=hands, **request)

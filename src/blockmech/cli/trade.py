@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from blockmech.builders import compiled
 from blockmech.cli.numbers import row, starts
 from blockmech.cli.options import GraphFile, Poses, Static, at_most_one, names_of, option, switch
-from blockmech.cli.output import check_places, csv_place, fill_folder
+from blockmech.cli.output import check_places, csv_place, fill_folder, write_answer
 from blockmech.cli.terminal import Interrupted, pour, progress_bar, reading, say
 from blockmech.ground.errors import refused
 from blockmech.ground.files import refuse_spared
@@ -96,7 +96,9 @@ def trade(
         if len(trades) > 1:
             say("\n\nrequests compared")
             say("\n".join(f"  {t.question}: {t.recommendation}" for t in trades))
-        say("".join(f"wrote {path}\n" for path in _write(trades[0], csv, out, plot)), end="")
+        write_answer(trades[0], csv, plot)
+        if out is not None:
+            say("\n".join(f"wrote {path}" for path in _fill(trades[0], Path(out))))
     if _interrupted(trades[-1]):
         raise Interrupted("what was measured is kept")
 
@@ -105,28 +107,19 @@ def _interrupted(measured: Trade) -> bool:
     return any(s.why == "interrupted" for s in measured.skipped)
 
 
-def _write(measured: Trade, csv: str | None, out: str | None, plot: str | None) -> list[Path]:
-    """The files that are asked for, written: first the numbers, then the picture."""
-    if csv is not None:
-        measured.to_csv(csv)
-        return [Path(csv)]
-    if plot is not None:
-        with progress_bar("drawing"):
-            measured.plot(plot)
-        return [Path(plot)]
-    if out is None:
-        return []
+def _fill(measured: Trade, out: Path) -> list[Path]:
+    """A folder with the numbers and, of what was not interrupted, the picture."""
     data = text_of.dumps(measured.to_dict(), indent=2)
-    numbers = dict(zip(FILES, ([measured.to_csv()], [data]), strict=False))
+    numbers = {FILES[0]: [measured.to_csv()], FILES[1]: [data]}
     if _interrupted(measured):
-        return fill_folder(Path(out), numbers, FILES)
-    picture = Path(out) / FILES[-1]
+        return fill_folder(out, numbers, FILES)
+    picture = out / FILES[-1]
 
     def draw() -> list[Path]:
         measured.plot(picture)
         return [picture]
 
-    return fill_folder(Path(out), numbers, FILES, draw)
+    return fill_folder(out, numbers, FILES, draw)
 
 
 def _seconds(where: str, text: str) -> float:

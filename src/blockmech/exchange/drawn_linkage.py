@@ -36,7 +36,8 @@ from blockmech.exchange.drawing import (
     Wheels,
     scaled,
 )
-from blockmech.ground.errors import FormatError, Problem, listed
+from blockmech.exchange.parsing import wrong
+from blockmech.ground.errors import listed
 from blockmech.ground.names import free_name, numbered_name
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.versions import VERSION
@@ -78,10 +79,8 @@ class _Making:
             if unit is not None and UNITS[unit] != UNITS[drawing.unit]:
                 drawing.note(f"the file is in {drawing.unit}: the unit {unit} was not used")
             return UNITS[drawing.unit]
-        if unit is None:
-            drawing.note("the file names no unit: lengths were taken as m; --unit says another")
-        else:
-            drawing.note(f"the file names no unit: lengths were taken as {unit}")
+        hint = "; --unit says another" if unit is None else ""
+        drawing.note(f"the file names no unit: lengths were taken as {unit or 'm'}{hint}")
         return UNITS[unit or "m"]
 
     def document(self) -> Data:
@@ -103,14 +102,14 @@ class _Making:
         self._markers()
         if not self._movable():
             message = "it has no links that a joint joins"
-            raise FormatError(Problem("bad-drawing", drawing.name, message, "", "draw the linkage"))
+            raise wrong(drawing.name, message, "", "draw the linkage")
         self._loads()
         stops = self._stops()
         document: Data = {
             "format": "blockmech/joints",
             "version": VERSION,
             "name": _clean(drawing.name) or "mechanism",
-            "gravity": [drawing.gravity.real, drawing.gravity.imag],
+            "gravity": [g.real, g.imag] if (g := drawing.gravity) else [],
             "links": self.links,
             "joints": self.joints,
             "drivers": self.drivers,
@@ -120,8 +119,6 @@ class _Making:
             "source": drawing.source,
             "notes": list(drawing.notes),
         }
-        if not drawing.gravity:
-            del document["gravity"]
         return {key: value for key, value in document.items() if value or key == "links"}
 
     def _stops(self) -> dict[str, dict[str, float]]:
@@ -194,10 +191,8 @@ class _Making:
         link: Data = {"pose": [0.0, 0.0, 0.0]}
         body = self.drawing.inertias.get(name)
         if body is not None and min(body.mass, body.inertia) < 0:
-            message = (
-                f"link {name} has the mass {body.mass:g} kg and the inertia {body.inertia:g} kg m2"
-            )
-            raise FormatError(Problem("bad-drawing", self.drawing.name, message, "0 or more"))
+            numbers = f"the mass {body.mass:g} kg and the inertia {body.inertia:g} kg m2"
+            raise wrong(self.drawing.name, f"link {name} has {numbers}", "0 or more")
         if body is not None and (body.mass or body.inertia):
             link |= {"mass": body.mass, "inertia": body.inertia, "cm": self._metres(body.cm)}
         return link
@@ -495,19 +490,14 @@ class _Making:
             slots = drawing.slots.get(point, [])
             if FRAME in members or any(slot.rider not in members for slot in slots):
                 continue
-            if (
-                slots
-                and sum(
-                    drawing.points[p] == drawing.points[point] for p in drawing.links[members[0]]
-                )
-                > 1
-            ):
+            z = drawing.points[point]
+            if slots and [drawing.points[p] for p in drawing.links[members[0]]].count(z) > 1:
                 continue
             if len(self._bodies(members)) == 1:
                 markers = self.links[self.names[members[0]]].setdefault("markers", {})
                 names = {*self.names.values(), *self.links, *markers}
                 name = free_name(_clean(point) or "point", names)
-                markers[name] = {"at": self._metres(drawing.points[point])}
+                markers[name] = {"at": self._metres(z)}
             elif not members:
                 drawing.note(f"point {point} is on no link: left out")
 
@@ -522,9 +512,8 @@ class _Making:
                 continue
             force = {"force": [load.force.real, load.force.imag], "at": self._metres(load.at)}
             turns = {"axes": "link"} if load.turns else {}
-            self._load(
-                load.name, {"type": "force", "link": self.names[load.link], **force, **turns}
-            )
+            link = {"type": "force", "link": self.names[load.link]}
+            self._load(load.name, {**link, **force, **turns})
         for spring in self.drawing.springs:
             if not {*spring.links} <= self.names.keys() or len(self._bodies(spring.links)) < 2:
                 self.drawing.note(f"spring {spring.name} joins no two links: left out")

@@ -20,6 +20,7 @@ from blockmech.ground.files import writing
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.units import NoQuantity, quantity
 from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 from blockmech.typing import Arguments, Record
 
 if TYPE_CHECKING:
@@ -45,6 +46,11 @@ class Order:
     settings: Arguments = field(default_factory=dict)
     options: Arguments = field(default_factory=dict)
     computed: Result | None = None
+
+    def samples(self) -> Samples | None:
+        """The poses that are asked for; None where nothing says which."""
+        coordinates = (self.at.get(key) for key in ("at", "samples", "times"))
+        return self.mechanism.samples(*coordinates, None, None) if self.at else None
 
     def result(self) -> Result:
         """The wanted outputs, samples without an answer marked."""
@@ -137,6 +143,13 @@ class Formats(Generic[T], Mapping[str, T]):
                 raise refused(name, message, remedy, code="broken-plugin") from error
         return self._formats[name]
 
+    def named(self, name: str, where: str) -> T:
+        """A format. Raises `RequestError` for a name that is none."""
+        if name in self:
+            return self[name]
+        valid = f"formats: {listed(self, 30)}"
+        raise refused(where, f'no format "{name}"', close_match(name, self), valid)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._points)
 
@@ -195,10 +208,7 @@ def writer_for(path: Path, to: str | None) -> Writer:
     if to is None and path.name in WRITERS:  # e.g. "address" alone
         to = path.name
     if to is not None:
-        if to in WRITERS:
-            return WRITERS[to]
-        remedy = close_match(to, WRITERS)
-        raise refused("--to", f'no format "{to}"', remedy, f"formats: {listed(WRITERS, 30)}")
+        return WRITERS.named(to, "--to")
     suffix = path.suffix.lower()
     if writer := next((x for x in WRITERS.values() if suffix in x.suffixes), None):
         return writer

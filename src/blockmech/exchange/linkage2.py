@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, Wheels, direction
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
+from blockmech.exchange.parsing import Record, number, wrong, xml_of
 from blockmech.ground.errors import listed
 from blockmech.ground.names import numbered_name
 
@@ -44,7 +44,7 @@ class Slide(NamedTuple):
 def read(text: str, where: str) -> Drawing:
     """The drawing of a file."""
     spaced = re.sub(r'(="[^"<>]*")(?=[A-Za-z_])', r"\1 ", text)  # old files leave spaces out
-    root = record_of(xml_of(spaced, where), where)
+    root = xml_of(spaced, where)
     if root.tag != "linkage2":
         raise wrong(where, f"the root is <{root.tag}>", "<linkage2>")
     drawing = Drawing("linkage", source="Linkage file")

@@ -105,10 +105,8 @@ class Model:
                 continue
             pin = self.pose.pin(ref)
             properties = self.structure.properties(link)
-            mass, inertia = (
-                max(float(properties.mass), LEAST),
-                max(float(properties.inertia), LEAST),
-            )
+            numbers = (properties.mass, properties.inertia)
+            mass, inertia = (max(float(x), LEAST) for x in numbers)
             c, margin = self.pose.centre(link) - pin, "  " * depth
             # The pair moves the body against its parent; a driver counts as in blockmech.
             sense = 1 if self.structure.later_link(ref) == link else -1

@@ -19,7 +19,7 @@ import numpy as np
 
 from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
+from blockmech.exchange.parsing import Record, number, wrong, xml_of
 from blockmech.exchange.shapes import solid
 from blockmech.exchange.spatial import (
     Array,
@@ -51,11 +51,10 @@ ELSEWHERE = ("include", "replicate", "attach")  # what stands for parts that are
 
 def read(text: str, where: str) -> Drawing:
     """The drawing of a model in its reference pose."""
-    element = xml_of(text, where)
-    if shorthand := next((part.tag for part in element.iter() if part.tag in ELSEWHERE), None):
+    root = xml_of(text, where)
+    if shorthand := next((part.tag for part in root.walk() if part.tag in ELSEWHERE), None):
         remedy = "load it in MuJoCo, save it by mj_saveLastXML and read that"
         raise wrong(where, f"<{shorthand}> stands for parts of the model", "all bodies", remedy)
-    root = record_of(element, where)
     if root.tag != "mujoco" or not root.all("worldbody"):
         raise wrong(where, "it has no worldbody", "<mujoco> with a <worldbody>")
     return _Reading(root, where).read()
@@ -252,10 +251,8 @@ class _Reading:
         return Mass(record.number("mass"), at.origin, at.axes @ inertia @ at.axes.T)
 
     def _geom(self, record: Record, pose: Pose) -> list[Mass]:
-        kind, sizes = (
-            record.get("type", "sphere"),
-            [number(x, f"{record.where}, size") for x in record.get("size").split()],
-        )
+        kind = record.get("type", "sphere")
+        sizes = [number(x, f"{record.where}, size") for x in record.get("size").split()]
         at = self._pose(record, pose)
         if record.get("fromto"):
             ends = np.array(record.numbers("fromto", 6)).reshape(2, 3)

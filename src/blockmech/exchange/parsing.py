@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
-from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from blockmech.ground.errors import FormatError, Problem, shown
@@ -52,53 +51,6 @@ def json_of(text: str, where: str) -> Any:
         raise wrong(where, f"{at}: {error.msg.lower()}", "JSON") from None
     except RecursionError:
         raise wrong(where, "lists and objects too deep in each other") from None
-
-
-class _Reader:
-    """Builds the tree of a text; refuses what could grow or reach outside."""
-
-    def __init__(self, where: str) -> None:
-        self.where, self.depth, self.count = where, 0, 0
-        self.tree = TreeBuilder()
-        self.parser = expat.ParserCreate("utf-8")  # of a text, whatever its head says
-        self.parser.StartElementHandler = self.start
-        self.parser.EndElementHandler = self.end
-        self.parser.CharacterDataHandler = self.tree.data
-        self.parser.StartDoctypeDeclHandler = self.declared
-        self.parser.EntityDeclHandler = self.declared
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        """An element begins."""
-        self.depth, self.count = self.depth + 1, self.count + 1
-        if self.depth > DEEPEST or self.count > MOST:
-            raise wrong(self.where, "too many elements, or too deep in each other")
-        self.tree.start(tag.rpartition("}")[2].rpartition(":")[2], attributes)
-
-    def end(self, tag: str) -> None:
-        """An element ends."""
-        self.depth -= 1
-        self.tree.end(tag.rpartition("}")[2].rpartition(":")[2])
-
-    def declared(self, name: str, *details: Any) -> None:
-        """A document type: harmless by itself, but the place where entities are defined."""
-        if len(details) > 3 or (details and details[-1]):
-            raise wrong(self.where, "the XML defines entities of its own", "elements alone")
-
-
-def xml_of(text: str, where: str) -> Element:
-    """The root of XML text, names without namespace; comments are left out.
-
-    Raises `FormatError` for what is no XML, and for entities, which may stand for anything.
-    """
-    reader = _Reader(where)
-    try:
-        reader.parser.Parse(text.encode(), True)
-        root: Element = reader.tree.close()
-    except expat.ExpatError as error:
-        at = f"line {error.lineno}, column {error.offset + 1}"
-        message = expat.errors.messages.get(error.code, "not well-formed")
-        raise wrong(where, f"{at}: {message}", "XML") from None
-    return root
 
 
 @dataclass
@@ -154,11 +106,16 @@ class Record:
         """The first part of a name, an empty one where there is none."""
         return next(iter(self.all(tag)), Record(tag, {}, [], f"{self.where}, {tag}"))
 
+    def walk(self) -> Iterator[Record]:
+        """This part and all in it."""
+        yield self
+        for part in self.inner:
+            yield from part.walk()
+
     def skip(self) -> None:
         """Take all of it: what it is has been told."""
-        self.consumed.update(self.fields, (part.tag for part in self.inner))
-        for part in self.inner:
-            part.skip()
+        for part in self.walk():
+            part.consumed.update(part.fields, (inner.tag for inner in part.inner))
 
     def _unread(self, looks: set[str]) -> Iterator[str]:
         yield from (f"{self.tag} {key}" for key in self.fields if key not in self.consumed | looks)
@@ -172,6 +129,61 @@ class Record:
         """A sentence for each kind of thing that nobody took, but for how parts are drawn."""
         counts = Counter(self._unread(set(looks)))
         return [f"{x}: left out" + f" ({n} times)" * (n > 1) for x, n in counts.items()]
+
+
+class _Reader:
+    """Builds the records of a text; refuses what could grow or reach outside."""
+
+    def __init__(self, where: str) -> None:
+        self.where, self.count = where, 0
+        self.open = [Record("", {}, [], where)]
+        self.parser = expat.ParserCreate("utf-8")  # of a text, whatever its head says
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.CharacterDataHandler = self.data
+        self.parser.StartDoctypeDeclHandler = self.declared
+        self.parser.EntityDeclHandler = self.declared
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        self.count += 1
+        if len(self.open) > DEEPEST or self.count > MOST:
+            raise wrong(self.where, "too many elements, or too deep in each other")
+        tag = name.rpartition("}")[2].rpartition(":")[2]
+        fields = {key: text for key, text in attributes.items() if not key.startswith("xmlns")}
+        label = f"{self.where}, {tag} {attributes.get('name', '')}".rstrip()
+        record = Record(tag, fields, [], label)
+        self.open[-1].inner.append(record)
+        self.open.append(record)
+
+    def data(self, text: str) -> None:
+        """A piece of text in an element."""
+        self.open[-1].text += text
+
+    def end(self, name: str) -> None:
+        """An element ends."""
+        record = self.open.pop()
+        record.text = record.text.strip()
+
+    def declared(self, name: str, *details: Any) -> None:
+        """A document type: harmless by itself, but the place where entities are defined."""
+        if len(details) > 3 or (details and details[-1]):
+            raise wrong(self.where, "the XML defines entities of its own", "elements alone")
+
+
+def xml_of(text: str, where: str) -> Record:
+    """The root of XML text, names without namespace; comments are left out.
+
+    Raises `FormatError` for what is no XML, and for entities, which may stand for anything.
+    """
+    reader = _Reader(where)
+    try:
+        reader.parser.Parse(text.encode(), True)
+    except expat.ExpatError as error:
+        at = f"line {error.lineno}, column {error.offset + 1}"
+        message = expat.errors.messages.get(error.code, "not well-formed")
+        raise wrong(where, f"{at}: {message}", "XML") from None
+    return reader.open[0].inner[0]
 
 
 def record_of_json(raw: object, tag: str, where: str) -> Record:
@@ -198,12 +210,3 @@ def _text_of(raw: object) -> str:
     if isinstance(raw, bool):
         return str(raw).lower()
     return raw if isinstance(raw, str) else repr(raw) if isinstance(raw, int | float) else ""
-
-
-def record_of(element: Element, where: str) -> Record:
-    """An element of XML as a record."""
-    name = element.get("name")
-    label = f"{where}, {element.tag} {name}" if name else f"{where}, {element.tag}"
-    inner = [record_of(part, where) for part in element]
-    fields_ = {key: text for key, text in element.attrib.items() if not key.startswith("xmlns")}
-    return Record(element.tag, fields_, inner, label, (element.text or "").strip())

@@ -15,10 +15,9 @@ TRACE = {"trace": "markers whose paths are drawn"}
 
 def _coordinates(order: Order) -> Data | None:
     """Coordinates of the drivers at the poses that are asked for."""
-    if not order.at:
+    poses = order.samples()
+    if poses is None:
         return None
-    at, samples, times = (order.at.get(name) for name in ("at", "samples", "times"))
-    poses = order.mechanism.samples(at, samples, times, None, None)
     return {d: poses.coordinate(i) for i, d in enumerate(order.mechanism.drivers)}
 
 

@@ -418,12 +418,7 @@ def _slide(
     slot = Slot(joint.angle)
     if joint.line:
         bar = address.bars.get(carrier)
-        if (
-            not all(joint.line)
-            or len(set(ends)) < 2
-            or bar is None
-            or not set(ends) <= {*bar.joints}
-        ):
+        if bar is None or len(set(ends)) < 2 or not set(ends) <= {*bar.joints}:
             message = f"its slot is {listed([x or '?' for x in joint.line])}"
             raise wrong(at, message, "a link and two of its joints", "copy the whole address")
         if joint.key in bar.joints:

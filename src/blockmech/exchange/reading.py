@@ -46,7 +46,8 @@ def imported(
         return document(pylinkage.of_object(source), unit, rounded)
     text, name = _text(source)
     try:
-        return document(_reader(text, name, format).read(text, _short(name)), unit, rounded)
+        short = os.path.splitext(os.path.basename(name))[0] if len(name) < 200 else "address"
+        return document(_reader(text, name, format).read(text, short), unit, rounded)
     except FormatError as error:
         raise FormatError(in_file(error.problems, name)) from None
     except BAD_CONTENT as error:
@@ -55,10 +56,6 @@ def imported(
         raise wrong(name, message, "", remedy) from error
     except RecursionError:
         raise wrong(name, "parts of it hang on each other in a circle") from None
-
-
-def _short(name: str) -> str:
-    return os.path.splitext(os.path.basename(name))[0] if len(name) < 200 else "address"
 
 
 def _text(source: Any) -> tuple[str, str]:
@@ -113,10 +110,7 @@ def _encoding(raw: bytes) -> str:
 
 def _reader(text: str, name: str, format: str | None) -> Reader:
     if format is not None:
-        if format not in READERS:
-            remedy = close_match(format, READERS)
-            raise refused("format", f'no format "{format}"', remedy, f"formats: {listed(READERS)}")
-        return READERS[format]
+        return READERS.named(format, "format")
     for key in READERS:
         if READERS[key].recognises(text):
             return READERS[key]

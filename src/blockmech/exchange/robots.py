@@ -17,7 +17,7 @@ import numpy as np
 
 from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio, Wheels
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import Record, record_of, wrong, xml_of
+from blockmech.exchange.parsing import Record, wrong, xml_of
 from blockmech.exchange.spatial import (
     Assembly,
     Joint,
@@ -146,7 +146,7 @@ class _Robot:
             direction = pose.axes.T @ self.pose(self.named(outer, scope)).axes @ direction
         pose = pose.at((0, 0, 0), axes_along(direction))
         parent, child = map(self.body, self.ends(record, scope))
-        self.join(name, record, (parent, child), (pose, pose), axis)
+        self.join(Joint(name, "", parent, child, pose, pose), record, axis)
         for mimic in (*record.all("mimic"), *axis.all("mimic")):
             offset, reference = mimic.number("offset", 0.0), mimic.number("reference", 0.0)
             factor = mimic.number("multiplier", 1.0)
@@ -154,16 +154,9 @@ class _Robot:
             law = (offset - factor * reference, factor)
             self.assembly.ratios.append(Ratio(f"mimic_{name}", leading, name, law))
 
-    def join(
-        self,
-        name: str,
-        record: Record,
-        ends: tuple[str, str],
-        poses: tuple[Pose, Pose],
-        axis: Record,
-    ) -> None:
-        """Add a joint at its poses, whose axis has limits and dynamics in it or beside it."""
-        kind = record.get("type")
+    def join(self, joint: Joint, record: Record, axis: Record) -> None:
+        """Add a joint, whose axis has limits and dynamics in it or beside it."""
+        name, kind = joint.name, record.get("type")
         if kind not in KINDS:
             raise wrong(record.where, f"it is a {kind or 'joint of no type'}", f"{listed(KINDS)}")
         of_axis = axis if axis.tag == "axis" and axis.all("limit", "dynamics") else record
@@ -177,9 +170,9 @@ class _Robot:
         if kind == "gearbox":  # against a body that both turn on
             record.get("gearbox_reference_body")
             sizes = (record.number("gearbox_ratio", 1.0), 1.0)
-            self.assembly.drawing.wheels.append(Wheels(name, *ends, sizes))
+            self.assembly.drawing.wheels.append(Wheels(name, joint.first, joint.second, sizes))
             return
-        joint = Joint(name, KINDS[kind], *ends, *poses, limits=limits, stiffness=stiffness)
+        joint = joint._replace(kind=KINDS[kind], limits=limits, stiffness=stiffness)
         self.assembly.join(joint._replace(rest=rest, damping=damping))
 
     def _drive(self, record: Record) -> None:
@@ -218,28 +211,28 @@ def _placed(record: Record, outer: Pose) -> Pose:
 
 def read_urdf(text: str, where: str) -> Drawing:
     """The drawing of a robot, all its coordinates at zero."""
-    root = record_of(xml_of(text, where), where)
+    root = xml_of(text, where)
     if "<xacro:" in text:
         remedy = "expand it: xacro FILE > robot.urdf"
         raise wrong(where, "it is a xacro, which stands for a robot", "URDF", remedy)
     robot = _Robot(where, root.get("name"), "URDF file")
     robot.links = {record.get("name"): record for record in root.all("link")}
-    for joint in root.all("joint"):
-        parent, child = robot.ends(joint)
+    for part in root.all("joint"):
+        parent, child = robot.ends(part)
         if unknown := [link for link in (parent, child) if link not in robot.links]:
             raise wrong(where, f"no link {listed(unknown)}", f"links: {listed(robot.links)}")
         if child in robot.bases:
             raise wrong(where, "a link is the child of two joints", "a tree; loops by loop_joint")
-        robot.joints[joint.get("name")] = joint, "", child
-        robot.bases[child] = joint, parent, ""
+        robot.joints[part.get("name")] = part, "", child
+        robot.bases[child] = part, parent, ""
     robot.frame |= robot.links.keys() - robot.bases.keys()
     robot.poses |= {name: Pose() for name in robot.frame}
     for gazebo in root.all("gazebo"):
         gazebo.get("reference")
-        for joint in gazebo.all("joint"):
-            key = f"{joint.get('name')} of gazebo"
-            robot.joints[joint.get("name")] = joint, "", key
-            robot.bases[key] = joint, robot.ends(joint)[1], ""
+        for part in gazebo.all("joint"):
+            key = f"{part.get('name')} of gazebo"
+            robot.joints[part.get("name")] = part, "", key
+            robot.bases[key] = part, robot.ends(part)[1], ""
     for record in root.all("loop_joint"):  # between two places of two links
         ends = [record.first("link1"), record.first("link2")]
         first, second = (robot.body(end.get("link")) for end in ends)
@@ -251,7 +244,8 @@ def read_urdf(text: str, where: str) -> Drawing:
             .at((0, 0, 0), turn)
             for end in ends
         )
-        robot.join(record.get("name"), record, (first, second), (pose, second_pose), axis)
+        joint = Joint(record.get("name"), "", first, second, pose, second_pose)
+        robot.join(joint, record, axis)
     return robot.project(root, 0.0, "1 0 0", [0.0, 0.0, -9.81])
 
 
@@ -260,7 +254,7 @@ def read_urdf(text: str, where: str) -> Drawing:
 
 def read_sdf(text: str, where: str) -> Drawing:
     """The drawing of the models of a file, which may stand in each other."""
-    root = record_of(xml_of(text, where), where)
+    root = xml_of(text, where)
     worlds = [root, *root.all("world")]
     models = [model for outer in worlds for model in outer.all("model")]
     if not models:

@@ -19,11 +19,10 @@ import cmath
 import math
 import re
 from dataclasses import dataclass, field
-from xml.etree.ElementTree import Element
 
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Slot, direction
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import number, wrong, xml_of
+from blockmech.exchange.parsing import Record, number, wrong, xml_of
 
 NEAR = 1e-4  # of the sketch's size: what drawing programs round to
 MOST = 1000  # circles
@@ -104,10 +103,8 @@ def _slots(name: str, layer: Layer, drawing: Drawing, tolerance: float, where: s
             if point in members:
                 continue
             offset = (z - a) * unit
-            if (
-                abs(offset.imag) <= tolerance
-                and -tolerance <= offset.real <= abs(b - a) + tolerance
-            ):
+            inside_ends = -tolerance <= offset.real <= abs(b - a) + tolerance
+            if inside_ends and abs(offset.imag) <= tolerance:
                 drawing.slots.setdefault(point, []).append(Slot(angle, on))
                 inside.append(point)
         if not inside:
@@ -191,7 +188,7 @@ def read_svg(text: str, where: str) -> Drawing:
         raise wrong(where, f"the root is <{root.tag}>", "<svg>")
     drawing = Drawing(where, source="SVG sketch")
     scale = 1.0
-    width, box = LENGTH.fullmatch(root.get("width") or ""), (root.get("viewBox") or "").split()
+    width, box = LENGTH.fullmatch(root.get("width")), root.get("viewBox").split()
     if width and len(box) == 4:
         drawing.unit = width[2]
         scale = number(width[1], f"{where}, width") / (number(box[2], f"{where}, viewBox") or 1.0)
@@ -200,9 +197,9 @@ def read_svg(text: str, where: str) -> Drawing:
     return sketched(layers, drawing, where)
 
 
-def _group(element: Element, m: Affine, name: str, layers: dict[str, Layer], where: str) -> None:
+def _group(element: Record, m: Affine, name: str, layers: dict[str, Layer], where: str) -> None:
     at = f"{where}, {element.tag}"
-    m = m.after(_transform(element.get("transform") or "", at))
+    m = m.after(_transform(element.get("transform"), at))
 
     def point(x: str, y: str) -> complex:
         return m(complex(number(element.get(x), at, 0.0), number(element.get(y), at, 0.0)))
@@ -215,7 +212,7 @@ def _group(element: Element, m: Affine, name: str, layers: dict[str, Layer], whe
         ends = point("x1", "y1"), point("x2", "y2")
         layers.setdefault(name, Layer()).lines.append(ends)
     if element.tag != "defs":
-        for inner in element:
+        for inner in element.inner:
             _group(inner, m, name, layers, where)
 
 

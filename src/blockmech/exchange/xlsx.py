@@ -45,7 +45,8 @@ def workbook(result: Result) -> Any:
     sheet.freeze_panes = "A3"
     charted = [j for j, c in enumerate(table, 1) if c.output in result][:PANELS]
     if result.n > 1 and charted:
-        sheet.add_chart(_chart(openpyxl, sheet, result, charted), f"{_letter(openpyxl, last + 2)}2")
+        chart = _chart(openpyxl, sheet, result, charted)
+        sheet.add_chart(chart, sheet.cell(2, last + 2).coordinate)
     about = book.create_sheet("about")
     lines = [("mechanism", result.mechanism.name), ("samples", str(result.n)), ("units", "SI")]
     lines += [("note", text) for text in result.notes()]
@@ -60,10 +61,6 @@ def _text(cell: Any, text: str) -> Any:
     cell.value = printable(text)
     cell.data_type = "s"
     return cell
-
-
-def _letter(openpyxl: Any, j: int) -> str:
-    return str(openpyxl.utils.get_column_letter(j))
 
 
 def _chart(openpyxl: Any, sheet: Any, result: Result, charted: list[int]) -> Any:

@@ -19,12 +19,7 @@ def write_c(order: Order, path: Path) -> list[Path]:
     if path.suffix and path.suffix.lower() != ".c":
         raise refused(str(path), "C text is written to a file .c", "name it so")
     program.name = identifier(path.stem)
-    if order.at:
-        samples = order.mechanism.samples(
-            *(order.at.get(k) for k in ("at", "samples", "times")), None, None
-        )
-    else:
-        samples = poses(order.mechanism)
+    samples = order.samples() or poses(order.mechanism)
     texts = {"h": program.header, "c": program.source}
     files = {path.with_name(f"{program.name}.{end}"): text for end, text in texts.items()}
     files[path.with_name(f"{program.name}_test.c")] = program.test(samples)

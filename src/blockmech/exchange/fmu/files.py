@@ -103,24 +103,25 @@ class Unit:
 
     def _variables(self) -> list[Variable]:
         """Coordinates, rates, accelerations, efforts; states, their rates; inputs; outputs."""
-        variables, starts = [], self.starts
-        of, k, states = list(self.of.values()), len(self.of), self.states
-        for i, (name, start) in enumerate(zip(of, starts, strict=True)):
-            variables.append(Variable(f"{name}.q", f"m->q[{i}]", start=start[0]))
-        for i, (name, start) in enumerate(zip(of, starts, strict=True)):
-            variables.append(Variable(f"{name}.rate", f"m->rate[{i}]", "output", start[1], i))
-        for i, name in enumerate(of):
-            lvalue = f"m->acceleration[{i}]"
-            variables.append(Variable(f"{name}.acceleration", lvalue, derivative=k + i))
-        for i, name in enumerate(of):
-            variables.append(Variable(f"{name}.effort", f"m->effort[{i}]", "input", 0.0))
-        first = len(variables)
-        for name, i in states.continuous.items():
-            variables.append(Variable(name, f"m->x[{i}]", "output", states.initial[i]))
-        for j, name in enumerate(states.continuous):
-            variables.append(Variable(f"der({name})", f"m->slope[{j}]", "local", None, first + j))
-        for name, i in states.inputs.items():
-            variables.append(Variable(name, f"m->x[{i}]", "input", states.initial[i]))
+        of, k, states = list(enumerate(self.of.values())), len(self.of), self.states
+        start = self.starts
+        variables = [
+            *(Variable(f"{x}.q", f"m->q[{i}]", start=start[i][0]) for i, x in of),
+            *(Variable(f"{x}.rate", f"m->rate[{i}]", "output", start[i][1], i) for i, x in of),
+            *(
+                Variable(f"{x}.acceleration", f"m->acceleration[{i}]", derivative=k + i)
+                for i, x in of
+            ),
+            *(Variable(f"{x}.effort", f"m->effort[{i}]", "input", 0.0) for i, x in of),
+        ]
+        first, initial = len(variables), states.initial
+        continuous, inputs = states.continuous.items(), states.inputs.items()
+        variables += [Variable(x, f"m->x[{i}]", "output", initial[i]) for x, i in continuous]
+        variables += [
+            Variable(f"der({x})", f"m->slope[{j}]", "local", None, first + j)
+            for j, x in enumerate(states.continuous)
+        ]
+        variables += [Variable(x, f"m->x[{i}]", "input", initial[i]) for x, i in inputs]
         names = {*(v.name for v in variables), *states.rates}
         p = self.program.outputs
         variables += [Variable(n, f"out.{p[n].name}") for n in p if n not in names]

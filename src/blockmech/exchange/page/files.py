@@ -63,7 +63,7 @@ def write_page(order: Order, path: Path) -> list[Path]:
     contents = contents_of(order)
     document = order.mechanism.document.to_json() if order.mechanism.document else ""
     link = Link(document, f"{path.stem}.json", contents)._asdict()
-    script = _bundle()
+    script = "".join(['"use strict";\n', *map(_module, MODULES)])
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     # JSON that ends no script element, and that JavaScript reads as it is.
     text = json.dumps(link, allow_nan=False, ensure_ascii=True)
@@ -84,7 +84,8 @@ def contents_of(order: Order) -> dict[str, Any]:
     mechanism, samples = order.mechanism, samples_of(order)
     curves = Script(mechanism, requested_outputs(order), **order.settings)
     drawing = Script(mechanism._of_blocks, ["*.angle", "*.p"])
-    offered = [m.name for m in curves.parameters if not m.is_array and _is_given(m.name)]
+    numbers = [m.name for m in curves.parameters if not m.is_array]
+    offered = [x for x in numbers if not (x.startswith("size_") or x.endswith("_branch"))]
     axis = abscissa(mechanism._answer(samples, (), {"friction": None, "static": False}))
     return {
         **_picture(drawing),
@@ -132,12 +133,8 @@ def _column(values: Any) -> Any:
     return [float(x) for x in values]
 
 
-def _bundle() -> str:
-    """The modules of the page as one script: each a function that returns its exports."""
-    return "".join(['"use strict";\n', *map(_module, MODULES)])
-
-
 def _module(name: str) -> str:
+    """A module of the page as a function that returns its exports."""
     text = (WEB / f"{name}.js").read_text("utf-8")
     text = re.sub(r'^import \{(.*)\} from "\./(\w+)\.js";$', r"const {\1} = \2;", text, flags=re.M)
     exported = re.findall(r"^export (?:const|function|class) (\w+)", text, re.M)
@@ -158,10 +155,7 @@ def requested_outputs(order: Order) -> tuple[str, ...]:
 
 def samples_of(order: Order) -> Samples:
     """The poses of the order, or where it says nothing those of the laws, or of a turn."""
-    if order.at:
-        coordinates = (order.at.get(key) for key in ("at", "samples", "times"))
-        return order.mechanism.samples(*coordinates, None, None)
-    return poses(order.mechanism, FRAMES)
+    return order.samples() or poses(order.mechanism, FRAMES)
 
 
 def _choose(text: str | None, offered: list[str]) -> list[str]:
@@ -177,10 +171,6 @@ def _choose(text: str | None, offered: list[str]) -> list[str]:
             raise refused("slider", f"no number {word}", remedy, f"numbers: {listed(numbers, 60)}")
         chosen.append(numbers[name])
     return chosen
-
-
-def _is_given(name: str) -> bool:
-    return not name.startswith("size_") and not name.endswith("_branch")
 
 
 def _picture(drawing: Script) -> Data:
