@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from blockmech.compiled import Compiled
 from blockmech.draw.animation import Animation
@@ -31,6 +31,10 @@ from blockmech.ground.files import folder as whole_folder
 from blockmech.ground.runnable import Runnable
 from blockmech.model.graph import Graph
 from blockmech.result.result import Result
+from blockmech.typing import Coordinates
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "Animation",
@@ -71,12 +75,12 @@ def draw(
     subject: Subject,
     path: AnyPath | None = None,
     kind: str | None = None,
-    at: Any = None,
+    at: Coordinates | None = None,
     *,
     trace: Iterable[str] | None = None,
     degrees: bool = IN_DEGREES,
     want: Iterable[str] | str = "*",
-    ax: Any = None,
+    ax: Axes | None = None,
 ) -> Any:
     """Draw a graph, a linkage or a mechanism; the suffix of the path says the format.
 
@@ -140,7 +144,9 @@ def diagram_svg(subject: Subject) -> str:
 
 
 @declared
-def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None = None) -> str:
+def mechanism_svg(
+    subject: Subject, at: Coordinates | None = None, trace: Iterable[str] | None = None
+) -> str:
     """The mechanism at poses as SVG text; see `draw` for the arguments and errors.
 
     >>> bm.draw.mechanism_svg(mech, at=0.5)[:4]
@@ -153,7 +159,7 @@ def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None 
 def animate(
     subject: Subject | Result,
     path: AnyPath | None = None,
-    at: Any = None,
+    at: Coordinates | None = None,
     *,
     frames: int = 72,
     seconds: float = 3.0,
@@ -252,11 +258,11 @@ def _structure(subject: Subject) -> Any:
     return draw_structural_graph(subject.compile())
 
 
-def _tile(subject: Subject, at: Any) -> Any:
+def _tile(subject: Subject, at: Coordinates | None) -> Any:
     return draw_tile(subject.compile(), at)
 
 
-def _centrodes(subject: Subject, at: Any, want: Any, degrees: bool) -> Any:
+def _centrodes(subject: Subject, at: Coordinates | None, want: Any, degrees: bool) -> Any:
     mechanism: Compiled = subject.compile()
     links = as_names("want", want)
     if links == ("*",):

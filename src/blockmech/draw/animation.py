@@ -19,7 +19,7 @@ from collections.abc import Iterable
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,6 +36,10 @@ from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath, writing
 from blockmech.result.result import Result
 from blockmech.typing import Data
+
+if TYPE_CHECKING:
+    from matplotlib.animation import FuncAnimation
+    from matplotlib.axis import XAxis, YAxis
 
 FPS = 30  # of a film
 NAMES = 12  # joints up to which all are named
@@ -126,7 +130,7 @@ class Animation:
         """
         return _film(self)
 
-    def to_matplotlib(self) -> Any:
+    def to_matplotlib(self) -> FuncAnimation:
         """The frames as matplotlib's `FuncAnimation`, with ``to_jshtml()`` and writers of films."""
         from matplotlib.animation import FuncAnimation
 
@@ -333,7 +337,7 @@ def _path(page: Page, i: int, name: str, path: Complex) -> Data:
     }
 
 
-def _ticks(axis: Any) -> list[float]:
+def _ticks(axis: XAxis | YAxis) -> list[float]:
     """Round numbers [m] on an axis."""
     low, high = sorted(axis.get_view_interval())
     return [float(f"{v:.6g}") for v in axis.get_majorticklocs() if low <= v <= high]

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from blockmech.blocks.joints import PAIRS
 from blockmech.draw.boxes import Content, DrawnBlock, DrawnWire, Port, content_of
@@ -24,6 +24,11 @@ from blockmech.figures.paper import fitting_columns, new_page, shown_name, style
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.typing import Arguments, Data
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 ARROWHEAD = "-|>,head_length=4.2,head_width=1.5"  # [pt]
 ARROWS = {"forward": ink.FORWARD, "back": ink.BACK, "cycle": ink.ALARM, "signal": ink.INK}
@@ -56,11 +61,11 @@ class Diagram:
     ``unwired:dyad.D``, ``forward:...``, ``back:...``, ``cycle:...``, ``text``.
     """
 
-    figure: Any
-    axes: Any
+    figure: Figure
+    axes: Axes
     content: Content
     placed: Placed
-    labels: list[Any] = field(default_factory=list)
+    labels: list[Text] = field(default_factory=list)
 
     def write(self, x: float, y: float, text: str, **style: Any) -> None:
         """A line of text, its middle at a height."""

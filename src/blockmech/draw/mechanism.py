@@ -6,7 +6,7 @@ import cmath
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +25,10 @@ from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
 from blockmech.result.result import Result
 from blockmech.result.samples import DEFAULT_SAMPLES
+from blockmech.typing import Coordinates
+
+if TYPE_CHECKING:
+    from matplotlib.text import Text
 
 MANY = 9  # labels from which the picture is two columns wide
 TILE, ROOM = 2.4, 1.3  # [in] side of a tile; of the mechanism's size that it holds
@@ -37,7 +41,7 @@ class Picture:
 
     page: Page
     stage: Stage
-    labels: list[Any] = field(default_factory=list)
+    labels: list[Text] = field(default_factory=list)
 
     @property
     def figure(self) -> Any:
@@ -52,7 +56,7 @@ class Picture:
 
 def draw_mechanism(
     mechanism: Compiled,
-    at: Any = None,
+    at: Coordinates | None = None,
     trace: Iterable[str] | None = None,
     degrees: bool = IN_DEGREES,
     curves: Paths | None = None,
@@ -117,7 +121,7 @@ def draw_result(result: Result, degrees: bool = IN_DEGREES) -> Picture:
     return draw_mechanism(result.mechanism, at, degrees=degrees)
 
 
-def draw_tile(mechanism: Compiled, at: Any = None) -> Any:
+def draw_tile(mechanism: Compiled, at: Coordinates | None = None) -> Any:
     """A square figure of a mechanism without axes and words, one of many in a table.
 
     Arguments and errors are those of `draw_mechanism`.

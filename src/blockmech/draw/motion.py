@@ -17,7 +17,7 @@ from blockmech.model.spots import Spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.result.quality import Quality
 from blockmech.result.result import Result
-from blockmech.typing import Arguments, Data
+from blockmech.typing import Arguments, Coordinates, Data
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
@@ -128,7 +128,7 @@ class Motion:
         return bool(np.abs(apart).max() <= BLUR * size)
 
 
-def moves(mechanism: Compiled, at: Any = None, samples: int | None = None) -> Motion:
+def moves(mechanism: Compiled, at: Coordinates | None = None, samples: int | None = None) -> Motion:
     """Poses of a mechanism at driver coordinates ``at``, or over the range of its laws.
 
     Raises `RequestError` where neither ``at`` nor the scene says where the drivers are.

@@ -6,11 +6,14 @@ columns topological generations). Colour and dashes of an arrow say what travels
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from blockmech.figures.palette import BACK, DRIVE, GREY, INK, SERIES, SMALL, TEXT
 from blockmech.figures.paper import new_page, shown_name, styled
 from blockmech.plan.plan import Node, Plan
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 COLUMN, ROW = 11.5 * TEXT, 3.75 * TEXT  # [pt] of a call
 LANE, MARGIN = 1.75 * TEXT, 3 * TEXT  # [pt] what parts two blocks, and what is around all
@@ -75,7 +78,7 @@ def _cells(graph: Any) -> tuple[dict[Node, tuple[float, float]], dict[str, float
     return at, tops, height
 
 
-def _arrow(axes: Any, start: Any, end: Any, letters: int, colour: str, dashes: str) -> None:
+def _arrow(axes: Axes, start: Any, end: Any, letters: int, colour: str, dashes: str) -> None:
     """An arrow to a box with so many letters; it bends, so that what it passes stays readable."""
     level, is_long = start[1] == end[1], end[0] - start[0] > COLUMN
     style = {

@@ -14,9 +14,11 @@ from blockmech.compiled import Compiled
 from blockmech.figures.palette import DRIVER_FILL, FRAME_FILL, GREY, GROUP_FILL, INK, SMALL, TEXT
 from blockmech.figures.paper import new_page, shown_name, styled
 from blockmech.model.structure import LinkRef
+from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
     import networkx as nx
+    from matplotlib.axes import Axes
 
 COLUMN, ROW = 13 * TEXT, 7 * TEXT  # [pt] from vertex to vertex
 BEND = 0.25  # of an edge that passes others, in its length
@@ -83,14 +85,14 @@ def draw_structural_graph(mechanism: Compiled) -> Any:
             of = shown_name(",".join(data["links"]), 12).replace("$", r"\$")
             axes.text(x, y, f"{len(data['links'])},{data['freedoms']}", ha="center", va="center")
             axes.text(x + SIZE[0] / 2, y - SIZE[1] / 2, f"({of})", size=SMALL, ha="center")
-            below = {"size": SMALL, "color": GREY, "ha": "center", "va": "top"}
+            below: Arguments = {"size": SMALL, "color": GREY, "ha": "center", "va": "top"}
             axes.text(x, y + SIZE[1] / 2 + 2, shown_name(name, 18), **below)
         caption = "number of links, degrees of freedom added (links); at the edges the pairs"
         axes.text(-COLUMN / 2 + TEXT, -ROW / 2 - 2 * TEXT, caption, size=SMALL, va="center")
     return figure
 
 
-def _edge(axes: Any, start: Any, end: Any, word: str) -> None:
+def _edge(axes: Axes, start: Any, end: Any, word: str) -> None:
     """An arrow from vertex to vertex; one that passes others bends below them."""
     is_long = end[0] - start[0] > COLUMN
     level = start[1] == end[1]
@@ -106,5 +108,5 @@ def _edge(axes: Any, start: Any, end: Any, word: str) -> None:
     axes.annotate("", end, start, arrowprops=style, zorder=1)
     x, y = ((a + b) / 2 for a, b in zip(start, end, strict=True))
     y += bend * (end[0] - start[0]) / 2
-    below = {"va": "top"} if bend else {"va": "bottom"}
+    below: Arguments = {"va": "top"} if bend else {"va": "bottom"}
     axes.text(x, y + (2 if bend else -3), word, size=SMALL, color=GREY, ha="center", **below)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import angle_scale, panelled, shown_name
 from blockmech.ground.errors import refused
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 THICK = 0.62  # of a row: a bar
 
@@ -26,7 +29,7 @@ class Bar(NamedTuple):
 
 
 def bars_figure(
-    bars: Sequence[Bar], name: str, unit: str, caption: str, degrees: bool, ax: Any
+    bars: Sequence[Bar], name: str, unit: str, caption: str, degrees: bool, ax: Axes | None
 ) -> Any:
     """Bars over a coordinate, a column wide. Raises `RequestError` where there is none."""
     if not bars:
@@ -47,7 +50,7 @@ def bars_figure(
     return axes.figure
 
 
-def _draw(axes: Any, y: int, bar: Bar, span: tuple[float, float], scale: float) -> None:
+def _draw(axes: Axes, y: int, bar: Bar, span: tuple[float, float], scale: float) -> None:
     start, end = (min(max(q, span[0]), span[1]) * scale for q in (bar.start, bar.end))
     fill = ink.LINK_FILLS[bar.colour % len(ink.LINK_FILLS)]
     axes.barh(y, end - start, THICK / 2, start, color=fill, edgecolor=ink.INK, lw=0.6)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from blockmech.ground.files import AnyPath
 from blockmech.ground.units import shown_in
 from blockmech.result.columns import without_noise
 from blockmech.result.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]
@@ -128,7 +131,7 @@ def plot(
     over: Axis = "auto",
     degrees: bool = IN_DEGREES,
     components: bool = False,
-    ax: Any = None,
+    ax: Axes | None = None,
 ) -> Any:
     """Draw outputs of a run in one picture, one panel for each quantity.
 

@@ -9,13 +9,18 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import grow, legend_above, panelled, scaled_unit, shown_name
+from blockmech.typing import Arguments
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import XAxis, YAxis
 
 Array = NDArray[np.float64]
 
@@ -69,7 +74,7 @@ class Abscissa:
     events: tuple[tuple[float, str], ...] = ()
 
 
-def draw_panels(panels: Sequence[Panel], abscissa: Abscissa, ax: Any = None) -> Any:
+def draw_panels(panels: Sequence[Panel], abscissa: Abscissa, ax: Axes | None = None) -> Any:
     """A figure of panels below one another, a column wide, legends above their axes.
 
     Many panels stand in two columns. With ``ax`` they stand in its place.
@@ -93,7 +98,7 @@ def draw_panels(panels: Sequence[Panel], abscissa: Abscissa, ax: Any = None) -> 
     return every[0].figure
 
 
-def _draw_panel(axes: Any, panel: Panel, abscissa: Abscissa) -> None:
+def _draw_panel(axes: Axes, panel: Panel, abscissa: Abscissa) -> None:
     """Draw the curves of a panel, with labels for the legend."""
     step = np.diff(abscissa.values)
     mixed = np.any(step > 0) and np.any(step < 0)
@@ -117,7 +122,7 @@ def _draw_panel(axes: Any, panel: Panel, abscissa: Abscissa) -> None:
     edges = np.diff(np.pad(bad.astype(int), 1))
     for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
         left_end, right_end = x[max(int(a) - 1, 0)], x[min(int(b), len(x) - 1)]
-        style = {"facecolor": ink.FRAME_FILL, "edgecolor": ink.PALE, "hatch": "////", "lw": 0}
+        style: Arguments = {"fc": ink.FRAME_FILL, "ec": ink.PALE, "hatch": "////", "lw": 0}
         axes.axvspan(left_end, right_end, zorder=0.5, label="no answer", **style)
     for at, event in abscissa.events:
         axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=event)
@@ -131,7 +136,7 @@ def _draw_panel(axes: Any, panel: Panel, abscissa: Abscissa) -> None:
         axes.set_ylim(factor * (low - air), factor * (high + air))
 
 
-def _line(axes: Any, x: Array, y: Array, **look: Any) -> None:
+def _line(axes: Axes, x: Array, y: Array, **look: Any) -> None:
     """A curve; few samples are marked, and so is one that stands alone between gaps."""
     good = np.pad(np.isfinite(y), 1)
     alone = np.flatnonzero(good[1:-1] & ~good[:-2] & ~good[2:]).tolist()
@@ -140,7 +145,7 @@ def _line(axes: Any, x: Array, y: Array, **look: Any) -> None:
     axes.plot(x, y, ms=2.4, **look)
 
 
-def _set_ticks(axes: Any, span: float, turn: float) -> None:
+def _set_ticks(axes: Axes, span: float, turn: float) -> None:
     """Round numbers; parts of a turn where enough of one is drawn over."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 
@@ -164,7 +169,7 @@ def of_pi(x: float) -> str:
     return f"{sign}{size if size != 1 else ''}π{over}" if size else "0"
 
 
-def log_ticks(axis: Any, low: float, high: float) -> None:
+def log_ticks(axis: XAxis | YAxis, low: float, high: float) -> None:
     """Few marks on a logarithmic axis between two ends, as powers of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 

@@ -16,13 +16,19 @@ import warnings
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from blockmech.figures.palette import COLUMN, DPI, PALE, ROW, SMALL, STYLE, TEXT
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.files import AnyPath, writing
+from blockmech.typing import Arguments
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.gridspec import SubplotSpec
 
 STILL = (".png", ".svg", ".pdf")
 MOVING = (".gif", ".html", ".mp4")
@@ -61,7 +67,7 @@ def new_figure(width: float, height: float, **settings: Any) -> Any:
     return figure
 
 
-def new_page(width: float, height: float, left_edge: float, top: float) -> tuple[Any, Any]:
+def new_page(width: float, height: float, left_edge: float, top: float) -> tuple[Figure, Axes]:
     """A figure and axes that cover it from a corner on, one unit a point, y downward."""
     figure = new_figure(width, height)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -78,18 +84,18 @@ def panelled(
     rows: int = 1,
     columns: int = 1,
     *,
-    ax: Any = None,
+    ax: Axes | None = None,
     width: float = COLUMN,
     height_ratios: Sequence[float] | None = None,
-    sharex: Any = "col",
-    sharey: Any = False,
+    sharex: bool | str = "col",
+    sharey: bool = False,
 ) -> Iterator[Any]:
     """Axes (rows, columns) with a grid, to be drawn in.
 
     They are of a new figure, a column wide and with words below it, which come on top of the
     height [pt]; or they stand in place of ``ax``, without the words.
     """
-    shared = {"squeeze": False, "sharex": sharex, "sharey": sharey}
+    shared: Arguments = {"squeeze": False, "sharex": sharex, "sharey": sharey}
     with styled():
         if ax is None:
             lines = wrapped(caption, SMALL, width - 10) if caption else []
@@ -108,13 +114,13 @@ def panelled(
         yield panels
 
 
-def grow(axes: Any, rows: int, ax: Any) -> None:
+def grow(axes: Any, rows: int, ax: Axes | None) -> None:
     """Make the figure of axes higher by rows of small text, unless it is the user's."""
     if ax is None:
         axes.figure.set_figheight(axes.figure.get_figheight() + rows * ROW / 72)
 
 
-def cell_of(ax: Any) -> Any:
+def cell_of(ax: Axes) -> SubplotSpec:
     """The place of axes in their figure, which are emptied: several stand there."""
     if (cell := ax.get_subplotspec()) is None:
         remedy = "give one of plt.subplots(); it is shared out among the panels"
@@ -183,7 +189,7 @@ def fitting_columns(labels: Sequence[str], width: float) -> int:
     return columns
 
 
-def legend_above(axes: Any, width: float) -> int:
+def legend_above(axes: Axes, width: float) -> int:
     """A legend above axes, of what has a label there, once each; the number of its rows."""
     lines, labels = axes.get_legend_handles_labels()
     entries = dict(zip(labels, lines, strict=True))
@@ -222,7 +228,7 @@ def scaled_unit(unit: str, largest: float) -> tuple[float, str]:
     return 10.0**-power, PREFIXES[power] + unit
 
 
-def rendered(figure: Any, suffix: str, dpi: float = DPI) -> bytes:
+def rendered(figure: Figure, suffix: str, dpi: float = DPI) -> bytes:
     """The picture as the bytes of a .png, .svg or .pdf file; the same for the same picture."""
     from PIL import Image
 
@@ -235,13 +241,13 @@ def rendered(figure: Any, suffix: str, dpi: float = DPI) -> bytes:
     return buffer.getvalue()
 
 
-def image(figure: Any, alt: str) -> str:
+def image(figure: Figure, alt: str) -> str:
     """A figure as an image of a page, in which no script runs."""
     data = base64.b64encode(rendered(figure, ".svg")).decode()
     return f'<img alt="{html.escape(alt)}" src="data:image/svg+xml;base64,{data}">'
 
 
-def write_figure(figure: Any, path: AnyPath, suffix: str = ".png") -> Path:
+def write_figure(figure: Figure, path: AnyPath, suffix: str = ".png") -> Path:
     """Write a figure as the suffix says."""
     data = rendered(figure, suffix)
     with writing(path) as stream:

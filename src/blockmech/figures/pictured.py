@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.paper import STILL, rendered, suffix_of, write_figure
@@ -13,12 +13,15 @@ from blockmech.ground.errors import BlockmechError
 from blockmech.ground.files import AnyPath
 from blockmech.ground.report import Report
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 class Pictured(Report):
     """What people read, with a picture."""
 
     @abstractmethod
-    def figure(self, degrees: bool = IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = IN_DEGREES, ax: Axes | None = None) -> Any:
         """matplotlib's figure, in place of the axes ``ax`` if they are given.
 
         Raises `RequestError` where there is nothing to draw.
@@ -26,7 +29,7 @@ class Pictured(Report):
 
     @declared
     def plot(
-        self, path: AnyPath | None = None, *, degrees: bool = IN_DEGREES, ax: Any = None
+        self, path: AnyPath | None = None, *, degrees: bool = IN_DEGREES, ax: Axes | None = None
     ) -> Any:
         """The picture as matplotlib's figure; with a path it is written (png, svg or pdf).
 
