@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from blockmech.builders import Graph, Opened, compiled_of, opened
+from blockmech.builders import Graph, Opened, compiled, compiled_of, opened
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import AsJson, At, GraphFile, option, switch
 from blockmech.cli.output import Display, PlotDisplay, Reports
@@ -86,7 +86,9 @@ def _facts(model: Opened) -> tuple[Data, str]:
 
 def verify(file: GraphFile, display: Display, at: At = None) -> None:
     """Check balances, powers and the two routes to the driving moment."""
-    if not display.answer_command(file, "verifying", lambda m: m.verify(coordinates(m, at))).ok:
+    if not display.answer_command(
+        file, compiled, "verifying", lambda m: m.verify(coordinates(m, at))
+    ).ok:
         raise typer.Exit(NO_ANSWER)
 
 
@@ -118,7 +120,7 @@ def limits(
         ]
         return Reports("limits", reports)
 
-    display.answer_command(file, "searching", search)
+    display.answer_command(file, compiled, "searching", search)
 
 
 def modes(
@@ -134,7 +136,9 @@ def modes(
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
     request: Arguments = {"driver": driver, "groups": group or None, "arcs": not no_arcs}
-    display.answer_command(file, "searching", lambda m: m.modes(coordinates(m, at), **request))
+    display.answer_command(
+        file, compiled, "searching", lambda m: m.modes(coordinates(m, at), **request)
+    )
 
 
 def extremes(
@@ -155,7 +159,7 @@ def extremes(
         reports = [row for name in names for row in _of_all(mechanism, name, method)]
         return Reports("strokes" if stroke else "extremes", reports)
 
-    display.answer_command(file, "searching", search)
+    display.answer_command(file, compiled, "searching", search)
 
 
 def _of_all(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[Any]:

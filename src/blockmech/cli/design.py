@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import blockmech as bm
+from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, number_in, rates_of, texts_by_name
 from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, number_of, option
 from blockmech.cli.output import PlotDisplay
@@ -31,7 +32,7 @@ def equilibria(
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
     options: Arguments = {"friction": friction, "time": time}
-    display.answer_command(file, "searching", lambda m: m.equilibria(**options))
+    display.answer_command(file, compiled, "searching", lambda m: m.equilibria(**options))
 
 
 def solve(
@@ -57,7 +58,7 @@ def solve(
         values = {name: _number_or_quantity(text) for name, text in targets}
         return m.solve(values, names_of(to) or (), at=coordinates(m, at), **options)
 
-    display.answer_command(file, "solving", question)
+    display.answer_command(file, compiled, "solving", question)
 
 
 def linearize(
@@ -89,7 +90,7 @@ def linearize(
     def ask(m: Mechanism) -> Any:
         return m.linearize(coordinates(m, at), rates=rates_of(m, rates), **request)
 
-    display.answer_command(file, "differentiating", ask)
+    display.answer_command(file, compiled, "differentiating", ask)
 
 
 def balance(
@@ -120,7 +121,7 @@ def balance(
     def ask(m: Mechanism) -> Any:
         return bm.design.balance(m, names_of(numbers), targets, coordinates(m, at), bounds=ends)
 
-    balanced = display.answer_command(file, "balancing", ask)
+    balanced = display.answer_command(file, compiled, "balancing", ask)
     if save is not None:
         balanced.mechanism.document.save(save)
         note(f"wrote {save}")
@@ -148,5 +149,5 @@ def identify(
     """Identify numbers of the mechanism from what was measured on it."""
     request: Arguments = {"friction": friction, "static": static}
     display.answer_command(
-        file, "fitting", lambda m: bm.design.identify(m, names_of(to), data, **request)
+        file, compiled, "fitting", lambda m: bm.design.identify(m, names_of(to), data, **request)
     )

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
-from blockmech.builders import compiled
 from blockmech.cli.options import AsJson, Degrees, at_most_one, option, si_only
 from blockmech.cli.terminal import (
     UNDRAWN,
@@ -30,7 +29,6 @@ from blockmech.result.exported import csv_chunks, json_chunks, table, write_csv
 from blockmech.typing import Data
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
     from blockmech.result.result import Result
 
 AnyResult = TypeVar("AnyResult", bound="Result[Any]")
@@ -126,15 +124,17 @@ class Display:
         check_places(table, plot)
         return table, plot
 
-    def answer_command(self, file: str, doing: str, question: Callable[[Mechanism], Any]) -> Any:
-        """Answer a question about a mechanism: show the answer, write it, and return it.
+    def answer_command(
+        self, file: str, reader: Callable[[str], T], doing: str, question: Callable[[T], Any]
+    ) -> Any:
+        """Answer a question about what a file holds: show the answer, write it, and return it.
 
         Raises `RequestError`, before anything is computed, where the answer cannot be written.
         """
-        mechanism = reading(file, compiled)
+        model = reading(file, reader)
         table, plot = self.files()
         with progress_bar(doing):
-            report = question(mechanism)
+            report = question(model)
         if table == "-":
             pour([report.to_csv()])
         else:

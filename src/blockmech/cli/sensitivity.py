@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from blockmech.builders import compiled
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, names_of, option
 from blockmech.cli.output import TableDisplay
 from blockmech.ground.runnable import EVERYTHING
@@ -34,6 +35,7 @@ def sensitivity(
     outputs = names_of(want)
     display.answer_command(
         file,
+        compiled,
         "differentiating",
         lambda m: m.sensitivity(outputs, **poses.of(m), **settings),
     )

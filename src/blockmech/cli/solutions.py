@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from blockmech.builders import compiled
 from blockmech.cli.numbers import row
 from blockmech.cli.options import GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.output import TableDisplay
@@ -30,7 +31,7 @@ def solutions(
     request: Arguments = {"want": names_of(want) or None, "static": static}
     request["scale"] = row(f"--scale {scale}", scale, "")
     report = display.answer_command(
-        file, "searching", lambda m: m.friction_solutions(**poses.of(m), **request)
+        file, compiled, "searching", lambda m: m.friction_solutions(**poses.of(m), **request)
     )
     if not report.complete.all():
         raise typer.Exit(NO_ANSWER)
