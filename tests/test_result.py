@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis.extremes import extremes
 from blockmech.analysis.reference_errors import WIDER
 from blockmech.ground.errors import NotComputedError
 from blockmech.ground.values import Marker, Vector
@@ -493,3 +494,12 @@ def test_iterations_of_friction_that_are_cut_short_say_how_far_off_they_are():
     moved = mech.simulate("time=0.1", friction="single", **options)
     assert moved.friction_error[0] == moved.motion.facts["friction_misfit"] > 1e-6
     assert f"{moved.friction_error[0]:.1e}" in str(moved)
+
+
+def test_a_stroke_and_extremes_of_a_result_are_told_in_its_units():
+    crank = bm.read(GRAPHS / "joints" / "slider_crank.json").run(samples=37).to("mm", "deg")
+    text = str(crank.stroke("link.piston.p"))
+    assert text.startswith("link.piston.p  stroke 100 mm, from driver.motor.q = 180 deg to ")
+    assert crank.stroke("link.piston.p").length == pytest.approx(0.1)
+    lines = str(extremes(crank, "link.piston.p.x")).splitlines()
+    assert lines[1] == "link.piston.p.x  maximum 250 mm at driver.motor.q = 0 deg"

@@ -53,6 +53,9 @@ Numbers: TypeAlias = float | str | Sequence[float | str] | NDArray[Any]
 Coordinates: TypeAlias = Numbers | Mapping[str, Numbers]
 """Numbers for the only driver, or for each driver by its name."""
 
+Quantity: TypeAlias = float | str
+"""A number in SI, or a text with its unit: "300rpm", "50 mm"."""
+
 Progress: TypeAlias = Callable[[str, float, float | None], None]
 """Told now and then in a run: what is at work, how far it is, and the whole where that is known.
 

@@ -178,3 +178,17 @@ def test_pictures(tmp_path):
     bm.design.flywheel(engine, 100.0, 0.02).plot(tmp_path / "b.png")
     for name in ("a.png", "b.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_speeds_and_efforts_are_texts_with_units_as_well():
+    engine = bm.read(GRAPHS / "engine.json").compile()
+    by_text = bm.design.flywheel(engine, "300rpm", 0.02)
+    assert by_text.inertia == bm.design.flywheel(engine, 10 * math.pi, 0.02).inertia
+    with pytest.raises(bm.RequestError, match="speed: got '300 mm'"):
+        bm.design.flywheel(engine, "300 mm", 0.02)
+    mech = bm.read(GRAPHS / "ruiz_fourbar.json").compile()
+    request = {"number": "couple.moment", "at": 0.5, "friction": "none"}
+    in_text = bm.design.available(mech, effort="-0.5 kN m", **request)
+    assert in_text.tolist() == bm.design.available(mech, effort=-500.0, **request).tolist()
+    with pytest.raises(bm.RequestError, match="effort: got '2 mm'"):
+        bm.design.available(mech, effort="2 mm", **request)

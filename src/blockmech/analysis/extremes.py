@@ -55,9 +55,10 @@ class Extreme(Facts):
     time: float | None
     end: bool
 
-    def place(self, degrees: bool = DEGREES) -> str:
+    def place(self, degrees: bool = DEGREES, display: tuple[str, ...] = ()) -> str:
         """Where it is, in words."""
-        return places({d: shown_place(q) for d, q in self.at.items()}, self.units, degrees)
+        at = {driver: shown_place(q) for driver, q in self.at.items()}
+        return places(at, self.units, degrees, display)
 
     def to_dict(self) -> Data:
         """The extreme as a JSON object; null stands for infinity."""
@@ -85,12 +86,13 @@ class Extremes(Facts, Report):
     """Extremes of one output; of a vector those of x, y and its magnitude.
 
     ``minimum``, ``maximum`` and ``turns`` are those of a real output, or of a vector's
-    magnitude; ``extremes["x"]`` is a part of a vector.
+    magnitude; ``extremes["x"]`` is a part of a vector. Texts are in the units ``display``.
     """
 
     name: str
     unit: str
     ranges: Mapping[str, Range]
+    display: tuple[str, ...] = ()
 
     def __getitem__(self, part: str) -> Range:
         return held(self.ranges, part, "the output has no such part", "parts")
@@ -119,8 +121,9 @@ class Extremes(Facts, Report):
         for part, span in self.ranges.items():
             name = f"{self.name}.{part}".rstrip(".")
             for extreme in (span.minimum, span.maximum):
-                value = with_unit(extreme.value, self.unit, degrees)
-                yield f"{name}  {extreme.kind} {value} at {extreme.place(degrees)}"
+                value = with_unit(extreme.value, self.unit, degrees, self.display)
+                at = extreme.place(degrees, self.display)
+                yield f"{name}  {extreme.kind} {value} at {at}"
 
     def to_dict(self) -> Data:
         """The extremes as a JSON object."""
@@ -173,7 +176,8 @@ def extremes(
         )
         for part, t in turns.items()
     }
-    return Extremes(name, cycle.mechanism.outputs[output].unit, ranges)
+    unit, display = cycle.mechanism.outputs[output].unit, getattr(source, "units", ())
+    return Extremes(name, unit, ranges, display)
 
 
 def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:

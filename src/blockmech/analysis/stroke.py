@@ -55,6 +55,7 @@ class Stroke(Facts, Report):
     chord : straight distance [m] of a marker's extreme positions
     out, back : driver travel [rad] from low to high and from high to low; None unless the
         driver is one crank that makes a whole turn
+    display : units of the text, those of `Result.to`
     """
 
     FACTS = ("unit", "length", "path", "chord", "low", "high", "out", "back", "time_ratio")
@@ -68,6 +69,7 @@ class Stroke(Facts, Report):
     chord: float | None
     out: float | None
     back: float | None
+    display: tuple[str, ...] = ()
 
     @property
     def time_ratio(self) -> float | None:
@@ -78,10 +80,9 @@ class Stroke(Facts, Report):
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The stroke as a sentence."""
-        text = (
-            f"{self.name}  stroke {with_unit(self.length, self.unit, degrees)}, "
-            f"from {self.low.place(degrees)} to {self.high.place(degrees)}"
-        )
+        length = with_unit(self.length, self.unit, degrees, self.display)
+        low, high = (end.place(degrees, self.display) for end in (self.low, self.high))
+        text = f"{self.name}  stroke {length}, from {low} to {high}"
         if not (self.path == "scalar" or self.low.end or self.high.end):
             text += ", where it stands: singular poses of the first kind (Gosselin, Angeles)"
         ratio = self.time_ratio
@@ -137,7 +138,8 @@ def stroke(
         back = TURN - out
     unit, length = cycle.mechanism.outputs[output].unit, high.value - low.value
     extremes = extreme_at(cycle, low), extreme_at(cycle, high)
-    return Stroke(name, unit, length, *extremes, path, chord, out, back)
+    display = getattr(source, "units", ())
+    return Stroke(name, unit, length, *extremes, path, chord, out, back, display)
 
 
 def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:

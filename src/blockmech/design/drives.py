@@ -12,6 +12,7 @@ IEEE/ASME Trans. Mechatronics 3 (1998).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -33,11 +34,12 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.units import number_in_si
 from blockmech.plan.plan import Plan
 from blockmech.result.samples import Samples
 from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.family import Family, parameters
-from blockmech.typing import Coordinates, FrictionMethod, Numbers, Record
+from blockmech.typing import Coordinates, FrictionMethod, Numbers, Quantity, Record
 
 PANEL = 19.5 * ink.TEXT  # [pt] height of a picture
 
@@ -180,7 +182,7 @@ def motor(
 def available(
     mechanism: Compiled,
     number: str,
-    effort: float,
+    effort: Quantity,
     at: Coordinates | None = None,
     *,
     driver: str | None = None,
@@ -195,7 +197,7 @@ def available(
     ----------
     number : parameter path of the load, e.g. ``work.force.x``, or an effort as those of `solve`,
         e.g. ``"joint.C.moment"``, which with the driving effort 0 stands for the drive
-    effort : [N m or N] of the driver
+    effort : [N m or N] of the driver, also as text with a unit
     at, samples, rates, friction, static : as those of a run; friction counts in the sense of the
         rates
     driver : whose effort it is; not needed if there is one
@@ -217,6 +219,8 @@ def available(
     if family.alone:
         raise refused(p.address, family.alone, "name a load")
     name = mechanism._of_driver(actuated, "drive")
+    if not math.isfinite(target := number_in_si(effort, unit := mechanism.outputs[name].unit)):
+        raise refused("effort", f"got {effort!r}", f"give a number, or a text in {unit}")
     run_samples = mechanism.samples(at, samples, None, rates, None)
     plan = family.general.plan([name], friction=friction, static=static)
     refuse_deflections(mechanism, plan, "designs")
@@ -235,14 +239,14 @@ def available(
             values = engine.run(inputs, plan.program.values(*design), x.size, 1)
             drive = values[plan.layout[name][0]]
             with np.errstate(all="ignore"):
-                step = (effort - drive.x) / drive.d[0]
+                step = (target - drive.x) / drive.d[0]
             converged = np.abs(step) <= 64 * EPS * np.maximum(np.abs(x), np.abs(p.value) or 1.0)
             x = x + np.where(np.isfinite(step), step, np.nan)
             if (converged | ~np.isfinite(x)).all():
                 break
         forces[part] = np.where(converged, x, np.nan)
     if not np.isfinite(forces).any():
-        raise refused(p.address, f"no value of it makes {name} {effort:.6g}", "name a load")
+        raise refused(p.address, f"no value of it makes {name} {target:.6g}", "name a load")
     return forces
 
 

@@ -29,6 +29,8 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.units import number_in_si
+from blockmech.typing import Quantity
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a picture
 
@@ -116,7 +118,7 @@ def fluctuation_of(speeds: Floats, mean: float) -> float:
 
 
 @declared
-def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
+def flywheel(mechanism: Compiled, speed: Quantity, fluctuation: float) -> Flywheel:
     """The flywheel on the only crank that keeps its speed within a fluctuation.
 
     The motor gives a constant moment. Loads of the rate count at the mean speed; joint friction
@@ -124,13 +126,13 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
 
     Parameters
     ----------
-    speed : mean [rad/s]
+    speed : mean [rad/s], also as text with a unit
     fluctuation : (w_max - w_min) / w_mean [-] that is allowed, e.g. 0.02
 
     Raises `RequestError` unless there is one crank that turns fully, and for loads of the time.
 
-    >>> round(bm.design.flywheel(mech, speed=10.0, fluctuation=0.02).inertia)
-    4184
+    >>> round(bm.design.flywheel(mech, speed="300rpm", fluctuation=0.02).inertia)
+    4143
     """
     from scipy.optimize import brentq
 
@@ -139,8 +141,11 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
         mechanism.structure.driver_joint(drivers[0]).rotary and limits(mechanism).whole_turn
     ):
         raise refused("flywheel", "there is not one crank that turns fully", "a flywheel turns")
-    if not (speed > 0 and 0 < fluctuation < 2):
-        raise refused("fluctuation", f"got {fluctuation!r} at {speed!r} rad/s", "both are positive")
+    mean = number_in_si(speed, "rad/s")
+    if not mean > 0:
+        raise refused("speed", f"got {speed!r}", "it is positive, in rad/s, deg/s or rpm")
+    if not 0 < fluctuation < 2:
+        raise refused("fluctuation", f"got {fluctuation!r}", "it is positive, and below 2")
     refuse_signals(mechanism)
     system = System(mechanism)
     if "time" in system.depends_on:
@@ -148,7 +153,7 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
     period = system.period or TURN
     knots = [x for x in system.knots if 0 < x < period]
     edges = np.unique([*panels(0.0, period, max(4, round(4 * period / TURN))), *knots])
-    load: Series = fit(lambda q: system.sample(q, speed).tau, edges, n=NODES)
+    load: Series = fit(lambda q: system.sample(q, mean).tau, edges, n=NODES)
     work = load.integral()
     moment = -float(work(np.array([period]))[0]) / period
     nodes, weights = np.polynomial.legendre.leggauss(16)
@@ -156,22 +161,20 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
     half = np.diff(fine) / 2
     q = (fine[:-1, None] + half[:, None] * (1 + nodes)).ravel()
     share = (half[:, None] * weights).ravel() / period
-    turn = _Turn(q, share, system.sample(q, speed).J, work(q) + moment * q)
+    turn = _Turn(q, share, system.sample(q, mean).J, work(q) + moment * q)
     if not (turn.J.any() or np.ptp(turn.energy)):
         raise refused("flywheel", "nothing has inertia, and no load works", "give links a mass")
-    alone = turn.speeds(0.0, speed)
-    without = fluctuation_of(alone, speed)
+    alone = turn.speeds(0.0, mean)
+    without = fluctuation_of(alone, mean)
     if without <= fluctuation:
-        return Flywheel(0.0, moment, without, without, speed, q, alone, alone)
+        return Flywheel(0.0, moment, without, without, mean, q, alone, alone)
 
     def beyond(log: float) -> float:
-        return min(fluctuation_of(turn.speeds(math.exp(log), speed), speed), 1e3) - fluctuation
+        return min(fluctuation_of(turn.speeds(math.exp(log), mean), mean), 1e3) - fluctuation
 
     guess = math.log(
-        (float(np.ptp(turn.energy)) + float(np.ptp(turn.J)) * speed**2) / (fluctuation * speed**2)
+        (float(np.ptp(turn.energy)) + float(np.ptp(turn.J)) * mean**2) / (fluctuation * mean**2)
     )
     inertia = math.exp(brentq(beyond, guess - 12, guess + 3, xtol=1e-13, rtol=8 * EPS))
-    speeds = turn.speeds(inertia, speed)
-    return Flywheel(
-        inertia, moment, fluctuation_of(speeds, speed), without, speed, q, speeds, alone
-    )
+    speeds = turn.speeds(inertia, mean)
+    return Flywheel(inertia, moment, fluctuation_of(speeds, mean), without, mean, q, speeds, alone)

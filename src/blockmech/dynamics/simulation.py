@@ -43,6 +43,7 @@ from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_o
 from blockmech.dynamics.system import System
 from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.ground.errors import listed
+from blockmech.ground.progress import with_bar
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Event, Floats, Motion, RolesFrom
 from blockmech.result.samples import Samples
@@ -63,6 +64,7 @@ ACTIONS = (".couple", ".force")  # outputs of a load
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
 
 
+@with_bar
 @np.errstate(all="ignore")  # what is not finite ends a motion by name
 def simulate(
     mechanism: Compiled[M],

@@ -13,6 +13,7 @@ from dataclasses import fields, is_dataclass
 from numbers import Complex, Integral, Real
 from typing import Any, ClassVar
 
+from blockmech.ground.units import shown_in
 from blockmech.typing import Data
 
 WIDTH = 100  # characters of a line
@@ -20,16 +21,21 @@ LINES = 12  # of a list, the first ones, where it is longer
 DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
 
 
-def with_unit(x: float, unit: str, degrees: bool = DEGREES) -> str:
-    """A number to nine digits with its unit, an angle in degrees if asked for."""
-    if degrees and unit == "rad":
-        x, unit = math.degrees(x), "deg"
-    return f"{x:.9g} {unit}".rstrip()
+def with_unit(x: float, unit: str, degrees: bool = DEGREES, units: tuple[str, ...] = ()) -> str:
+    """A number to nine digits in the first of the units of its kind, an angle in degrees if so."""
+    factor, unit = shown_in(unit, (*units, "deg") if degrees else units)
+    return f"{factor * x:.9g} {unit}".rstrip()
 
 
-def places(at: Mapping[str, float], units: Mapping[str, str], degrees: bool = DEGREES) -> str:
+def places(
+    at: Mapping[str, float],
+    units: Mapping[str, str],
+    degrees: bool = DEGREES,
+    display: tuple[str, ...] = (),
+) -> str:
     """Coordinates by name as words, e.g. ``crank.q = 30 deg, slide.q = 0.1 m``."""
-    return ", ".join(f"{name} = {with_unit(q, units[name], degrees)}" for name, q in at.items())
+    coordinates = {name: with_unit(q, units[name], degrees, display) for name, q in at.items()}
+    return ", ".join(f"{name} = {text}" for name, text in coordinates.items())
 
 
 def sections(parts: Iterable[Iterable[str]]) -> Iterator[str]:

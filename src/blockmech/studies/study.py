@@ -14,6 +14,7 @@ from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath
+from blockmech.ground.progress import with_bar
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.model.parameters import named
 from blockmech.studies.distributions import Distribution, Sample
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
+@with_bar
 @declared
 def study(
     mechanism: Compiled,

@@ -27,6 +27,7 @@ from blockmech.figures.panels import Abscissa
 from blockmech.figures.paper import legend_above, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import Problem, RequestError
+from blockmech.ground.progress import with_bar
 from blockmech.ground.report import DEGREES, sections
 from blockmech.model.parameters import named
 from blockmech.result.exported import aligned
@@ -182,6 +183,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
         yield from self.sensitivity.doubts(output)
 
 
+@with_bar
 def tolerance(
     mechanism: Compiled,
     numbers: Mapping[str, Distribution],

@@ -31,6 +31,7 @@ from blockmech.functions.series import SCANNED, Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.files import AnyPath, writing
+from blockmech.ground.progress import with_bar
 from blockmech.ground.report import DEGREES, Facts, Report
 from blockmech.ground.tolerances import BLUR, EQUAL
 from blockmech.model.joints.varied import Varied
@@ -327,6 +328,7 @@ class Candidates(Facts, Report, Sequence[Candidate]):
             yield f"not tried: {', '.join(self.unfinished)}"
 
 
+@with_bar
 @declared
 def path_over_structures(
     points: Any,

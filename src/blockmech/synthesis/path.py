@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from blockmech.ground.arguments import declared
+from blockmech.ground.progress import with_bar
 from blockmech.synthesis.designs import Synthesis, design_of_path, proposed
 from blockmech.synthesis.search import STARTS, Task, path_of
 from blockmech.typing import Progress
 
 
+@with_bar
 @declared
 def path_generator(
     points: Any,

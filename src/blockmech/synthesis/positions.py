@@ -27,6 +27,7 @@ import numpy as np
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
+from blockmech.ground.progress import with_bar
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT
 from blockmech.synthesis.designs import (
     ALIKE,
@@ -44,6 +45,7 @@ TRIED = 32  # conditions that are drawn where positions are lacking
 CLOSE = DOUBLE_ROOT  # relative: misfit of a pin's conditions, and two pins that are one
 
 
+@with_bar
 @declared
 def body_guidance(
     positions: Any,
