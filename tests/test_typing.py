@@ -31,6 +31,20 @@ g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": pivot, "E": 1 + 2j, "F": 
 g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0, branch=-1, links=links))
 g.add("weight", bm.Force(force=(0.0, -1000.0)))
 place: complex = pivot.at.z
+crank = bm.Crank(length="50 mm", offset="30deg")
+length: float | None = crank.length
+rocker = bm.RRR(l_i="1/2 in", l_j=3.0, links={"i": bm.Link(mass="2 kg", cm=("5 mm", 0.0))})
+bearing = bm.friction.Coulomb(coefficient=0.1, radius="5 mm")
+belt = bm.Belt(driver="a", driven="b", radii=("30 mm", "90 mm"), preload="0.2 kN")
+spring = bm.Spring(stiffness="5 N/mm", free_length="50 mm")
+law = bm.motion.ConstantRate(rate="300rpm", end="1 turns")
+guide = bm.Marker(at=("50 mm", "2 cm"), angle="30deg")
+m = bm.Linkage("typed")
+m.add_link("arm", pose=(0.0, "2 cm", "30deg"), mass="2 kg", markers={"tip": ("5 cm", 0.0)})
+m.add_joint("O", "R", ["frame", "arm"], point=("5 mm", 0.0), clearance="0.1 mm")
+m.add_stop("motor", "-30deg", high="80deg")
+m.start("motor", q="30deg", rate="300rpm")
+at: list[complex] = [place.z for place in m.joints["O"].at]
 times = bm.motion.Trajectory(times=np.linspace(0.0, 1.0, 5), values=[0.0, 1.0, 2.0, 3.0, 4.0])
 """
 RIGHT = (
@@ -50,6 +64,8 @@ RIGHT = (
 )
 WRONG = (
     'bm.Force(force="down")',
+    "bm.Crank(length=[1.0])",
+    "bm.Crank(length=None, offset=None)",
     'g.run(at=0.0, frictoin="none")',
     'g.run(at=0.0, friction="nwton")',
     'm.run(at=0.0, on_gap="skip")',

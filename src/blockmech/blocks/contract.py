@@ -50,7 +50,7 @@ from blockmech.blocks.joints import (
 from blockmech.friction.laws.contract import AnyFriction, FrictionLaw
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import apply, largest
-from blockmech.ground.values import Axis, Clearance, Link, mistake
+from blockmech.ground.values import Axis, Link, Play, mistake
 
 __all__ = [
     "AssurGroup",
@@ -79,7 +79,7 @@ class Moving(Block):
 
     links: dict[str, Link] = {}
     friction: dict[str, AnyFriction] = {}
-    clearance: dict[str, Clearance] = Field(default={}, repr=False)  # [m] radial, of pins
+    clearance: dict[str, Play] = Field(default={}, repr=False)  # [m] radial, of pins
 
     @classmethod
     def declare(cls) -> None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, outer_joint
 from blockmech.ground.plane import expi
-from blockmech.ground.values import Angle, Length, Marker, Sign
+from blockmech.ground.values import Angle, Length, Marker, Maybe, Sign, default
 from blockmech.typing import (
     Complex,
     Guide,
@@ -97,8 +97,8 @@ class Crank(DrivingLink, type="driver.crank"):
     lengths = ("length",)
     kernels = Kernels(position, velocity, acceleration, reactions)
 
-    length: Length | None = None
-    offset: Angle = 0.0
+    length: Maybe[Length] = default(None)
+    offset: Angle = default(0.0)
     sign: Sign = 1
 
     def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:

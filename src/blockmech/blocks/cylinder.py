@@ -21,7 +21,7 @@ from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_
 from blockmech.blocks.points import Point
 from blockmech.blocks.rrr import bent, pin_forces, rates, transmission, triangle
 from blockmech.ground.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
-from blockmech.ground.values import Branch, Distance, Length, Sign
+from blockmech.ground.values import Branch, Distance, Length, Sign, default
 from blockmech.typing import (
     Complex,
     LinkAcceleration,
@@ -179,8 +179,8 @@ class Cylinder(AssurGroup, type="driven.rrr"):
 
     l_j: Length
     branch: Branch = 1
-    x_S: Distance = 0.0
-    offset: Distance = 0.0
+    x_S: Distance = default(0.0)
+    offset: Distance = default(0.0)
     sign: Sign = 1
     slider: Literal["later", "earlier", "j", "i"] = "later"
 

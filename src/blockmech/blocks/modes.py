@@ -27,7 +27,7 @@ from blockmech.blocks.block import refuse
 from blockmech.blocks.contract import AssurGroup
 from blockmech.ground.errors import shown
 from blockmech.ground.plane import EPS, cross, sign, sqrt
-from blockmech.ground.values import Axis, Branch, Number, StrictModel, Units, mistake
+from blockmech.ground.values import Axis, Branch, Finite, StrictModel, Units, mistake
 from blockmech.typing import Complex, LinkPosition, Real
 
 FOLLOW = "follow"
@@ -42,7 +42,7 @@ class BranchHome(StrictModel):
 
     refers: ClassVar[tuple[str, ...]] = ("drivers",)
 
-    drivers: Annotated[dict[str, Number], Field(min_length=1)]
+    drivers: Annotated[dict[str, Finite], Field(min_length=1)]
     branch: Branch
 
     def units(self, axis: Axis) -> Units:

@@ -22,7 +22,7 @@ from blockmech.blocks.modes import OneMode
 from blockmech.blocks.motion import DyadAcceleration, acceleration_at, velocity_at
 from blockmech.blocks.points import Point, dead_centre, given_points, unit
 from blockmech.ground.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
-from blockmech.ground.values import Distance
+from blockmech.ground.values import Distance, default
 from blockmech.typing import (
     Complex,
     Guide,
@@ -153,10 +153,10 @@ class PRP(OneMode, type="dyad.prp"):
     lengths = ("h1", "h2", "x_S1", "x_S2")
     kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
-    h1: Distance = 0.0
-    h2: Distance = 0.0
-    x_S1: Distance = 0.0
-    x_S2: Distance = 0.0
+    h1: Distance = default(0.0)
+    h2: Distance = default(0.0)
+    x_S1: Distance = default(0.0)
+    x_S2: Distance = default(0.0)
     slider: dict[Literal["S1", "S2"], Literal["later", "earlier"]] = {}
 
     @classmethod

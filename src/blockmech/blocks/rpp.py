@@ -33,7 +33,7 @@ from blockmech.blocks.points import (
     unit,
 )
 from blockmech.ground.plane import EPS, cross, dot, expi, hyp, imul, maximum, mul
-from blockmech.ground.values import Angle, Distance, mistake
+from blockmech.ground.values import Angle, Distance, default, mistake
 from blockmech.typing import (
     Complex,
     Guide,
@@ -177,10 +177,10 @@ class RPP(OneMode, type="dyad.rpp"):
     kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
     beta: Angle
-    h_i: Distance = 0.0
-    h_j: Distance = 0.0
-    x_S1: Distance = 0.0
-    x_S: Distance = 0.0
+    h_i: Distance = default(0.0)
+    h_j: Distance = default(0.0)
+    x_S1: Distance = default(0.0)
+    x_S: Distance = default(0.0)
     slider: dict[Literal["S1", "S"], Owner] = {}
 
     @field_validator("beta")

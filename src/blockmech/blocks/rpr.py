@@ -26,7 +26,7 @@ from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
 from blockmech.blocks.motion import DyadAcceleration, SlidingVelocity
 from blockmech.blocks.points import Point, branch_of, given_points, unit
 from blockmech.ground.plane import cross, dot, hyp, imul, mul, sqrt
-from blockmech.ground.values import Distance
+from blockmech.ground.values import Distance, default
 from blockmech.typing import (
     Complex,
     LinkAcceleration,
@@ -151,11 +151,11 @@ class RPR(TwoModes, type="dyad.rpr"):
     lengths = ("h_i", "h_j", "x_S")
     kernels = Kernels(position, velocity, acceleration, reactions, transmission, size)
 
-    h_i: Distance = 0.0
-    h_j: Distance = 0.0
+    h_i: Distance = default(0.0)
+    h_j: Distance = default(0.0)
     branch: AnyBranch = 1
     home: BranchHome | None = Field(default=None, repr=False)
-    x_S: Distance = 0.0
+    x_S: Distance = default(0.0)
     slider: Literal["later", "earlier", "j", "i"] = "later"
 
     def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:

@@ -26,7 +26,7 @@ from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
 from blockmech.blocks.motion import DyadAcceleration, SlidingVelocity, acceleration_at, velocity_at
 from blockmech.blocks.points import Point, branch_of, given_points, unit
 from blockmech.ground.plane import cross, dot, imul, mul, sqrt
-from blockmech.ground.values import Distance, Length
+from blockmech.ground.values import Distance, Length, default
 from blockmech.typing import (
     Complex,
     Guide,
@@ -154,10 +154,10 @@ class RRP(TwoModes, type="dyad.rrp"):
     kernels = Kernels(position, velocity, acceleration, reactions, transmission)
 
     l: Length
-    h: Distance = 0.0
+    h: Distance = default(0.0)
     branch: AnyBranch = 1
     home: BranchHome | None = Field(default=None, repr=False)
-    x_S: Distance = 0.0
+    x_S: Distance = default(0.0)
     slider: Literal["later", "earlier"] = "later"
 
     def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, Line, outer_joint
 from blockmech.blocks.motion import acceleration_at, velocity_at
 from blockmech.ground.plane import dot, imul, mul
-from blockmech.ground.values import Distance, Sign
+from blockmech.ground.values import Distance, Sign, default
 from blockmech.typing import (
     Complex,
     Guide,
@@ -106,6 +106,6 @@ class SlideDrive(DrivingLink, type="driver.slide"):
     built_in = {"S": BuiltIn("slider")}
     kernels = Kernels(position, velocity, acceleration, reactions)
 
-    offset: Distance = 0.0
+    offset: Distance = default(0.0)
     sign: Sign = 1
     slider: Literal["later", "earlier"] = "later"

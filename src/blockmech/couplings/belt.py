@@ -28,10 +28,10 @@ from blockmech.couplings.contract import (
     Where,
     circle,
 )
-from blockmech.couplings.laws import SHARES, Radius
+from blockmech.couplings.laws import SHARES
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import always, dot, imul, mul, sqrt
-from blockmech.ground.values import Angle, NotNegative, in_unit
+from blockmech.ground.values import Angle, Lengths, NotNegative, default, in_unit
 from blockmech.typing import Complex, Load, Real
 
 
@@ -98,10 +98,10 @@ class Belt(LossyCoupling, type="coupling.belt"):
 
     pairs = ("RR",)
 
-    radii: tuple[Radius, Radius]
+    radii: Lengths
     crossed: StrictBool = False
-    preload: Annotated[NotNegative, in_unit("N")] = 0.0
-    phase: Angle = 0.0
+    preload: Annotated[NotNegative, in_unit("N")] = default(0.0)
+    phase: Angle = default(0.0)
 
     @property
     def ratio(self) -> float:

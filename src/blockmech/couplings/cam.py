@@ -223,10 +223,10 @@ class Cam(Coupling, type="coupling.cam"):
     law: Annotated[Segments | Polynomial | Table | Outline, Field(discriminator="kind")]
     follower: Literal["knife", "roller", "flat"] = "knife"
     at: PlaceGiven = default(Place(0j))
-    roller: Annotated[NotNegative, in_unit("m")] = 0.0
-    face: Annotated[Number, in_unit("rad")] = 0.0
-    friction: Annotated[NotNegative, in_unit("")] = 0.0
-    phase: Number = 0.0
+    roller: Annotated[NotNegative, in_unit("m")] = default(0.0)
+    face: Annotated[Number, in_unit("rad")] = default(0.0)
+    friction: Annotated[NotNegative, in_unit("")] = default(0.0)
+    phase: Number = default(0.0)
 
     @model_validator(mode="after")
     def _one_profile(self) -> Cam:

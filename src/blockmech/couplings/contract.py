@@ -51,7 +51,7 @@ from pydantic import Field
 from blockmech.blocks.block import Block
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import cross, dot, imul, mul
-from blockmech.ground.values import Axis, Number, Units, in_unit
+from blockmech.ground.values import Axis, Number, Units, default, in_unit
 from blockmech.typing import Complex, Guide, Load, Parameters, Real
 
 ROUND = 72  # straight pieces of a drawn circle
@@ -310,7 +310,7 @@ class LossyCoupling(Coupling):
     efficiency : [-] power that comes out over power that goes in, whichever side drives
     """
 
-    efficiency: Annotated[Number, Field(gt=0.0, le=1.0), in_unit("")] = 1.0
+    efficiency: Annotated[Number, Field(gt=0.0, le=1.0), in_unit("")] = default(1.0)
 
     @property
     def lost(self) -> Real:

@@ -30,7 +30,7 @@ from blockmech.couplings.contract import (
     concentric,
 )
 from blockmech.ground.plane import always, apply, dot, imul, mul
-from blockmech.ground.values import Angle, in_unit, mistake
+from blockmech.ground.values import Angle, default, in_unit, mistake
 from blockmech.typing import Load, Parameters, Real
 
 Teeth = Annotated[int, Field(strict=True, ge=1)]
@@ -74,8 +74,8 @@ class Gear(LossyCoupling, type="coupling.gear"):
 
     teeth: tuple[Teeth, Teeth]
     internal: StrictBool = False
-    phase: Angle = 0.0
-    pressure_angle: Annotated[Angle, Field(ge=0.0, lt=math.pi / 2), in_unit("rad")] = 0.0
+    phase: Angle = default(0.0)
+    pressure_angle: Annotated[Angle, Field(ge=0.0, lt=math.pi / 2), in_unit("rad")] = default(0.0)
 
     @model_validator(mode="after")
     def _of_two_sizes(self) -> Gear:

@@ -48,7 +48,7 @@ from blockmech.ground.plane import (
     sign,
     where,
 )
-from blockmech.ground.values import Angle
+from blockmech.ground.values import Angle, default
 from blockmech.typing import Load, Real
 
 Slots = Annotated[int, Field(strict=True, ge=3)]
@@ -115,8 +115,8 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
 
     slots: Slots
     internal: StrictBool = False
-    pin: Angle = 0.0
-    phase: Angle = 0.0
+    pin: Angle = default(0.0)
+    phase: Angle = default(0.0)
 
     def parameters(self) -> GenevaNumbers:
         """Angles and the pin's arm."""

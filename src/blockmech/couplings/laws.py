@@ -28,13 +28,14 @@ from blockmech.ground.plane import always, apply, expi, modulo, piecewise
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import (
     Axis,
+    Maybe,
     Number,
     NumbersGiven,
     Positive,
     StrictModel,
     Units,
     check_table,
-    in_unit,
+    default,
     mistake,
 )
 from blockmech.typing import Real
@@ -192,7 +193,7 @@ class Segment(StrictModel):
 
     motion: Literal["dwell", "linear", "3-4-5", "4-5-6-7", "cycloidal", "modified_sine", "harmonic"]
     over: Positive
-    rise: Number = 0.0
+    rise: Number = default(0.0)
 
     @model_validator(mode="after")
     def _dwells(self) -> Segment:
@@ -227,8 +228,8 @@ class Segments(Law):
 
     kind: Literal["segments"] = "segments"
     segments: Annotated[list[Segment], Field(min_length=1)]
-    start: Number = 0.0
-    period: Positive | None = None
+    start: Number = default(0.0)
+    period: Maybe[Positive] = default(None)
 
     def units(self, axis: Axis) -> Units:
         """Places are in the unit of x."""
@@ -326,8 +327,8 @@ class Table(Law):
     kind: Literal["table"] = "table"
     arguments: Annotated[NumbersGiven, Field(min_length=4)]
     values: Annotated[NumbersGiven, Field(min_length=4)]
-    period: Positive | None = None
-    advance_by: Annotated[Number, Field(alias="step")] = 0.0
+    period: Maybe[Positive] = default(None)
+    advance_by: Annotated[Number, Field(alias="step")] = default(0.0)
     interpolation: Literal["quintic", "cubic"] = "cubic"
     model_config = {"populate_by_name": True}
 
@@ -405,4 +406,3 @@ def spline(
 
 
 AnyLaw = Annotated[Segments | Polynomial | Table, Field(discriminator="kind")]
-Radius = Annotated[Positive, in_unit("m")]

@@ -20,9 +20,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field
 
 from blockmech.couplings.contract import Curve, LossyCoupling, Meshing, Transmission, Where, circle
-from blockmech.couplings.laws import Radius
 from blockmech.ground.plane import apply, cross, imul, mul
-from blockmech.ground.values import Angle, Number, in_unit, no_boolean
+from blockmech.ground.values import Angle, Length, Number, default, in_unit, no_boolean
 from blockmech.typing import Load, Real
 
 Side = Annotated[Literal[-1, 1], no_boolean(-1, 1)]
@@ -78,10 +77,10 @@ class Rack(LossyCoupling, type="coupling.rack"):
     pairs = ("RP", "PR")
     fixed = True
 
-    radius: Radius
+    radius: Length
     side: Side = 1
-    phase: Number = 0.0
-    pressure_angle: Annotated[Angle, Field(ge=0.0, lt=math.pi / 2), in_unit("rad")] = 0.0
+    phase: Number = default(0.0)
+    pressure_angle: Annotated[Angle, Field(ge=0.0, lt=math.pi / 2), in_unit("rad")] = default(0.0)
 
     @property
     def sided(self) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 
 from blockmech.couplings.contract import LossyCoupling, Meshing
 from blockmech.couplings.laws import AnyLaw, LawNumbers
-from blockmech.ground.values import Number
+from blockmech.ground.values import Number, default
 
 
 class Ratio(LossyCoupling, type="coupling.ratio"):
@@ -33,7 +33,7 @@ class Ratio(LossyCoupling, type="coupling.ratio"):
     meshes = False
 
     law: AnyLaw
-    phase: Number = 0.0
+    phase: Number = default(0.0)
 
     def transmission(self, pair: str) -> Callable[..., Any]:
         """The law's kernel."""

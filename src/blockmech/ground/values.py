@@ -19,6 +19,7 @@ from typing import (
     LiteralString,
     NamedTuple,
     NoReturn,
+    Optional,
     Self,
     TypeAlias,
     TypeVar,
@@ -44,7 +45,7 @@ from blockmech.ground.plane import apply
 from blockmech.ground.texts import in_metres, read_texts
 from blockmech.ground.units import NoQuantity
 from blockmech.ground.validation_errors import problems_of
-from blockmech.typing import Data, Record
+from blockmech.typing import Data, Quantity, Record
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,8 +62,29 @@ def no_boolean(low: int, high: int) -> BeforeValidator:
     return BeforeValidator(checked)
 
 
-Number = Annotated[float, Strict(), AllowInfNan(False)]
-"""A finite number; text and booleans are refused."""
+Finite = Annotated[float, Strict(), AllowInfNan(False)]
+"""A finite number; booleans are refused."""
+
+if TYPE_CHECKING:
+    Read = TypeVar("Read", covariant=True)
+    Said = TypeVar("Said", contravariant=True)
+    Kind = TypeVar("Kind")
+
+    class Given(Generic[Read, Said]):
+        """What type checkers see of a field that may be given in several spellings."""
+
+        def __get__(self, instance: object, owner: Any = None) -> Read: ...
+        def __set__(self, instance: object, said: Said) -> None: ...
+
+    class Maybe(Generic[Kind]):
+        """A number that may be left out."""
+
+        def __get__(self, instance: object, owner: Any = None) -> float | None: ...
+        def __set__(self, instance: object, said: Quantity | None) -> None: ...
+
+    Number = Given[float, Quantity]
+else:
+    Number, Maybe = Finite, Optional
 
 
 def in_unit(unit: str) -> Any:
@@ -75,7 +97,11 @@ NotNegative = Annotated[Number, Field(ge=0)]
 Length = Annotated[Number, Field(gt=0, json_schema_extra={"unit": "m"})]
 Distance = Annotated[Number, Field(json_schema_extra={"unit": "m"})]
 Angle = Annotated[Number, Field(json_schema_extra={"unit": "rad"})]
+Direction = Annotated[Finite, Field(json_schema_extra={"unit": "rad"})]
+"""One of several angles."""
 Clearance = Annotated[NotNegative, Field(json_schema_extra={"unit": "m"})]
+Play = Annotated[Finite, Field(ge=0), Field(json_schema_extra={"unit": "m"})]
+"""One of several clearances."""
 Mass = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg"})]
 Inertia = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg m2"})]
 Branch = Annotated[Literal[-1, 1], Field(description="assembly mode"), no_boolean(-1, 1)]
@@ -395,26 +421,20 @@ def _pair(raw: Any) -> Any:
 
 
 if TYPE_CHECKING:
-    Read = TypeVar("Read", covariant=True)
-    Said = TypeVar("Said", contravariant=True)
-
-    class Given(Generic[Read, Said]):
-        """What type checkers see of a field that may be given in several spellings."""
-
-        def __get__(self, instance: object, owner: Any = None) -> Read: ...
-        def __set__(self, instance: object, said: Said) -> None: ...
-
-    Two: TypeAlias = tuple[float, float] | list[float] | NDArray[Any] | complex
-    AnyMarker: TypeAlias = "Marker | tuple[float, float] | list[float] | complex"
-    AnyPlace: TypeAlias = Place | Two | dict[str, tuple[float, float]]
+    Two: TypeAlias = tuple[Quantity, Quantity] | list[float] | NDArray[Any] | complex
+    AnyMarker: TypeAlias = "Marker | tuple[Quantity, Quantity] | list[float] | complex"
+    AnyPlace: TypeAlias = Place | Two | dict[str, tuple[Quantity, Quantity]]
     PlaceGiven = Given[Place, AnyPlace]
     VectorGiven = Given[Vector, Vector | Two]
     VectorOrNoneGiven = Given[Vector | None, Vector | Two | None]
-    NumbersGiven = Given[list[float], Sequence[float] | NDArray[Any]]
+    NumbersGiven = Given[list[float], Sequence[Quantity] | NDArray[Any]]
+    Lengths = Given[tuple[float, float], tuple[Quantity, Quantity]]
+    Pose = Given[tuple[float, float, float] | None, Sequence[Quantity] | None]
     MarkersGiven = Given[dict[str, "Marker"], Mapping[str, AnyMarker]]
 else:
     PlaceGiven, VectorGiven, VectorOrNoneGiven = Place, Vector, Vector | None
-    NumbersGiven, MarkersGiven = list[Number], dict[str, "Marker"]
+    NumbersGiven, MarkersGiven = list[Finite], dict[str, "Marker"]
+    Lengths, Pose = tuple[Length, Length], tuple[Finite, Finite, Finite] | None
 
 
 def default(value: Any) -> Any:
@@ -433,7 +453,7 @@ class Marker(StrictModel):
     """
 
     at: PlaceGiven
-    angle: Angle | None = None
+    angle: Maybe[Angle] = default(None)
     dir: VectorOrNoneGiven = default(None)
 
     @model_validator(mode="before")
@@ -477,8 +497,8 @@ class Link(StrictModel):
     2.0
     """
 
-    mass: Mass = 0.0
-    inertia: Inertia = 0.0
+    mass: Mass = default(0.0)
+    inertia: Inertia = default(0.0)
     cm: PlaceGiven = default(Place(0j))
     markers: MarkersGiven = default({})
 

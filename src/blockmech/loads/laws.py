@@ -22,6 +22,7 @@ from blockmech.functions.pieces import cubic, horner, straight
 from blockmech.ground.plane import always, angle, expi, imul, modulo, mul, piecewise, where
 from blockmech.ground.values import (
     Axis,
+    Maybe,
     Number,
     NumbersGiven,
     Positive,
@@ -175,7 +176,7 @@ class Polynomial(Law):
 
 class _Repeating(Law):
     of: Argument = "coordinate"
-    period: Positive | None = None
+    period: Maybe[Positive] = default(None)
     turns: Turns | None = None
 
     def units(self, axis: Axis) -> Units:
@@ -265,7 +266,7 @@ class Fourier(_Repeating):
     """
 
     kind: Literal["fourier"] = "fourier"
-    mean: Number = 0.0
+    mean: Number = default(0.0)
     cosines: NumbersGiven = default([])
     sines: NumbersGiven = default([])
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 from blockmech.ground.plane import angle, dot, expi, hyp, mul, where
-from blockmech.ground.values import Angle, Axis, NotNegative, Number, Units, in_unit
+from blockmech.ground.values import Angle, Axis, NotNegative, Number, Units, default, in_unit
 from blockmech.loads.contract import Element, Kinks, Terminal, acts
 from blockmech.typing import Complex, Real
 
@@ -68,8 +68,8 @@ class Spring(Element, type="load.spring"):
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
     stiffness: Annotated[Number, in_unit("N/m")]
-    free_length: Annotated[NotNegative, in_unit("m")] = 0.0
-    damping: Annotated[NotNegative, in_unit("N s/m")] = 0.0
+    free_length: Annotated[NotNegative, in_unit("m")] = default(0.0)
+    damping: Annotated[NotNegative, in_unit("N s/m")] = default(0.0)
 
     @property
     def conservative(self) -> bool:
@@ -128,8 +128,8 @@ class TorsionSpring(Element, type="load.torsion_spring"):
     terminals = {"a": Terminal("link"), "b": Terminal("link")}
 
     stiffness: Annotated[Number, in_unit("N m/rad")]
-    rest_angle: Angle = 0.0
-    damping: Annotated[NotNegative, in_unit("N m s/rad")] = 0.0
+    rest_angle: Angle = default(0.0)
+    damping: Annotated[NotNegative, in_unit("N m s/rad")] = default(0.0)
 
     def units(self, axis: Axis) -> Units:
         """Those along the axis: on a sliding joint of a document it is a spring along it."""

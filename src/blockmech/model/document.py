@@ -20,7 +20,7 @@ from blockmech.model.reading import data_of, text_of
 from blockmech.model.scene import Initial, Locked, Stops
 from blockmech.model.versions import current
 from blockmech.model.writing import canonical_text
-from blockmech.typing import Data, Record
+from blockmech.typing import Data, Quantity, Record
 
 
 class Document:
@@ -145,7 +145,7 @@ class Document:
 
     # -- free motions -----------------------------------------------------
 
-    def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
+    def start(self, driver: str, q: Quantity = 0.0, rate: Quantity = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s].
 
         >>> g.start("crank", q="30deg", rate=5.0)
@@ -157,8 +157,8 @@ class Document:
     def add_stop(
         self,
         driver: str,
-        low: float | None = None,
-        high: float | None = None,
+        low: Quantity | None = None,
+        high: Quantity | None = None,
         restitution: float | None = None,
     ) -> None:
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
@@ -174,7 +174,8 @@ class Document:
         >>> round(g.scene.stops["crank"].low, 6)
         -0.523599
         """
-        self._give("stops", driver, Stops(**{"from": low, "to": high, "restitution": restitution}))
+        keys: Data = {"from": low, "to": high, "restitution": restitution}
+        self._give("stops", driver, Stops(**keys))
 
     def prescribe(self, driver: str) -> None:
         """Let a driver follow its law of motion in motions of the others.
@@ -185,7 +186,7 @@ class Document:
         """
         self._give("motion", driver, "prescribed")
 
-    def lock(self, driver: str, q: float | None = None) -> None:
+    def lock(self, driver: str, q: Quantity | None = None) -> None:
         """Lock a driver in motions of the others: at q [rad or m], or where it starts.
 
         >>> g.lock("crank", "30deg")

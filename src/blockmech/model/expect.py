@@ -9,14 +9,22 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from blockmech.ground.values import NotNegative, Number, Positive, StrictModel, mistake
+from blockmech.ground.values import (
+    Finite,
+    Maybe,
+    NotNegative,
+    Positive,
+    StrictModel,
+    default,
+    mistake,
+)
 from blockmech.typing import FrictionMethod, FrictionName, Successive
 
-Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
-Series = Annotated[list[Number] | list[Pair], Field(min_length=1)]
+Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]
+Series = Annotated[list[Finite] | list[Pair], Field(min_length=1)]
 """One number or one [x, y] pair a sample."""
 
-Samples = Annotated[list[Number], Field(min_length=1)]
+Samples = Annotated[list[Finite], Field(min_length=1)]
 
 
 class Simulation(StrictModel):
@@ -50,10 +58,10 @@ class Expectation(StrictModel):
     at: dict[str, Samples] | None = None
     simulate: Simulation | None = None
     want: Annotated[dict[str, Series], Field(min_length=1)]
-    rtol: NotNegative | None = None
-    atol: NotNegative | None = None
+    rtol: Maybe[NotNegative] = default(None)
+    atol: Maybe[NotNegative] = default(None)
     friction: FrictionName = "newton"
-    tolerance: Positive | None = None
+    tolerance: Maybe[Positive] = default(None)
     iterations: Annotated[int, Field(strict=True, ge=1)] | None = None
 
     @model_validator(mode="after")

@@ -25,6 +25,7 @@ from blockmech.ground.values import (
     StrictModel,
     Units,
     check_table,
+    default,
 )
 
 __all__ = [
@@ -86,8 +87,8 @@ class OverRange(LawOfMotion):
     """Constant acceleration over a range of the coordinate; zero is a constant rate."""
 
     by_coordinate: ClassVar[bool] = True
-    start: Annotated[Number, Field(alias="from")] = 0.0
-    end: Annotated[Number, Field(alias="to")] = 2 * math.pi
+    start: Annotated[Number, Field(alias="from")] = default(0.0)
+    end: Annotated[Number, Field(alias="to")] = default(2 * math.pi)
 
     @property
     @abstractmethod
@@ -167,7 +168,7 @@ class RateAcceleration(OverRange):
     """
 
     law: Literal["rate_acceleration"] = "rate_acceleration"
-    rate: Number = 0.0
+    rate: Number = default(0.0)
     acceleration: Number
 
     @property
@@ -183,10 +184,10 @@ class Harmonic(LawOfMotion):
     """
 
     law: Literal["harmonic"] = "harmonic"
-    mean: Number = 0.0
+    mean: Number = default(0.0)
     amplitude: Number
     frequency: Positive
-    phase: Angle = 0.0
+    phase: Angle = default(0.0)
 
     def at_times(self, t: Array) -> Motion:
         """The harmonic and its derivatives."""

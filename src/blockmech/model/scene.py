@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from blockmech.ground.values import (
     Axis,
+    Maybe,
     Number,
     StrictModel,
     Units,
@@ -28,8 +29,8 @@ PER_DRIVER = ("drive", "initial", "stops", "motion")
 class Initial(StrictModel):
     """Start of a free motion: coordinate [rad or m] and rate [rad/s or m/s] of a driver."""
 
-    q: Number = 0.0
-    rate: Number = 0.0
+    q: Number = default(0.0)
+    rate: Number = default(0.0)
 
     def units(self, axis: Axis) -> Units:
         """The driver's."""
@@ -43,9 +44,9 @@ class Stops(StrictModel):
     ``restitution`` [-], rate after over rate before; a given motion is not bound by them.
     """
 
-    low: Annotated[Number | None, Field(alias="from")] = None
-    high: Annotated[Number | None, Field(alias="to")] = None
-    restitution: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
+    low: Annotated[Maybe[Number], Field(alias="from")] = default(None)
+    high: Annotated[Maybe[Number], Field(alias="to")] = default(None)
+    restitution: Maybe[Annotated[Number, Field(ge=0.0, le=1.0)]] = default(None)
 
     def units(self, axis: Axis) -> Units:
         """The driver's."""

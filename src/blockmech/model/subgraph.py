@@ -23,7 +23,7 @@ from pydantic import Field, PrivateAttr, WithJsonSchema, field_validator, model_
 
 from blockmech.blocks.block import Block
 from blockmech.ground.errors import BlockmechError, FormatError, GraphError, Problem
-from blockmech.ground.values import Number, mistake
+from blockmech.ground.values import Finite, mistake
 from blockmech.model.versions import current
 from blockmech.typing import Data
 
@@ -68,7 +68,7 @@ class Subgraph(Block, type="graph"):
     file: str = ""
     graph: Annotated[Data | None, WithJsonSchema(INLINE)] = None
     on: Annotated[str, Field(json_schema_extra={"pattern": r"^[^./]+(\.[^./]+)+$"})] = ""
-    given: dict[str, Number] = Field(default={}, alias="parameters")
+    given: dict[str, Finite] = Field(default={}, alias="parameters")
 
     _content: Content | None = PrivateAttr(None)
     _size: int = PrivateAttr(1)

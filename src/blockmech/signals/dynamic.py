@@ -26,7 +26,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, model_validator
 
 from blockmech.ground.plane import always, maximum, minimum, where
-from blockmech.ground.values import Number, NumbersGiven, Positive, in_unit, mistake
+from blockmech.ground.values import Number, NumbersGiven, Positive, default, in_unit, mistake
 from blockmech.signals.algebra import Range
 from blockmech.signals.contract import Kernel, Signal, State
 from blockmech.typing import Parameters, Real
@@ -55,7 +55,7 @@ class Integrator(Signal, type="signal.integrator"):
     {'integral': State(initial=1.0, unit='')}
     """
 
-    initial: Number = 0.0
+    initial: Number = default(0.0)
 
     @property
     def block_states(self) -> Mapping[str, State]:
@@ -142,13 +142,13 @@ class Pid(Signal, type="signal.pid"):
     (1.25,)
     """
 
-    kp: Number = 0.0
-    ki: Annotated[Number, in_unit("1/s")] = 0.0
-    kd: Annotated[Number, in_unit("s")] = 0.0
-    n: Annotated[Positive, in_unit("1/s")] = 100.0
+    kp: Number = default(0.0)
+    ki: Annotated[Number, in_unit("1/s")] = default(0.0)
+    kd: Annotated[Number, in_unit("s")] = default(0.0)
+    n: Annotated[Positive, in_unit("1/s")] = default(100.0)
     limits: Range | None = None
     sample: Sample | None = None
-    initial: Number = 0.0
+    initial: Number = default(0.0)
 
     @property
     def block_states(self) -> Mapping[str, State]:
@@ -246,7 +246,7 @@ class StateSpace(Linear, type="signal.state_space"):
     A: Annotated[list[NumbersGiven], Field(min_length=1)]
     B: Annotated[NumbersGiven, Field(min_length=1)]
     C: Annotated[NumbersGiven, Field(min_length=1)]
-    D: Number = 0.0
+    D: Number = default(0.0)
     initial: NumbersGiven | None = None
 
     @model_validator(mode="after")
@@ -331,7 +331,7 @@ class Delay(Signal, type="signal.delay"):
 
     sample: Sample
     steps: Annotated[int, Field(strict=True, ge=1)] = 1
-    initial: Number = 0.0
+    initial: Number = default(0.0)
 
     @property
     def block_states(self) -> Mapping[str, State]:
@@ -375,7 +375,7 @@ class DCMotor(Signal, type="signal.dc_motor"):
     R: Annotated[Positive, in_unit("ohm")]
     L: Annotated[Positive, in_unit("H")]
     k: Annotated[Number, in_unit("N m/A")]
-    initial: Annotated[Number, in_unit("A")] = 0.0
+    initial: Annotated[Number, in_unit("A")] = default(0.0)
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from pydantic import WithJsonSchema, field_validator, model_validator
 
 from blockmech.functions.python import numbers_of, parameters_of
 from blockmech.ground.plane import each
-from blockmech.ground.values import Number, Positive, default, in_unit, mistake
+from blockmech.ground.values import Finite, Maybe, Positive, default, in_unit, mistake
 from blockmech.signals.contract import Kernel, Signal, State
 from blockmech.typing import Parameters, Real
 
@@ -37,8 +37,8 @@ class Python(Signal):
     type_name: ClassVar[str] = "signal.python"
 
     call: Annotated[Callable[..., Any], WithJsonSchema({"type": "object"})]
-    memory: Mapping[str, Number] = default({})
-    sample: Annotated[Positive, in_unit("s")] | None = None
+    memory: Mapping[str, Finite] = default({})
+    sample: Maybe[Annotated[Positive, in_unit("s")]] = default(None)
 
     @field_validator("call")
     @classmethod

@@ -11,7 +11,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from blockmech.ground.plane import always
-from blockmech.ground.values import NotNegative, Number, NumbersGiven, Positive, in_unit
+from blockmech.ground.values import (
+    Maybe,
+    NotNegative,
+    Number,
+    NumbersGiven,
+    Positive,
+    default,
+    in_unit,
+)
 from blockmech.loads import laws
 from blockmech.loads.laws import table, table_over_period
 from blockmech.signals.contract import Kernel, Signal, at_once
@@ -51,7 +59,7 @@ class Input(Source, type="signal.input"):
     {'held_y': State(initial=0.0, unit='')}
     """
 
-    value: Number = 0.0
+    value: Number = default(0.0)
 
     @property
     def discrete(self) -> bool:
@@ -73,8 +81,8 @@ class Step(Source, type="signal.step"):
     """
 
     value: Number
-    time: Annotated[NotNegative, in_unit("s")] = 0.0
-    before: Number = 0.0
+    time: Annotated[NotNegative, in_unit("s")] = default(0.0)
+    before: Number = default(0.0)
 
     @property
     def discrete(self) -> bool:
@@ -130,7 +138,7 @@ class Table(Signal, type="signal.table"):
     arguments: Annotated[NumbersGiven, Field(min_length=2)]
     values: Annotated[NumbersGiven, Field(min_length=2)]
     interpolation: Literal["cubic", "linear"] = "cubic"
-    period: Positive | None = None
+    period: Maybe[Positive] = default(None)
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Table:

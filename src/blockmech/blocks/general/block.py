@@ -41,8 +41,11 @@ from blockmech.ground.values import (
     POSE,
     Angle,
     Axis,
+    Direction,
+    Finite,
     Link,
     Marker,
+    Maybe,
     Number,
     Place,
     PlaceGiven,
@@ -76,7 +79,7 @@ class MayBeDriven(StrictModel):
     driven: bool = False
     driver: str = ""
     sign: Sign = 1
-    offset: Number = 0.0
+    offset: Number = default(0.0)
 
     def units(self, axis: Axis) -> Units:
         """The offset has that of the pair's coordinate."""
@@ -103,7 +106,7 @@ class OuterPair(MayBeDriven):
     type: PairType
     link: str
     at: PlaceGiven = default(Place(0j))
-    angle: Angle | None = None
+    angle: Maybe[Angle] = default(None)
     dir: VectorOrNoneGiven = default(None)
     slider: Literal["later", "earlier"] = "later"
 
@@ -122,7 +125,7 @@ class InnerPair(MayBeDriven):
     type: PairType
     links: tuple[str, str]
     at: tuple[Place, Place]
-    angle: tuple[Angle, Angle] | None = None
+    angle: tuple[Direction, Direction] | None = None
     dir: tuple[Vector, Vector] | None = None
     slider: Literal["i", "j"] = "j"
 
@@ -157,8 +160,8 @@ class Home(StrictModel):
 
     refers: ClassVar[tuple[str, ...]] = ("drivers",)
 
-    drivers: dict[str, Number] = {}
-    poses: dict[str, tuple[Number, Number, Number]]
+    drivers: dict[str, Finite] = {}
+    poses: dict[str, tuple[Finite, Finite, Finite]]
 
     def units(self, axis: Axis) -> Units:
         """The drivers' coordinates, and places and angles."""

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
 from blockmech.ground.plane import always
-from blockmech.ground.values import Length, NotNegative, mistake
+from blockmech.ground.values import Length, Maybe, NotNegative, default, mistake
 from blockmech.typing import Data, Parameters
 
 
@@ -27,8 +27,8 @@ class DryFriction(FrictionLaw):
 
     drags: ClassVar[bool] = False
 
-    radius: Length | None = None
-    guide_length: Length | None = None
+    radius: Maybe[Length] = default(None)
+    guide_length: Maybe[Length] = default(None)
 
     @property
     def arm(self) -> Any:

@@ -22,7 +22,7 @@ from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.friction.laws.stiction import check_static
 from blockmech.friction.laws.stribeck import falling
 from blockmech.ground.plane import always, sign
-from blockmech.ground.values import Axis, NotNegative, Positive, Units
+from blockmech.ground.values import Axis, NotNegative, Positive, Units, default
 from blockmech.typing import Parameters, Real
 
 
@@ -60,9 +60,9 @@ class BristleFriction(DryFriction):
     kinetic: Positive
     stribeck_speed: Positive
     stiffness: Positive
-    damping: NotNegative = 0.0
-    exponent: Positive = 2.0
-    viscous: NotNegative = 0.0
+    damping: NotNegative = default(0.0)
+    exponent: Positive = default(2.0)
+    viscous: NotNegative = default(0.0)
 
     def units(self, axis: Axis) -> Units:
         """By the pair's coordinate and rate."""

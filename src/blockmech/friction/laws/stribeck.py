@@ -16,7 +16,7 @@ from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.friction.laws.stiction import check_static
 from blockmech.ground.plane import always, exp, power
-from blockmech.ground.values import Axis, NotNegative, Positive, Units
+from blockmech.ground.values import Axis, NotNegative, Positive, Units, default
 from blockmech.typing import Parameters, Real
 
 
@@ -49,8 +49,8 @@ class Stribeck(DryFriction):
     static: NotNegative
     kinetic: NotNegative
     stribeck_speed: Positive
-    exponent: Positive = 2.0
-    viscous: NotNegative = 0.0
+    exponent: Positive = default(2.0)
+    viscous: NotNegative = default(0.0)
 
     def units(self, axis: Axis) -> Units:
         """Of speeds along the pair's coordinate."""

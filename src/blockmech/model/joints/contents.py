@@ -18,13 +18,14 @@ from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import AnyFriction
 from blockmech.ground.values import (
     POSE,
-    Angle,
     Axis,
     Clearance,
+    Direction,
     Link,
     Marker,
-    Number,
+    Maybe,
     Place,
+    Pose,
     StrictModel,
     Units,
     Vector,
@@ -62,7 +63,7 @@ class LinkGiven(Link):
         assembly mode
     """
 
-    pose: tuple[Number, Number, Number] | None = None
+    pose: Pose = default(None)
 
     def units(self, axis: Axis) -> Units:
         """Of the pose."""
@@ -113,7 +114,7 @@ class _Pair(_Joint):
 
 
 class _Directed(_Joint):
-    angle: list[Angle] | None = None
+    angle: list[Direction] | None = None
     dir: list[Vector] | None = None
 
     @model_validator(mode="after")
@@ -137,7 +138,7 @@ class PinGiven(_Pair):
     """A revolute joint: the places [m] of two links, or more on one pin, coincide."""
 
     type: Literal["R"]
-    clearance: Clearance | None = None
+    clearance: Maybe[Clearance] = default(None)
 
 
 class GuideGiven(_Pair, _Directed):
@@ -149,7 +150,7 @@ class GuideGiven(_Pair, _Directed):
 
     type: Literal["P"]
     links: Annotated[list[str], TWO]
-    angle: Annotated[list[Angle], TWO] | None = None
+    angle: Annotated[list[Direction], TWO] | None = None
     dir: Annotated[list[Vector], TWO] | None = None
     slider: Annotated[Literal[0, 1], no_boolean(0, 1)] = 1
 

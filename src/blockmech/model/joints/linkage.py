@@ -28,7 +28,7 @@ from blockmech.model.joints.references import reference_problems, wire_problems
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Role, Scene, Stops
 from blockmech.signals.contract import Signal
-from blockmech.typing import Arguments, Data
+from blockmech.typing import Arguments, Data, Quantity
 
 if TYPE_CHECKING:
     from blockmech.friction.laws.contract import FrictionLaw
@@ -103,9 +103,9 @@ class Linkage(Document):
         name: str,
         link: Link | None = None,
         *,
-        pose: Sequence[float] | None = None,
-        mass: float | None = None,
-        inertia: float | None = None,
+        pose: Sequence[Quantity] | None = None,
+        mass: Quantity | None = None,
+        inertia: Quantity | None = None,
         cm: AnyPlace | None = None,
         markers: Mapping[str, AnyMarker] | None = None,
     ) -> None:
@@ -140,11 +140,11 @@ class Linkage(Document):
         at: Sequence[AnyPlace] | None = None,
         *,
         point: AnyPlace | None = None,
-        angle: float | str | Sequence[float | str] | None = None,
+        angle: Quantity | Sequence[Quantity] | None = None,
         dir: Two | Sequence[Two] | None = None,
         slider: Literal[0, 1] | None = None,
         friction: FrictionLaw | None = None,
-        clearance: float | None = None,
+        clearance: Quantity | None = None,
     ) -> None:
         """Add a joint between two links, or a pin ("R") or weld of more.
 
@@ -322,7 +322,7 @@ class Linkage(Document):
             "position",
         ],
         points: Sequence[str],
-        value: float | str | AnyPlace | None = None,
+        value: Quantity | AnyPlace | None = None,
     ) -> None:
         """Give the drawing a dimension, which its points are moved to fulfil as it is compiled.
 
