@@ -1,4 +1,4 @@
-"""A notebook shows a bar for calls that last; nothing is shown elsewhere, or beside a caller's."""
+"""A notebook shows a bar for calls that last; nothing is cell elsewhere, or beside a caller's."""
 
 import sys
 from types import ModuleType, SimpleNamespace
@@ -13,7 +13,7 @@ START = {"crank": (0.0, 5.0)}
 
 
 @pytest.fixture
-def shown(monkeypatch):
+def cell(monkeypatch):
     """What a notebook's cell shows, one text for each state of its output."""
     texts = []
 
@@ -36,30 +36,30 @@ def mechanism():
     return bm.read(GRAPHS / "ruiz_fourbar.json").compile()
 
 
-def test_a_motion_and_a_study_show_how_far_they_are_and_clear_it(mechanism, shown):
+def test_a_motion_and_a_study_show_how_far_they_are_and_clear_it(mechanism, cell):
     mechanism.simulate("time=0.5", start=START)
-    assert shown[0].startswith("<progress")
-    assert shown[-1] == ""
-    del shown[:]
+    assert cell[0].startswith("<progress")
+    assert cell[-1] == ""
+    del cell[:]
     mechanism.study({"dyad.l_i": [5.9, 6.0]}, want="max(crank.drive)", samples=5)
-    assert shown[-2].startswith('<progress value="1.000"></progress> ')
-    assert shown[-1] == ""
+    assert cell[-2].startswith('<progress value="1.000"></progress> ')
+    assert cell[-1] == ""
 
 
-def test_a_caller_who_follows_the_progress_sees_no_bar(mechanism, shown):
+def test_a_caller_who_follows_the_progress_sees_no_bar(mechanism, cell):
     calls = []
     mechanism.simulate("time=0.5", start=START, progress=lambda *state: calls.append(state))
     assert calls
-    assert shown == []
+    assert cell == []
 
 
-def test_a_call_that_is_over_at_once_shows_nothing(mechanism, shown, monkeypatch):
+def test_a_call_that_is_over_at_once_shows_nothing(mechanism, cell, monkeypatch):
     monkeypatch.setattr(progress, "PATIENCE", 1e9)
     mechanism.simulate("time=0.5", start=START)
-    assert shown == []
+    assert cell == []
 
 
-def test_a_terminal_of_ipython_shows_nothing(mechanism, shown):
+def test_a_terminal_of_ipython_shows_nothing(mechanism, cell):
     sys.modules["IPython"].get_ipython = lambda: SimpleNamespace()
     mechanism.simulate("time=0.5", start=START)
-    assert shown == []
+    assert cell == []

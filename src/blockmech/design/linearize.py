@@ -55,10 +55,7 @@ from blockmech.studies.differentiate import chosen_numbers
 from blockmech.typing import Coordinates, FrictionMethod
 
 if TYPE_CHECKING:
-    import blockmech.draw.vibration
     from blockmech.compiled import Compiled
-else:
-    blockmech = LazyMethod("blockmech")
 
 DECADES = 2.0  # of frequency below the lowest and above the highest mode that are shown
 SHOWN = 400  # frequencies of a response
@@ -126,7 +123,7 @@ class Linearization(Facts, Pictured):
     notes: tuple[str, ...] = ()
     states: Mapping[str, float] = field(default_factory=dict)
 
-    animate = blockmech.draw.vibration.animate
+    animate = LazyMethod("blockmech.draw.vibration.animate")
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:

@@ -6,7 +6,7 @@ from cmath import isfinite
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, Self
+from typing import Any, Generic, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,6 @@ from blockmech.result.quality import OK, Flag, Quality, assess
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
 from blockmech.typing import Arguments, Data, FrictionMethod, M, Record
-
-if TYPE_CHECKING:
-    import blockmech.analysis.stroke
-    import blockmech.figures.curves
-else:
-    blockmech = LazyMethod("blockmech")
 
 ADVANTAGE = "mechanism.mechanical_advantage"
 BY_DRIVES = ADVANTAGE, "mechanism.efficiency", "mechanism.friction_efficiency"
@@ -58,8 +52,8 @@ class Result(Exported, Generic[M]):
     _called = "a result"
     _instead = "its plot() draws its outputs; the mechanism is its .mechanism"
 
-    plot = blockmech.figures.curves.plot
-    stroke = blockmech.analysis.stroke.stroke
+    plot = LazyMethod("blockmech.figures.curves.plot")
+    stroke = LazyMethod("blockmech.analysis.stroke.stroke")
     _digits_lost = LazyMethod("blockmech.analysis.rounding.digits_lost")
     _motion_svg = LazyMethod("blockmech.draw.simulation.motion_svg")
 

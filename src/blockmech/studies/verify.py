@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import Any, ParamSpec
 
 import numpy as np
 
@@ -119,8 +119,5 @@ def _nearest_turn(centre: Any, run: Result, name: str) -> Any:
     return y - math.tau * np.round((y - centre) / math.tau) if name.endswith("angle") else y
 
 
-if TYPE_CHECKING:  # whose signature it has
-    from blockmech.analysis.verify import verify as verify
-else:
-    verify = _with_studies(verified)
+verify = _with_studies(verified)
 """`blockmech.analysis.verify.verify`, which takes studies and derivatives as well."""
