@@ -69,10 +69,10 @@ def tail(c: Floats) -> Floats:
     return ended(*largest(c))
 
 
-def ended(last: Floats, before: Floats, whole: Floats) -> Floats:
+def ended(last: Floats, before: Floats, total: Floats) -> Floats:
     """The same of what is `largest` in series."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        relative = np.where(whole == 0, 0.0, last / whole)
+        relative = np.where(total == 0, 0.0, last / total)
         return np.where((last > LEVEL * before) & (relative < EQUAL), 0.0, relative)
 
 
@@ -87,8 +87,8 @@ def without_rounding(c: Floats) -> Floats:
     """The series (..., n) without what follows the last coefficient that stands out of its end."""
     last, *_ = largest(c)
     above = np.abs(c) > STANDS_OUT * last[..., None]
-    kept = np.flip(np.logical_or.accumulate(np.flip(above, -1), axis=-1), -1)
-    return np.where(kept | ~above.any(axis=-1, keepdims=True), c, 0.0)
+    significant = np.flip(np.logical_or.accumulate(np.flip(above, -1), axis=-1), -1)
+    return np.where(significant | ~above.any(axis=-1, keepdims=True), c, 0.0)
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def fit(
     Series; panels that still do not end are not ``resolved``
     """
     low, high = np.asarray(edges[:-1], dtype=float), np.asarray(edges[1:], dtype=float)
-    kept: list[tuple[Floats, Floats, Floats, NDArray[np.bool_]]] = []
+    segments: list[tuple[Floats, Floats, Floats, NDArray[np.bool_]]] = []
     count = 0
     for level in range(levels + 1):
         half = (high - low) / 2
@@ -217,21 +217,21 @@ def fit(
         good: NDArray[np.bool_] = np.asarray(np.isfinite(c).all(axis=1))
         rounded = EPS * np.abs(edges).max() / half  # of the places, which moves the values
         size, change = np.abs(c).max(axis=1), np.abs(c[:, 1:]).max(axis=1)
-        least = np.maximum(tolerance * size, floor)
-        good[good] = (tail(c) * size <= np.maximum(least, rounded * change))[good]
+        allowed = np.maximum(tolerance * size, floor)
+        good[good] = (tail(c) * size <= np.maximum(allowed, rounded * change))[good]
         middle = low + half
         final: NDArray[np.bool_] = np.asarray(good | (middle <= low) | (middle >= high))
         hopeless = level >= PATIENCE and not count and not good.any()
         if level == levels or hopeless or count + 2 * len(low) > most:
             final[:] = True
-        kept.append((low[final], high[final], c[final], good[final]))
+        segments.append((low[final], high[final], c[final], good[final]))
         count += int(final.sum())
         if final.all():
             break
         low, middle, high = low[~final], middle[~final], high[~final]
         middle = divide(middle, x[~final], y[~final]) if divide else middle
         low, high = np.stack([low, middle], 1).ravel(), np.stack([middle, high], 1).ravel()
-    lows, highs, cs, goods = (np.concatenate(part) for part in zip(*kept, strict=True))
+    lows, highs, cs, goods = (np.concatenate(part) for part in zip(*segments, strict=True))
     order = np.argsort(lows)
     ends = np.append(lows[order], highs[order][-1])
     return Series(ends, without_rounding(cs[order]), goods[order])

@@ -83,16 +83,16 @@ class Document:
         """
         draft = Draft(cls.form, current(data), list(odd))
         content: Any = draft.said
-        made, given = cls(content.name, title=content.title), content.model_fields_set
-        made.extras.update({key: getattr(content, key) for key in EXTRAS if key in given})
-        made.file = file
+        document, keys = cls(content.name, title=content.title), content.model_fields_set
+        document.extras.update({key: getattr(content, key) for key in EXTRAS if key in keys})
+        document.file = file
         for section in cls.form.sections.keys() - cls.form.items().keys() - {"wires"}:
             x = getattr(content, section)
-            setattr(made, section, dict(x) if isinstance(x, Mapping) else x)
-        made.wires += [Wire(wire.source, wire.target) for wire in content.wires]
-        made._fill(draft)
+            setattr(document, section, dict(x) if isinstance(x, Mapping) else x)
+        document.wires += [Wire(wire.source, wire.target) for wire in content.wires]
+        document._fill(draft)
         draft.finish()
-        return made
+        return document
 
     @declared
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -215,8 +215,8 @@ class Document:
         >>> g.replace({"dyad.l_i": 6.1}).blocks["dyad"].l_i
         6.1
         """
-        given = named(parameters_of(self.sections()), values)
-        return self.with_checked({p.path: x for p, x in given.items()})
+        numbers = named(parameters_of(self.sections()), values)
+        return self.with_checked({p.path: x for p, x in numbers.items()})
 
     def with_checked(self, numbers: Mapping[Path, float]) -> Self:
         """A copy with other numbers at some paths, checked like a file; see `replace`.
@@ -238,11 +238,11 @@ class Document:
         >>> g.with_numbers({("blocks", "dyad", "l_i"): 6.1}).blocks["dyad"].l_i
         6.1
         """
-        other = copy.copy(self)
+        copied = copy.copy(self)
         sections = replaced(self.sections(), numbers)
         for section in {str(path[0]) for path in numbers}:
-            setattr(other, section, sections[section])
-        return other
+            setattr(copied, section, sections[section])
+        return copied
 
     def snapshot(self) -> Self:
         """A copy that does not change with this document.
@@ -252,10 +252,10 @@ class Document:
         >>> copy.gravity
         0+0j
         """
-        other = copy.copy(self)
+        copied = copy.copy(self)
         for name, x in vars(self).items():
-            vars(other)[name] = copy.copy(x) if isinstance(x, dict | list) else x
-        return other
+            vars(copied)[name] = copy.copy(x) if isinstance(x, dict | list) else x
+        return copied
 
     def sections(self) -> Data:
         """The sections of the file between head and extras, as models.
@@ -273,9 +273,9 @@ class Document:
 
     def __setattr__(self, name: str, value: Any) -> None:
         cls: Any = type(self)
-        known = _attributes(cls)
-        if name not in known:
-            raise GraphError(_unknown_attribute(cls, name, known))
+        names = _attributes(cls)
+        if name not in names:
+            raise GraphError(_unknown_attribute(cls, name, names))
         super().__setattr__(name, value)
 
 
@@ -300,7 +300,7 @@ def _attributes(cls: type) -> tuple[str, ...]:
     return *(n for n in declared if not n.startswith("_") and n != "form"), *properties
 
 
-def _unknown_attribute(cls: type, name: str, known: tuple[str, ...]) -> Problem:
+def _unknown_attribute(cls: type, name: str, names: tuple[str, ...]) -> Problem:
     """The problem of an attribute that cannot be set."""
     methods = [n for n, m in inspect.getmembers(cls, callable) if not n.startswith("_")]
     message = f'there is no attribute "{name}" to set'
@@ -308,6 +308,6 @@ def _unknown_attribute(cls: type, name: str, known: tuple[str, ...]) -> Problem:
         message = f"{name}() is called, not set"
     elif hasattr(cls, name):
         message = f"{name} follows from the rest, and is not set"
-    remedy = "" if hasattr(cls, name) else close_match(name, [*known, *methods])
-    valid = f"attributes: {listed(sorted(known), len(known))}"
+    remedy = "" if hasattr(cls, name) else close_match(name, [*names, *methods])
+    valid = f"attributes: {listed(sorted(names), len(names))}"
     return Problem("unknown-attribute", f"{cls.__name__}.{name}", message, valid, remedy)

@@ -51,7 +51,7 @@ def flattened(graph: Content) -> Flat:
     flat = Flat(scene=graph.scene)
     frames: dict[str, Frame] = {}
     inside: dict[str, Flat] = {}
-    given: dict[str, Data] = {section: {} for section in PER_DRIVER}
+    per_driver: dict[str, Data] = {section: {} for section in PER_DRIVER}
     for name, block in graph.blocks.items():
         if not isinstance(block, Subgraph):
             flat.blocks[name] = block
@@ -71,10 +71,10 @@ def flattened(graph: Content) -> Flat:
                 flat.blocks[full] = renamed(flat.blocks[full], within)
         flat.wires += [Wire(*map(within, w.ends)) for w in part.wires]
         for section in PER_DRIVER:
-            own = getattr(part.scene, section)
-            given[section] |= {within(driver): x for driver, x in own.items()}
+            items = getattr(part.scene, section)
+            per_driver[section] |= {within(driver): x for driver, x in items.items()}
     flat.wires += [Wire(*map(flat.address, w.ends)) for w in graph.wires]
-    merged = {section: {**x, **getattr(graph.scene, section)} for section, x in given.items()}
+    merged = {section: {**x, **getattr(graph.scene, section)} for section, x in per_driver.items()}
     flat.scene = graph.scene.model_copy(update=merged)
     for name in graph.blocks.keys() & flat.blocks.keys():
         flat.blocks[name] = renamed(flat.blocks[name], flat.address)
@@ -97,11 +97,11 @@ def with_parameters(block: Subgraph) -> Content:
     """The graph inside of a block with the numbers that the block gives it, unchecked."""
     if not block.given:
         return block.content
-    known = interface(block.content)
+    settable = interface(block.content)
     numbers = {
         path: int(x) if isinstance(p.value, int) and float(x).is_integer() else x
         for address, x in block.given.items()
-        for p, paths in [known[address]]
+        for p, paths in [settable[address]]
         for path in paths
     }
     return block.content.with_numbers(numbers)
@@ -116,9 +116,9 @@ def _inside_of(name: str, part: Flat, flat: Flat) -> Callable[[str], str]:
     drivers = driven_joints(part.blocks)
 
     def called(address: str) -> str:
-        own = split_address(address, part.blocks)[0] in part.blocks
-        own = own or any(f"{address}.".startswith(f"{driver}.") for driver in drivers)
-        return flat.address(f"{name}.{address}") if own else address
+        is_inside = split_address(address, part.blocks)[0] in part.blocks
+        is_inside = is_inside or any(f"{address}.".startswith(f"{driver}.") for driver in drivers)
+        return flat.address(f"{name}.{address}") if is_inside else address
 
     return called
 
@@ -149,7 +149,7 @@ def renamed(x: Any, called: Callable[[str], str]) -> Any:
 
 def _place_frames(graph: Content, flat: Flat, frames: dict[str, Frame]) -> None:
     """Give the markers of frames inside to the links that carry them."""
-    own = next((n for n, b in graph.blocks.items() if isinstance(b, Frame)), "")
+    frame_name = next((n for n, b in graph.blocks.items() if isinstance(b, Frame)), "")
     waiting = dict(frames)
     while waiting:
         for full in waiting:
@@ -174,10 +174,10 @@ def _place_frames(graph: Content, flat: Flat, frames: dict[str, Frame]) -> None:
             on = ""
         if on:
             _stand(flat, full, frame, on, name)
-        elif own:
-            _stand(flat, full, frame, f"{own}.frame", name)
+        elif frame_name:
+            _stand(flat, full, frame, f"{frame_name}.frame", name)
         else:
-            own, flat.blocks[full] = full, frame
+            frame_name, flat.blocks[full] = full, frame
 
 
 def _no_marker(blocks: Mapping[str, AnyBlock], address: str, where: str) -> Problem | None:
@@ -185,9 +185,9 @@ def _no_marker(blocks: Mapping[str, AnyBlock], address: str, where: str) -> Prob
     block = blocks.get(name)
     if block is None:
         return no_such_block(blocks, name, where)
-    known = block.all_markers if isinstance(block, Block) else {}
-    if marker not in known:
-        wrong = unknown_name("unknown-marker", "marker", marker, where, known, there=" there")
+    markers = block.all_markers if isinstance(block, Block) else {}
+    if marker not in markers:
+        wrong = unknown_name("unknown-marker", "marker", marker, where, markers, there=" there")
         return replace(wrong, found=f"{wrong.found} on {name}")
     return None
 
@@ -199,10 +199,10 @@ def _stand(flat: Flat, full: str, frame: Frame, on: str, name: str) -> None:
     assert isinstance(block, Block)
     link, declared = block.all_markers[marker]
     at = block.place_of(declared)
-    along = declared.direction if isinstance(declared, Marker) else 1 + 0j
+    axis = declared.direction if isinstance(declared, Marker) else 1 + 0j
     still = marker == "frame" and isinstance(block, Frame)  # numbers stay as they are
     markers = {
-        f"{name}.{m}": x if still else _carried(x, at, along) for m, x in frame.markers.items()
+        f"{name}.{m}": x if still else _carried(x, at, axis) for m, x in frame.markers.items()
     }
     for m in frame.markers:
         flat.moved[f"{full}.{m}"] = f"{carrier}.{name}.{m}"
@@ -211,15 +211,15 @@ def _stand(flat: Flat, full: str, frame: Frame, on: str, name: str) -> None:
         update: Arguments = {"markers": {**block.markers, **markers}}
     else:
         links = block.links_or_default()
-        own = links[link]
-        links[link] = own.model_copy(update={"markers": {**own.markers, **markers}})
+        body = links[link]
+        links[link] = body.model_copy(update={"markers": {**body.markers, **markers}})
         update = {"links": links}
     flat.blocks[carrier] = block.model_copy(update=update)
 
 
-def _carried(x: Marker, at: complex, along: complex) -> Marker:
+def _carried(x: Marker, at: complex, axis: complex) -> Marker:
     """A marker on the link that carries its frame; a point stays a point."""
-    place = Place(at + along * x.at.z)
+    origin = Place(at + axis * x.at.z)
     if x.angle is None and x.dir is None:
-        return Marker.model_construct(at=place)
-    return Marker.model_construct(at=place, angle=None, dir=Vector(along * x.direction))
+        return Marker.model_construct(at=origin)
+    return Marker.model_construct(at=origin, angle=None, dir=Vector(axis * x.direction))

@@ -131,12 +131,12 @@ class Form:
         named, data = self.items(), {"format": self.format, "version": VERSION}
         for key, declared in self.model.model_fields.items():
             content, items = sections.get(key), named.get(key)
-            said = plain(content)
+            value = plain(content)
             if items and content is not None:
-                said = {name: items.data(x) for name, x in content.items()}
-            always = said is not None and key in ("name", *self.always)
-            if always or (said and said != plain(declared.default)):
-                data[key] = said
+                value = {name: items.data(x) for name, x in content.items()}
+            always = value is not None and key in ("name", *self.always)
+            if always or (value and value != plain(declared.default)):
+                data[key] = value
         return data
 
 
@@ -155,19 +155,19 @@ def _identified(form: Form, raw: Record) -> Iterator[Problem]:
             raise FormatError(problem)
         yield problem
     elif declared != form.format:
-        other = f"the format is {shown(declared)}", ""
-        found, remedy = FORMATS.get(declared, other) if isinstance(declared, str) else other
-        raise FormatError(Problem("wrong-format", "format", found, valid, remedy))
+        foreign = f"the format is {shown(declared)}", ""
+        message, remedy = FORMATS.get(declared, foreign) if isinstance(declared, str) else foreign
+        raise FormatError(Problem("wrong-format", "format", message, valid, remedy))
     version, valid = raw.get("version"), f"this blockmech reads versions 1 to {VERSION}"
     if "version" not in raw:
-        found, remedy = "the file does not say its version", f'add "version": {VERSION}'
-        yield Problem("missing-version", "version", found, valid, remedy)
+        message, remedy = "the file does not say its version", f'add "version": {VERSION}'
+        yield Problem("missing-version", "version", message, valid, remedy)
     elif isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        found = f"version must be a whole number from 1, got {shown(version)}"
-        yield Problem("bad-version", "version", found, valid, f'write "version": {VERSION}')
+        message = f"version must be a whole number from 1, got {shown(version)}"
+        yield Problem("bad-version", "version", message, valid, f'write "version": {VERSION}')
     elif version > VERSION:
-        found = f"the file has version {version}, made by a newer blockmech"
-        raise FormatError(Problem("newer-version", "version", found, valid, "update blockmech"))
+        message = f"the file has version {version}, made by a newer blockmech"
+        raise FormatError(Problem("newer-version", "version", message, valid, "update blockmech"))
 
 
 @dataclass
@@ -230,12 +230,12 @@ class Draft:
         """One item, and what is wrong with it."""
         key, what = section.key, section.what
 
-        def wrong(code: str, where: Path, found: str, *more: str) -> tuple[None, list[Problem]]:
-            return None, [Problem(code, path_text(where), found, *more)]
+        def wrong(code: str, where: Path, message: str, *rest: str) -> tuple[None, list[Problem]]:
+            return None, [Problem(code, path_text(where), message, *rest)]
 
         if not isinstance(raw, dict):
-            found = f"a {what} must be an object {{...}}, got {shown(raw)}"
-            return wrong("wrong-type", path, found)
+            message = f"a {what} must be an object {{...}}, got {shown(raw)}"
+            return wrong("wrong-type", path, message)
         model: Any = section.plain
         plain_field = section.plain_said
         if key and (model is None or key in raw):
@@ -245,8 +245,8 @@ class Draft:
                     "missing-key", where, f'a {what} needs "{key}"', section.words, "add it"
                 )
             if not isinstance(word, str) or not word:
-                found = f"{key} must be the name of a {what} {key}, got {shown(word)}"
-                return wrong("wrong-type", where, found, section.words)
+                message = f"{key} must be the name of a {what} {key}, got {shown(word)}"
+                return wrong("wrong-type", where, message, section.words)
             model, plain_field = section.kinds.get(word), section.said.format(word)
             if key not in getattr(model, "model_fields", ()):  # it is not among the model's keys
                 raw = {k: item for k, item in raw.items() if k != key}
@@ -259,11 +259,11 @@ class Draft:
         """Raise what was noted, section by section."""
         sections = list(self.form.model.model_fields)
 
-        def place(problem: Problem) -> int:
+        def order(problem: Problem) -> int:
             name = re.split(r"[.\[]", problem.where)[0]
             return sections.index(name) if name in sections else len(sections)
 
         if self.content:
-            raise FormatError([*sorted(self.content, key=place), *self.fit])
+            raise FormatError([*sorted(self.content, key=order), *self.fit])
         if self.fit:
             raise GraphError(self.fit)

@@ -99,10 +99,10 @@ class Graph(Document):
         What follows from blocks that are ``unread`` and from wires left out is not reported.
         """
         flat = self._flattened()
-        own = flat.wires[len(flat.wires) - len(self.wires) :]
-        odd = [wire for wire, _, problems in checked_wires(flat.blocks, own) if problems]
-        refused = {end for wire in odd for end in wire.ends}  # or the other way round
-        for problem in Graph.check(self) if wrong or odd else ():
+        local_wires = flat.wires[len(flat.wires) - len(self.wires) :]
+        faulty = [wire for wire, _, problems in checked_wires(flat.blocks, local_wires) if problems]
+        refused = {end for wire in faulty for end in wire.ends}  # or the other way round
+        for problem in Graph.check(self) if wrong or faulty else ():
             head, *inside = problem.where.split(".")
             follows = {
                 "unknown-block": problem.where in unread,
@@ -174,11 +174,11 @@ class Graph(Document):
         'leg'
         """
         old = os.path.dirname(self.file)
-        other = self.snapshot()
+        copied = self.snapshot()
         for name, block in self.blocks.items():
             if isinstance(block, Subgraph):
-                other.blocks[name] = block.seen_from(old, folder)
-        return other
+                copied.blocks[name] = block.seen_from(old, folder)
+        return copied
 
     # -- the scene --------------------------------------------------------
 
@@ -242,8 +242,8 @@ class Graph(Document):
         problem = checks.name_problem(self.blocks, name, block)
         if problem:
             raise GraphError(problem)
-        whole = self._opened(name, block) if isinstance(block, Subgraph) else block
-        self.blocks[name] = whole  # type: ignore[assignment]
+        complete = self._opened(name, block) if isinstance(block, Subgraph) else block
+        self.blocks[name] = complete  # type: ignore[assignment]
 
     def connect(self, source: str, target: str) -> None:
         """Wire a marker ``"block.marker"`` to a joint or terminal ``"block.joint"``.
@@ -271,27 +271,27 @@ class Graph(Document):
         ['double-wire']
         """
         fed = next((w for w in self.wires if w.target == wire.target), None)
-        near = self._near({str(end).partition(".")[0] for end in wire.ends})
+        subset = self._near({str(end).partition(".")[0] for end in wire.ends})
         problems: list[Problem] = []
-        for graph in (near, self):  # for messages all there is
+        for graph in (subset, self):  # for messages all there is
             flat = graph._flattened()
-            there = Wire(*map(flat.address, wire.ends))
-            problems = list(wire_problems(flat.blocks, there, there.split_ends(flat.blocks), fed))
+            local = Wire(*map(flat.address, wire.ends))
+            problems = list(wire_problems(flat.blocks, local, local.split_ends(flat.blocks), fed))
             if not problems:
                 break
         return problems
 
     def _near(self, names: set[str]) -> Self:
         """The same with no more blocks than these, those that they stand on, and the frame."""
-        near = copy.copy(self)
-        near.wires, near.blocks = [], {}
+        subset = copy.copy(self)
+        subset.wires, subset.blocks = [], {}
         waiting = {*names, *(n for n, b in self.blocks.items() if isinstance(b, Frame))}
         while waiting:
             name = waiting.pop()
-            if name in self.blocks and name not in near.blocks:
-                near.blocks[name] = block = self.blocks[name]
+            if name in self.blocks and name not in subset.blocks:
+                subset.blocks[name] = block = self.blocks[name]
                 waiting.add(getattr(block, "on", "").partition(".")[0])
-        return near
+        return subset
 
     def drive(self, driver: str, law: LawOfMotion) -> None:
         """Give a driver its law of motion; replaces an earlier one.
@@ -310,8 +310,8 @@ class Graph(Document):
 
     @declared
     def _give(self, section: str, driver: str, item: Any) -> None:
-        given = {**getattr(self.scene, section), driver: item}
-        self.scene = self.scene.model_copy(update={section: given})
+        items = {**getattr(self.scene, section), driver: item}
+        self.scene = self.scene.model_copy(update={section: items})
 
     # -- checking ---------------------------------------------------------
 
@@ -410,10 +410,10 @@ def _unfit(content: Graph) -> Iterator[Problem]:
 def _misfits(block: Subgraph, where: str) -> Iterator[Problem]:
     """What is wrong with the numbers that a block gives the graph inside."""
     content, inside = block.content, f"{where}.parameters"
-    known = interface(content)
+    numbers = interface(content)
     try:
-        given = named({address: p for address, (p, _) in known.items()}, block.given)
-        content.with_checked({path: x for p, x in given.items() for path in known[p.address][1]})
+        values = named({address: p for address, (p, _) in numbers.items()}, block.given)
+        content.with_checked({path: x for p, x in values.items() for path in numbers[p.address][1]})
     except RequestError as error:
         yield from (replace(p, where=f"{inside}.{p.where}") for p in error.problems)
     except (FormatError, GraphError) as error:

@@ -37,17 +37,17 @@ def _changing_distance(s: Structure, name: str) -> Iterator[Problem]:
     driven = s.feeds[s.driven[coupling.driven]]
     if not coupling.meshes or driven.on == follower.centre.on:
         return
-    ahead = driven.on in s.turning(follower.centre.on)
-    near, far = (follower.centre, driven) if ahead else (driven, follower.centre)
-    link, centre = near.on, _guide(s, far).p
-    while link != far.on:
+    driven_turns = driven.on in s.turning(follower.centre.on)
+    carrier, wheel = (follower.centre, driven) if driven_turns else (driven, follower.centre)
+    link, centre = carrier.on, _guide(s, wheel).p
+    while link != wheel.on:
         (driver,) = s.drivers_of(link.block)
         pivot = s.feeds[s.driven[driver]]
         pivot_position = _guide(s, pivot).p
         coincident = abs(pivot_position - centre) <= ROUNDING * (abs(pivot_position) + abs(centre))
         if not (coincident and s.driver_joint(driver).rotary):
-            message = f"{near.on} carries the one wheel about {pivot}, not about the other "
-            message += f"wheel's centre {far}, so their distance changes"
+            message = f"{carrier.on} carries the one wheel about {pivot}, not about the other "
+            message += f"wheel's centre {wheel}, so their distance changes"
             yield Problem("coupling-mismatch", name, message, "", SAME_CARRIER)
             return
         link = pivot.on

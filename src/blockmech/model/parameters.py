@@ -60,14 +60,14 @@ def parameters_of(sections: Record) -> dict[str, Parameter]:
     ``sections`` are those of the document: named items, or models.
     """
     parameters: dict[str, Parameter] = {}
-    known = dict(_axes(sections))
+    axes = dict(_axes(sections))
     for section, content in sections.items():
         named = isinstance(content, Mapping)
         for key, item in content.items() if named else [("", content)]:
             path: Path = (section, key) if named else (section,)
             head = path_text(path[1:] if section == BLOCKS else path)
             unit = unit_of(Scene.model_fields.get(section))
-            axis = known.get(key, Axis())._replace(known=known)
+            axis = axes.get(key, Axis())._replace(known=axes)
             if isinstance(item, Subgraph):
                 parameters |= {p.address: p for p in _of_graph(item, path, head)}
                 continue
@@ -89,21 +89,23 @@ def interface(graph: Any) -> dict[str, tuple[Parameter, tuple[Path, ...]]]:
     problems: list[Problem] = []
     for name, addresses in graph.parameters.items():
         try:
-            own = list(named(numbers, dict.fromkeys(as_names(name, addresses))))
+            numbers_of_name = list(named(numbers, dict.fromkeys(as_names(name, addresses))))
         except RequestError as error:
             problems += [replace(p, where=f"parameters.{name}") for p in error.problems]
             continue
-        if len({(p.value, p.unit) for p in own}) > 1:
-            values = ", ".join(f"{p.address} = {p.value:g} {p.unit}".rstrip() for p in own)
+        if len({(p.value, p.unit) for p in numbers_of_name}) > 1:
+            values = ", ".join(
+                f"{p.address} = {p.value:g} {p.unit}".rstrip() for p in numbers_of_name
+            )
             valid = "a parameter stands for numbers of one value and unit"
             problems.append(Problem("wrong-value", f"parameters.{name}", values, valid))
-        first, paths = own[0], tuple(p.path for p in own)
+        first, paths = numbers_of_name[0], tuple(p.path for p in numbers_of_name)
         named_parameters[name] = first._replace(address=name, path=("parameters", name)), paths
     if problems:
         raise RequestError(problems)
-    taken = {path for _, paths in named_parameters.values() for path in paths}
-    taken |= {p.path for p in numbers.values() if p.path[:2] == ("scene", "gravity")}  # of all
-    return named_parameters | {a: (p, (p.path,)) for a, p in numbers.items() if p.path not in taken}
+    used = {path for _, paths in named_parameters.values() for path in paths}
+    used |= {p.path for p in numbers.values() if p.path[:2] == ("scene", "gravity")}  # of all
+    return named_parameters | {a: (p, (p.path,)) for a, p in numbers.items() if p.path not in used}
 
 
 def _of_graph(block: Subgraph, path: Path, head: str) -> Iterator[Parameter]:
@@ -146,17 +148,17 @@ def _numbers(
                 inner = item
             elif isinstance(x, Marker) and name == "at":
                 inner = text
-            own = units.get(name) or unit_of(field)
-            yield from _numbers(getattr(x, name), (*path, key), inner, item, own, axis)
+            unit_inside = units.get(name) or unit_of(field)
+            yield from _numbers(getattr(x, name), (*path, key), inner, item, unit_inside, axis)
     elif isinstance(x, Mapping):
         for key, value in x.items():
-            own = unit.get(key, "") if isinstance(unit, Mapping) else unit
+            unit_inside = unit.get(key, "") if isinstance(unit, Mapping) else unit
             axis = outside.known.get(key, outside)._replace(known=outside.known)
-            yield from _numbers(value, (*path, key), f"{text}.{key}", item, own, axis)
+            yield from _numbers(value, (*path, key), f"{text}.{key}", item, unit_inside, axis)
     elif isinstance(x, list | tuple):
         for k, value in enumerate(x):
-            own = unit if isinstance(unit, str) else unit[k]
-            yield from _numbers(value, (*path, k), f"{text}[{k}]", item, own, outside)
+            unit_inside = unit if isinstance(unit, str) else unit[k]
+            yield from _numbers(value, (*path, k), f"{text}[{k}]", item, unit_inside, outside)
     elif isinstance(x, Pair):
         for part, value in zip(PARTS, (x.z.real, x.z.imag), strict=True):
             yield Parameter(f"{text}.{part}", value, unit or x.unit, (*path, part))
@@ -178,34 +180,34 @@ def wrong_units(sections: Record) -> Iterator[Problem]:
 def _texts(x: Any, path: Path) -> Iterator[tuple[Path, str]]:
     """The numbers in a value that were written as texts, each with its path."""
     if isinstance(x, StrictModel):
-        yield from (((*path, *place), text) for place, text in vars(x).get("texts", {}).items())
+        yield from (((*path, *keys), text) for keys, text in vars(x).get("texts", {}).items())
         x = {field.alias or n: getattr(x, n) for n, field in type(x).model_fields.items()}
     items = x.items() if isinstance(x, Mapping) else enumerate(x) if type(x) is list else ()
     for key, item in items:
         yield from _texts(item, (*path, key))
 
 
-def named(known: Mapping[str, Parameter], given: Mapping[str, T]) -> dict[Parameter, T]:
+def named(numbers: Mapping[str, Parameter], requested: Mapping[str, T]) -> dict[Parameter, T]:
     """The parameters that addresses name, as they are listed or as the file has them.
 
     Raises `RequestError` for addresses of nothing, all at once.
     """
-    if not isinstance(given, Mapping):
-        raise refused("numbers", f"got {given!r:.60}", 'give a mapping, e.g. {"dyad.l_i": 6.1}')
+    if not isinstance(requested, Mapping):
+        raise refused("numbers", f"got {requested!r:.60}", 'give a mapping, e.g. {"dyad.l_i": 6.1}')
     as_written: dict[str, Parameter] = {}
-    if not known.keys() >= given.keys():
-        for p in known.values():
+    if not numbers.keys() >= requested.keys():
+        for p in numbers.values():
             as_written |= dict.fromkeys(_spellings(p.path), p)
     values: dict[Parameter, T] = {}
     problems = []
     parameter: Parameter | None
-    for address, x in given.items():
-        parameter = known[address] if address in known else as_written.get(address)
+    for address, x in requested.items():
+        parameter = numbers[address] if address in numbers else as_written.get(address)
         if parameter is None:
-            problems.append(_unknown(address, known))
+            problems.append(_unknown(address, numbers))
         elif parameter in values:
-            what = f"{parameter.address} is given twice"
-            problems.append(Problem("taken-name", address, what, "", "give it once"))
+            message = f"{parameter.address} is given twice"
+            problems.append(Problem("taken-name", address, message, "", "give it once"))
         else:
             values[parameter] = x
     if problems:
@@ -223,21 +225,21 @@ def _spellings(path: Path) -> Iterator[str]:
         yield path_text(end[1:] if end[0] == BLOCKS else (str(end[0]).removesuffix("s"), *end[1:]))
 
 
-def _unknown(address: object, known: Mapping[str, Parameter]) -> Problem:
+def _unknown(address: object, numbers: Mapping[str, Parameter]) -> Problem:
     message = "no number of the mechanism has that address"
     head = str(address).split(".")[0]
-    near = [a for a in known if a.split(".")[0] == head]
-    valid = f"addresses there: {listed(near or known, 16)}"
-    remedy = close_match(str(address), list(known))
+    neighbours = [a for a in numbers if a.split(".")[0] == head]
+    valid = f"addresses there: {listed(neighbours or numbers, 16)}"
+    remedy = close_match(str(address), list(numbers))
     return Problem("unknown-parameter", str(address), message, valid, remedy)
 
 
 def number_at(data: Any, path: Path) -> Any:
     """The number at a path of what a file holds; None where it says nothing there."""
     for key in path:
-        place = PARTS.index(str(key)) if isinstance(data, list) and key in PARTS else key
+        index = PARTS.index(str(key)) if isinstance(data, list) and key in PARTS else key
         try:
-            data = data[place]
+            data = data[index]
         except (KeyError, IndexError):
             return None
     return data
@@ -273,7 +275,10 @@ def replaced(x: Any, values: Mapping[Path, Any]) -> Any:
         return {**x, **{key: replaced(x.get(key), v) for key, v in inside.items()}}
     if isinstance(x, Pair):
         parts = zip(PARTS, (x.z.real, x.z.imag), strict=True)
-        z = apply("planar", *(inside[part][()] if part in inside else own for part, own in parts))
+        z = apply(
+            "planar",
+            *(inside[part][()] if part in inside else component for part, component in parts),
+        )
         return type(x)(z)
     items = [replaced(item, inside[k]) if k in inside else item for k, item in enumerate(x)]
     return type(x)(items)

@@ -28,16 +28,16 @@ DEEPEST = 64  # nested objects and lists; a graph needs nine
 
 def text_of(path: str | os.PathLike[str]) -> str:
     """The text of a file. Raises `FormatError` with file and, of bad text, line and column."""
-    shown = os.fspath(path)
+    label = os.fspath(path)
     try:
         if os.path.isdir(path):
             remedy = "name a graph file in it"
-            raise _refused(shown, "not-a-file", "", "it is a directory", "", remedy)
+            raise _refused(label, "not-a-file", "", "it is a directory", "", remedy)
         with open(path, "rb") as stream:
             raw = stream.read(LARGEST + 1)
     except (OSError, ValueError) as error:
-        raise _refused(shown, *_not_opened(error)) from error
-    return decoded(raw, shown)
+        raise _refused(label, *_not_opened(error)) from error
+    return decoded(raw, label)
 
 
 def _not_opened(error: OSError | ValueError) -> tuple[str, ...]:
@@ -49,7 +49,7 @@ def _not_opened(error: OSError | ValueError) -> tuple[str, ...]:
     return "unreadable", "", f"it cannot be read: {(error.strerror or str(error)).lower()}"
 
 
-def decoded(raw: bytes, shown: str) -> str:
+def decoded(raw: bytes, label: str) -> str:
     """The text in the bytes of a file. Raises `FormatError` with file, line and column.
 
     UTF-8 with the mark that some editors put in front is read as well.
@@ -57,7 +57,7 @@ def decoded(raw: bytes, shown: str) -> str:
     if len(raw) > LARGEST:
         message = f"too large: more than {LARGEST / 1e6:.0f} MB"
         valid, remedy = "a graph file is shorter", "check that it is a graph file"
-        raise _refused(shown, "too-large", "", message, valid, remedy)
+        raise _refused(label, "too-large", "", message, valid, remedy)
     encoding = json.detect_encoding(raw)
     message, where = f"the text is {encoding[:6].upper()}", "line 1, column 1"
     try:
@@ -68,11 +68,11 @@ def decoded(raw: bytes, shown: str) -> str:
         message = f"byte 0x{raw[error.start]:02x} is not UTF-8 text"
         where = position(before, len(before))
     valid, remedy = "a graph file is UTF-8", "save it as UTF-8"
-    raise _refused(shown, "wrong-encoding", where, message, valid, remedy)
+    raise _refused(label, "wrong-encoding", where, message, valid, remedy)
 
 
-def _refused(shown: str, *problem: str) -> FormatError:
-    return FormatError(in_file([Problem(*problem)], shown))
+def _refused(label: str, *problem: str) -> FormatError:
+    return FormatError(in_file([Problem(*problem)], label))
 
 
 def position(text: str, offset: int) -> str:
@@ -91,20 +91,20 @@ def data_of(text: str) -> tuple[Data, list[Problem]]:
         raise FormatError(Problem("empty-file", "", "it is empty", "", remedy))
     twice = False
 
-    def made(items: list[tuple[str, Any]]) -> Data:
+    def as_object(items: list[tuple[str, Any]]) -> Data:
         nonlocal twice
         fields = dict(items)
         twice |= len(fields) < len(items)
         return fields
 
-    def whole(token: str) -> int | float:
+    def as_integer(token: str) -> int | float:
         return int(token) if len(token) < 300 else float(token)
 
     try:
-        data = json.loads(text, parse_int=whole, object_pairs_hook=made)
+        data = json.loads(text, parse_int=as_integer, object_pairs_hook=as_object)
         plain = text.isascii() and "\\u" not in text  # no half of a character
-        fits = plain and not twice and _is_within_bounds(data)
-        misfits = [] if fits else list(islice(_misfits(text), MOST + 1))
+        is_plain = plain and not twice and _is_within_bounds(data)
+        misfits = [] if is_plain else list(islice(_misfits(text), MOST + 1))
     except json.JSONDecodeError as error:
         raise FormatError(_syntax(text, error)) from error
     except RecursionError as error:
@@ -130,16 +130,16 @@ def _syntax(text: str, error: json.JSONDecodeError) -> Problem:
     extra = error.msg.startswith("Extra data")
     half = not extra and CUT_OFF.fullmatch(text, at, max(at, end))
     if half or error.msg.startswith("Unterminated string"):
-        found, valid = "the file ends in the middle", "every { [ and quotation mark is closed"
+        message, valid = "the file ends in the middle", "every { [ and quotation mark is closed"
         remedy = "complete it, or fetch it again"
-        return Problem("truncated", position(text, end), found, valid, remedy)
+        return Problem("truncated", position(text, end), message, valid, remedy)
     before = text[:at].rstrip()
     comma = text[at] == "," and text[at + 1 :].lstrip()[:1] in ("}", "]")
     if comma or (before.endswith(",") and text[at] in "}]"):
         at = at if comma else len(before) - 1
         return Problem("syntax", position(text, at), "a comma after the last item", "", "remove it")
-    found, remedy = _explanation(text, at, before, error.msg)
-    return Problem("syntax", position(text, at), found, "", remedy)
+    message, remedy = _explanation(text, at, before, error.msg)
+    return Problem("syntax", position(text, at), message, "", remedy)
 
 
 VALUES = 'a value is a number, "text", true, false, null, [..] or {..}'
@@ -187,9 +187,9 @@ def _explanation(text: str, at: int, before: str, message: str) -> tuple[str, st
         return f"a {kind} quotation mark", 'texts and keys stand in double ones: "..."'
     run = next((r for r in RUN.finditer(text, line) if r.end() > at), None)
     if run and (run.start() < at or (run.start() == at and message.startswith("Expecting value"))):
-        meant, value = _as_json(run.group()), json.dumps(run.group()[:20], ensure_ascii=False)
-        if meant or not re.search(r"\s", run.group()):
-            return f"{value} is not a value", f"write {meant}" if meant else VALUES
+        correction, value = _as_json(run.group()), json.dumps(run.group()[:20], ensure_ascii=False)
+        if correction or not re.search(r"\s", run.group()):
+            return f"{value} is not a value", f"write {correction}" if correction else VALUES
     comma = re.search(r"\d,$", before)
     if comma and re.match(r"\d+\s*[,}]", text[at:]):
         return "a comma inside of a number", "numbers have a point: 2.0"
@@ -206,8 +206,8 @@ def _explanation(text: str, at: int, before: str, message: str) -> tuple[str, st
             return f'{sign} closes the "{bracket}" of {opened}', f'close it with "{closing}"'
         if text[at] == ":" and bracket == "[":
             return f"a key in the list that begins at {opened}", "keys stand in {...}"
-        wanted = "colon" if "':'" in message else "comma"
-        return f"{sign} where a {wanted} should stand", f"add the {wanted}"
+        missing = "colon" if "':'" in message else "comma"
+        return f"{sign} where a {missing} should stand", f"add the {missing}"
     if before.endswith(("{", ",")) and "property name" in message:
         return f"{sign} where a key should stand", 'a key is a text in double quotes: "key"'
     return f"{sign} is not a value", VALUES
@@ -254,8 +254,8 @@ def _misfits(text: str) -> Iterator[Problem]:
     """What is wrong with single values of a text that is valid JSON otherwise."""
     inside: list[_Open] = []
 
-    def problem(code: str, found: str, remedy: str = "") -> Problem:
-        return Problem(code, path_text([box.key for box in inside]), found, "", remedy)
+    def problem(code: str, message: str, remedy: str = "") -> Problem:
+        return Problem(code, path_text([box.key for box in inside]), message, "", remedy)
 
     for token in TOKEN.finditer(text):
         sign, at = token.group(), token.start()
@@ -272,18 +272,20 @@ def _misfits(text: str) -> Iterator[Problem]:
         elif sign[0] == '"':
             if not inside:
                 continue  # a text is no document, which its reader says
-            key, here = json.loads(sign) if "\\" in sign else sign[1:-1], inside[-1]
-            if here.expects_key:
-                here.key = key
-                first = here.keys.setdefault(key, at)
+            key, current = json.loads(sign) if "\\" in sign else sign[1:-1], inside[-1]
+            if current.expects_key:
+                current.key = key
+                first = current.keys.setdefault(key, at)
                 if first != at:
                     twice = " and ".join(position(text, x) for x in (first, at))
-                    found = f"the key is given twice: {twice}"
-                    yield problem("duplicate-key", found, "keep one of them")
+                    message = f"the key is given twice: {twice}"
+                    yield problem("duplicate-key", message, "keep one of them")
             if not key.isascii() and any("\ud800" <= c <= "\udfff" for c in key):
-                found = f"half of a character ({position(text, at)})"
-                yield problem("wrong-encoding", found, "write the whole character")
+                message = f"half of a character ({position(text, at)})"
+                yield problem("wrong-encoding", message, "write the whole character")
         elif sign[0] not in "tfn" and not abs(float(sign)) <= HIGHEST:
             large = math.isfinite(float(sign))
-            found = "so large that its products are not finite" if large else "not a finite number"
-            yield problem("non-finite", f"{sign[:20]} is {found} ({position(text, at)})")
+            message = (
+                "so large that its products are not finite" if large else "not a finite number"
+            )
+            yield problem("non-finite", f"{sign[:20]} is {message} ({position(text, at)})")

@@ -21,8 +21,8 @@ def marker_place(structure: Structure, ref: MarkerRef) -> complex:
 
 def pin_spot(s: Structure, ref: JointRef) -> Spot | None:
     """Where a revolute pair is: its wired marker, or the own marker of its name."""
-    own = (m for m in s.markers(ref.block) if m.name == ref.name)
-    marker = s.feeds[ref] if ref in s.feeds else next(own, None)
+    markers = (m for m in s.markers(ref.block) if m.name == ref.name)
+    marker = s.feeds[ref] if ref in s.feeds else next(markers, None)
     return None if marker is None else Spot(marker.on, marker_place(s, marker))
 
 
@@ -31,21 +31,21 @@ def guide_spots(s: Structure, ref: JointRef) -> tuple[Spot, Spot, complex]:
     block, joint = s.blocks[ref.block], s.joint(ref)
     later = block.slider_owner(ref.name) == "later"
 
-    def own_point(link: str) -> Spot:
+    def point_on(link: str) -> Spot:
         return Spot(LinkRef(ref.block, link), block.slider_place(ref.name, link))
 
-    def own_line(link: str) -> tuple[Spot, complex]:
+    def line_on(link: str) -> tuple[Spot, complex]:
         foot, direction = block.guide_line(ref.name, link)
         return Spot(LinkRef(ref.block, link), foot), direction
 
     if joint.outer:
         marker = s.feeds[ref]
-        other = Spot(marker.on, marker_place(s, marker))
-        along = complex(getattr(s.marker(marker), "direction", 1 + 0j))
-        point = own_point(joint.link) if later else other
-        guide, direction = (other, along) if later else own_line(joint.link)
+        wired = Spot(marker.on, marker_place(s, marker))
+        axis = complex(getattr(s.marker(marker), "direction", 1 + 0j))
+        point = point_on(joint.link) if later else wired
+        guide, direction = (wired, axis) if later else line_on(joint.link)
     else:
         mover, holder = joint.links[::-1] if later else joint.links
-        point = own_point(mover)
-        guide, direction = own_line(holder)
+        point = point_on(mover)
+        guide, direction = line_on(holder)
     return point, guide, direction

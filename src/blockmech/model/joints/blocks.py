@@ -47,9 +47,9 @@ class SaidByLinks:
         }
         self.links[self.s.frame_link] = FRAME
         self.pairs = [JointRef(name, j) for name, b in self.s.blocks.items() for j in b.joints]
-        words = [ref.name for ref in self.pairs]
+        names = [ref.name for ref in self.pairs]
         self.joints = {
-            ref: ref.name if words.count(ref.name) == 1 else f"{ref.block}_{ref.name}"
+            ref: ref.name if names.count(ref.name) == 1 else f"{ref.block}_{ref.name}"
             for ref in self.pairs
         }
         self.flipped = {ref for d, ref in self.s.driven.items() if self.s.coordinate(d).sign < 0}
@@ -58,11 +58,11 @@ class SaidByLinks:
     def document(self) -> Form:
         """The joint-based form. Raises `RequestError` for blocks that are neither."""
         form, scene = self.form, self.form.get("scene", {})
-        known = {ref.block for ref in self.s.links}
+        with_links = {ref.block for ref in self.s.links}
         for name, raw in form["blocks"].items():
-            if name not in known and not raw["type"].startswith((LOADS, COUPLINGS)):
-                found = f"{raw['type']} has no place among links and joints"
-                raise refused(name, found, "draw a mechanism without it")
+            if name not in with_links and not raw["type"].startswith((LOADS, COUPLINGS)):
+                message = f"{raw['type']} has no place among links and joints"
+                raise refused(name, message, "draw a mechanism without it")
         head = {key: form[key] for key in ("name", "title", "source", "notes") if key in form}
         called = self.drivers | {
             f"{ref}.{COORDINATE}": f"joint.{name}.{COORDINATE}" for ref, name in self.joints.items()
@@ -111,42 +111,42 @@ class SaidByLinks:
         return xy((z - o) / e)
 
     def _links(self) -> Iterator[tuple[str, Form]]:
-        taken = {*self.joints.values()}
+        used = {*self.joints.values()}
         joined = {*self.s.feeds.values()}
         for ref, name in self.links.items():
             raw = self.form["blocks"][ref.block]
-            own = raw if name == FRAME else raw.get("links", {}).get(ref.link, {})
-            made = {key: own[key] for key in OF_LINKS if key in own}
+            link_data = raw if name == FRAME else raw.get("links", {}).get(ref.link, {})
+            data = {key: link_data[key] for key in OF_LINKS if key in link_data}
             markers = {}
-            for marker, given in own.get("markers", {}).items():
+            for marker, marker_data in link_data.get("markers", {}).items():
                 if MarkerRef(ref.block, ref.link, marker) not in joined:
-                    called = marker if marker not in taken else f"{name}_{marker}"
-                    markers[called] = given
-                    taken.add(called)
+                    called = marker if marker not in used else f"{name}_{marker}"
+                    markers[called] = marker_data
+                    used.add(called)
             o, e = self.poses[ref]
             pose = {} if name == FRAME else {"pose": [o.real, o.imag, cmath.phase(e)]}
-            yield name, {**made, **pose, **({"markers": markers} if markers else {})}
+            yield name, {**data, **pose, **({"markers": markers} if markers else {})}
 
     def _pairs(self) -> Iterator[tuple[str, Form]]:
         for ref in self.pairs:
             both = self._ends(ref)
             law = self.form["blocks"][ref.block].get("friction", {}).get(ref.name)
-            made: Form = {"type": self.s.joint(ref).kind, "links": [self.links[x] for x in both]}
-            if made["type"] == "R":
+            data: Form = {"type": self.s.joint(ref).kind, "links": [self.links[x] for x in both]}
+            if data["type"] == "R":
                 spot = pin_spot(self.s, ref)
                 if spot is None:
                     raise refused(str(ref), "no marker says where it is", "draw it anew")
                 o, e = self.poses[spot.link]
                 z = o + e * spot.at
-                made["at"] = [self._on(link, z) for link in both]
+                data["at"] = [self._on(link, z) for link in both]
             else:
                 point, guide, direction = guide_spots(self.s, ref)
-                along = direction * self.poses[guide.link][1]
-                places = {spot.link: xy(spot.at) for spot in (guide, point)}
-                made["at"] = [places[link] for link in both]
-                made["angle"] = [cmath.phase(along / self.poses[link][1]) for link in both]
-                made["slider"] = both.index(point.link)
-            yield self.joints[ref], {**made, **({"friction": law} if law else {})}
+                axis = direction * self.poses[guide.link][1]
+                points = {spot.link: xy(spot.at) for spot in (guide, point)}
+                data["at"] = [points[link] for link in both]
+                data["angle"] = [cmath.phase(axis / self.poses[link][1]) for link in both]
+                data["slider"] = both.index(point.link)
+            yield self.joints[ref], {**data, **({"friction": law} if law else {})}
 
     def _said(self, name: str, prefix: str) -> Form:
         """A load or coupling, its drivers by their names in the document."""
@@ -156,12 +156,12 @@ class SaidByLinks:
 
     def _loads(self) -> Iterator[tuple[str, Form]]:
         for name, element in self.s.elements.items():
-            held = [self.s.holds[JointRef(name, terminal)] for terminal in element.terminals]
-            names = [self.links[marker.on] for marker in held]
-            places = [xy(marker_place(self.s, marker)) for marker in held]
-            ends: Form = {"links": names, "at": places}
+            markers = [self.s.holds[JointRef(name, terminal)] for terminal in element.terminals]
+            names = [self.links[marker.on] for marker in markers]
+            points = [xy(marker_place(self.s, marker)) for marker in markers]
+            ends: Form = {"links": names, "at": points}
             if len(names) == 1:
-                ends = {"link": names[0], "at": places[0]}
+                ends = {"link": names[0], "at": points[0]}
             if not any(terminal.kind == "point" for terminal in element.terminals.values()):
                 del ends["at"]
             yield name, self._said(name, LOADS) | ends

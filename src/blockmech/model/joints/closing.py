@@ -60,14 +60,14 @@ def _conditions(c: Connection, poses: Poses, size: float) -> tuple[_Condition, .
             (theta_b - theta_a + c.turn, BACK, FORTH),
         )
 
-    def along(n: complex) -> _Condition:
+    def distance_along(n: complex) -> _Condition:
         """The distance along n, which turns with the first link."""
         by_a = (dot(1j * n, d) - dot(n, 1j * arm_a)) / size
         by_b = dot(n, 1j * arm_b) / size
         return dot(n, d) / size, (-n.real, -n.imag, by_a), (n.real, n.imag, by_b)
 
     u, w = e_a * c.along[0], e_b * c.along[1]
-    return along(1j * u), (cmath.phase(w * u.conjugate()), BACK, FORTH), along(u)
+    return distance_along(1j * u), (cmath.phase(w * u.conjugate()), BACK, FORTH), distance_along(u)
 
 
 def coordinate(poses: Poses, c: Connection, size: float = 1.0) -> float:
@@ -88,8 +88,8 @@ def gaps(poses: Poses, pairs: Iterable[Connection], size: float) -> list[Gap]:
     """Joints that gape by more than rounding, the widest first."""
     rows = []
     for c in pairs:
-        (one, *_), (two, *_), _ = _conditions(c, poses, size)
-        gap = (math.hypot(one, two), 0.0) if c.kind == "R" else (abs(one), abs(two))
+        (first, *_), (second, *_), _ = _conditions(c, poses, size)
+        gap = (math.hypot(first, second), 0.0) if c.kind == "R" else (abs(first), abs(second))
         if not max(gap) <= CLOSED:
             rows.append(Gap(c, *gap))
     rows.sort(key=lambda g: (-max(g[1:]), g.pair.name))
@@ -120,9 +120,9 @@ class Closing:
 
     def _rows(self, poses: Poses) -> Iterator[tuple[Connection, _Condition]]:
         for c in self.pairs:
-            one, two, (value, by_a, by_b) = _conditions(c, poses, self.size)
-            yield c, one
-            yield c, two
+            first, second, (value, by_a, by_b) = _conditions(c, poses, self.size)
+            yield c, first
+            yield c, second
             if c.name in self.held:
                 yield c, (value - self.held[c.name], by_a, by_b)
 
@@ -178,10 +178,10 @@ class Closing:
 
     def freedom(self, poses: Poses) -> tuple[int, Floats]:
         """Freedoms that the conditions leave, and a motion (3n,) that the joints allow."""
-        held, directions = _near_kernel(self.conditions(poses)[1])
+        ratios, directions = _near_kernel(self.conditions(poses)[1])
         free = np.array([
             direction
-            for ratio, direction in zip(held, directions, strict=True)
+            for ratio, direction in zip(ratios, directions, strict=True)
             if ratio <= DOUBLE_ROOT * max(math.sqrt(self._bend(poses, direction)), DOUBLE_ROOT)
         ]).reshape(-1, 3 * len(self.links))  # fmt: skip
         mix = np.cos(1.0 + np.arange(len(free)))  # no direction is left out
@@ -196,11 +196,11 @@ class Closing:
         equally weakly wherever the links stand, and that can be seen down to rounding.
         """
         step = math.sqrt(DOUBLE_ROOT)
-        ahead, behind = (
-            self.conditions(self.moved(poses, way * direction))[1] @ direction
-            for way in (step, -step)
+        forward, backward = (
+            self.conditions(self.moved(poses, side * direction))[1] @ direction
+            for side in (step, -step)
         )
-        return min(float(np.linalg.norm(ahead - behind)) / (2 * step), 1.0)
+        return min(float(np.linalg.norm(forward - backward)) / (2 * step), 1.0)
 
     def stays_weak(self, poses: Poses, drivers: Iterable[str]) -> bool:
         """Whether the conditions hold some motion weakly at other places of driven pairs, too.
@@ -208,11 +208,11 @@ class Closing:
         Joints that close to `CLOSED` tell a double root to the square root of it.
         """
         at = {c.name: coordinate(poses, c, self.size) for c in self.pairs if c.name in {*drivers}}
-        for way in (LONGEST_STEP / 3, -LONGEST_STEP / 3):
-            beside = replace(self, held={name: place + way for name, place in at.items()})
-            there = beside.refine(poses)
-            if beside.closed(there):
-                weights = np.linalg.svd(beside.conditions(there)[1], compute_uv=False)
+        for shift in (LONGEST_STEP / 3, -LONGEST_STEP / 3):
+            shifted = replace(self, held={name: q + shift for name, q in at.items()})
+            shifted_poses = shifted.refine(poses)
+            if shifted.closed(shifted_poses):
+                weights = np.linalg.svd(shifted.conditions(shifted_poses)[1], compute_uv=False)
                 return bool(weights.min() < 10 * math.sqrt(CLOSED) * weights.max())
         return False
 

@@ -94,22 +94,26 @@ def _closed(layout: Layout, groups: Formation, pairs: Connections) -> tuple[Pose
     A dyad whose pose tells its mode is closed by its closed form, whose block is given as well.
     Raises `GraphError` where it is not found, too far off, or holds a group at a dead centre.
     """
-    held = {c: coordinate(layout.given, layout.pairs[c], layout.size) for c in layout.drivers}
+    coordinates = {
+        c: coordinate(layout.given, layout.pairs[c], layout.size) for c in layout.drivers
+    }
     poses, stuck, drafts = dict(layout.given), [], {}
     for unit in groups.units:
-        own = tuple(pairs[p.name] for p in unit.pairs)
-        closing = Closing(unit.links, own, layout.size, {c: held[c] for c in unit.driven})
+        connections = tuple(pairs[p.name] for p in unit.pairs)
+        closing = Closing(
+            unit.links, connections, layout.size, {c: coordinates[c] for c in unit.driven}
+        )
         home = unit.kind in ("group", "triad", "cylinder")  # others need to be seen, not placed
-        here = {link: poses[link] for c in own for link in c.links}
-        made = closed_form(unit, pairs, here, plain=True) if unit.kind in DYADS else None
-        near: Poses = {**here, **made.poses} if made else here
-        if made and made.poses and closing.closed(near):
-            drafts[unit.links] = made
-        elif not closing.closed(near := closing.refine(here, 0.0 if home else EPS)):
+        start = {link: poses[link] for c in connections for link in c.links}
+        draft = closed_form(unit, pairs, start, plain=True) if unit.kind in DYADS else None
+        closed: Poses = {**start, **draft.poses} if draft else start
+        if draft and draft.poses and closing.closed(closed):
+            drafts[unit.links] = draft
+        elif not closing.closed(closed := closing.refine(start, 0.0 if home else EPS)):
             raise GraphError(does_not_close(layout))
-        if home and closing.freedom(near)[0]:
+        if home and closing.freedom(closed)[0]:
             stuck.append(unit)
-        poses |= near
+        poses |= closed
     away = list(far_off(layout, poses))
     if away or stuck:
         raise GraphError(away or why_stuck(layout, stuck))
@@ -124,31 +128,33 @@ def _as_blocks(linkage: Linkage, order: Sequence, general: General) -> Parts:
     problems = [_turned_angle(link, welds[link].link) for link in plain if welds[link].e != 1]
     units = _merged(order.formation.units) if general == "one" else order.formation.units
     for unit in units:
-        made = None
+        draft = None
         if unit.kind == "driver":
-            made = driving_link(order.pairs[unit.outer[0].name], unit.links[0], order.pairs)
+            draft = driving_link(order.pairs[unit.outer[0].name], unit.links[0], order.pairs)
         elif not general:
-            made = order.drafts.get(unit.links) or closed_form(unit, order.pairs, order.poses)
-        if made and made.doubt:
-            problems.append(dead_centre(unit.links, made.doubt))
-        if made is None or any(made.seats[link].e != 1 for link in plain & set(made.seats)):
-            made = general_group(unit, order.pairs)
-        diagram.add(unit, made)
+            draft = order.drafts.get(unit.links) or closed_form(unit, order.pairs, order.poses)
+        if draft and draft.doubt:
+            problems.append(dead_centre(unit.links, draft.doubt))
+        if draft is None or any(draft.seats[link].e != 1 for link in plain & set(draft.seats)):
+            draft = general_group(unit, order.pairs)
+        diagram.add(unit, draft)
     if problems:
         raise GraphError(problems)
     diagram.add_loads()
     diagram.add_couplings()
     diagram.add_signals()
-    shown = Formation(tuple(units), (), ())
+    order_of_blocks = Formation(tuple(units), (), ())
     names = diagram.names()  # it puts markers on links that have none
-    return diagram.data(), names, shown, None if general else linkage
+    return diagram.data(), names, order_of_blocks, None if general else linkage
 
 
 def _turned_angle(link: str, carrier: str) -> Problem:
     """The problem of a law of a relative angle whose link is welded at an angle to its carrier."""
-    found = f"a law or a signal reads the angle of {link}, which is welded to {carrier} at an angle"
+    message = (
+        f"a law or a signal reads the angle of {link}, which is welded to {carrier} at an angle"
+    )
     remedy = f"let it read the angle of {carrier}"
-    return Problem("wrong-value", path_text(("links", link)), found, "", remedy)
+    return Problem("wrong-value", path_text(("links", link)), message, "", remedy)
 
 
 def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:
@@ -165,5 +171,5 @@ def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:
         return tuple(drivers)
     links = [link for unit in rest for link in unit.links]
     driven = [name for unit in rest for name in unit.driven]
-    one = classify(links, [p for unit in rest for p in unit.pairs], driven)
-    return (*drivers, replace(one, links=tuple(sorted(links)), kind="group", number=0))
+    group = classify(links, [p for unit in rest for p in unit.pairs], driven)
+    return (*drivers, replace(group, links=tuple(sorted(links)), kind="group", number=0))

@@ -63,10 +63,12 @@ def why_stuck(layout: Layout, stuck: Iterable[Unit]) -> list[Problem]:
 
 def _redundant(unit: Unit) -> Problem:
     """The problem of a group that its joints hold weakly wherever its drivers stand."""
-    found = f"{listed(unit.links)} stand at a dead centre for every driver value: two ways to put "
-    found += "them together are one everywhere, so one of their joints is redundant"
+    message = (
+        f"{listed(unit.links)} stand at a dead centre for every driver value: two ways to put "
+    )
+    message += "them together are one everywhere, so one of their joints is redundant"
     remedy = f"remove one of {listed(sorted(p.name for p in unit.pairs))}, or make a pin a slider"
-    return Problem("dead-centre", _first_of(unit.links), found, "", remedy)
+    return Problem("dead-centre", _first_of(unit.links), message, "", remedy)
 
 
 def _undriven(layout: Layout) -> Rigidity:
@@ -76,10 +78,10 @@ def _undriven(layout: Layout) -> Rigidity:
 def _by_count(layout: Layout, unplaced: Iterable[str]) -> Problem:
     """What can be said of very many links in loops: which of them cannot be placed."""
     links, pairs = len(layout.links), len(layout.pairs)
-    found = f"{links} links and {pairs} pairs, 3n - 2p is {3 * links - 2 * pairs}, drivers "
-    found += f"{len(layout.drivers)}; {listed(unplaced) or 'some of them'} cannot be placed"
+    message = f"{links} links and {pairs} pairs, 3n - 2p is {3 * links - 2 * pairs}, drivers "
+    message += f"{len(layout.drivers)}; {listed(unplaced) or 'some of them'} cannot be placed"
     remedy = "take the mechanism apart, and check the parts"
-    return Problem("too-tangled", "joints", found, EACH, remedy)
+    return Problem("too-tangled", "joints", message, EACH, remedy)
 
 
 def _coincident(layout: Layout) -> list[Problem]:
@@ -106,10 +108,10 @@ def _coincident(layout: Layout) -> list[Problem]:
     apart = [replace(c, axis="") for c in pairs.values()]
     if problems or not formation(layout.links, apart, (FRAME,), layout.drivers).complete:
         return problems
-    held = rigidity(layout.links, pairs.values(), (FRAME,), layout.drivers)
-    loose = sorted({link for part in held.loose for link in part.links})
+    state = rigidity(layout.links, pairs.values(), (FRAME,), layout.drivers)
+    loose = sorted({link for part in state.loose for link in part.links})
     effect = f", so {listed(loose)} can move freely" if loose else ""
-    for o in held.overconstrained:
+    for o in state.overconstrained:
         groups: dict[str, list[str]] = defaultdict(list)
         for name in o.pairs:
             if pairs[name].axis:
@@ -134,10 +136,10 @@ def _problems(layout: Layout, findings: Iterable[Finding], state: Rigidity) -> l
     problems = [_problem(layout, f, state) for f in by_code["unconnected-links"]]
     for f in by_code["over-constrained"] + by_code["turning-held-twice"]:
         moving = set(f.links) - {FRAME}
-        own = [d for d in locked if moving & set(d.links)]
-        stuck = listed([layout.drivers[p] for d in own for p in d.pairs])
-        problems.append(_problem(layout, f, state, f", so {stuck} cannot move" if own else ""))
-        locked = [d for d in locked if d not in own]
+        blocked = [d for d in locked if moving & set(d.links)]
+        stuck = listed([layout.drivers[p] for d in blocked for p in d.pairs])
+        problems.append(_problem(layout, f, state, f", so {stuck} cannot move" if blocked else ""))
+        locked = [d for d in locked if d not in blocked]
     rest = [*locked, *by_code["conflicting-drivers"]]
     missing = by_code["too-few-drivers"]
     if not missing:
@@ -155,33 +157,33 @@ def _special(layout: Layout) -> list[Problem]:
     special = special_geometry(layout, state.mobility)
     if special is None:
         return []
-    found = f"{listed(special.links)} are over-constrained but movable: by count their "
-    found += f"joints leave mobility {state.mobility}, but their special lengths leave "
-    found += f"{special.freedom}, as in a parallelogram with three equal cranks"
+    message = f"{listed(special.links)} are over-constrained but movable: by count their "
+    message += f"joints leave mobility {state.mobility}, but their special lengths leave "
+    message += f"{special.freedom}, as in a parallelogram with three equal cranks"
     valid = "the forces in such links are not determined by statics"
     remedy = "remove a link that the motion does not need"
     if special.spare is not None:
         link, joints = special.spare
         remedy = f"remove {link} with its joints {listed(joints)}: the motion stays the same"
-    problems = [Problem("over-constrained", _first_of(special.links), found, valid, remedy)]
-    wanted, driven = special.freedom - len(layout.drivers), tuple(sorted(layout.drivers))
-    if wanted > 0:
-        few = Finding("too-few-drivers", (), driven, wanted)
+    problems = [Problem("over-constrained", _first_of(special.links), message, valid, remedy)]
+    lacking, driven = special.freedom - len(layout.drivers), tuple(sorted(layout.drivers))
+    if lacking > 0:
+        few = Finding("too-few-drivers", (), driven, lacking)
         problems.append(_missing(layout, few, (), special.freedom))
-    elif wanted < 0:
-        many = Finding("too-many-drivers", (), driven, -wanted)
+    elif lacking < 0:
+        many = Finding("too-many-drivers", (), driven, -lacking)
         problems.append(_problem(layout, many, state))
     return problems
 
 
 def _missing(layout: Layout, few: Finding, loose: Iterable[Finding], mobility: int) -> Problem:
-    found = f"mobility {mobility}, drivers {len(layout.drivers)}: "
-    found += f"{few.number} driver{'s are' if few.number > 1 else ' is'} missing"
+    message = f"mobility {mobility}, drivers {len(layout.drivers)}: "
+    message += f"{few.number} driver{'s are' if few.number > 1 else ' is'} missing"
     links = [link for f in loose for link in f.links]
     if links:
-        found += f"; {listed(links)} can still move with every driver held"
+        message += f"; {listed(links)} can still move with every driver held"
     remedy = "drive a joint of theirs, or add a joint" if links else "drive a joint of them"
-    return Problem("missing-driver", "drivers", found, EACH, remedy)
+    return Problem("missing-driver", "drivers", message, EACH, remedy)
 
 
 def _problem(layout: Layout, f: Finding, state: Rigidity, so: str = "") -> Problem:
@@ -192,9 +194,9 @@ def _problem(layout: Layout, f: Finding, state: Rigidity, so: str = "") -> Probl
     where = "drivers" if f.code == "too-many-drivers" else _first_of(f.links)
     if f.code in ("locked-driver", "conflicting-drivers"):
         where = path_text(("drivers", names[-1]))
-    words = {"names": listed(names), "number": f.number}
-    words |= {"counted": state.counted, "mobility": state.mobility}
-    return Problem(f.code, where, text, *(part.format(**words) for part in REMEDIES[f.code]))
+    values = {"names": listed(names), "number": f.number}
+    values |= {"counted": state.counted, "mobility": state.mobility}
+    return Problem(f.code, where, text, *(part.format(**values) for part in REMEDIES[f.code]))
 
 
 def _first_of(links: Iterable[str]) -> str:
@@ -208,19 +210,19 @@ def _first_of(links: Iterable[str]) -> str:
 
 def does_not_close(layout: Layout) -> list[Problem]:
     """The joints that gape most in the given pose."""
-    (c, distance, turn), *others = gaps(layout.given, layout.pairs.values(), layout.size)
-    found = f"{c.name} gapes by {distance:.3g} m in the given pose"
+    (c, distance, turn), *further = gaps(layout.given, layout.pairs.values(), layout.size)
+    message = f"{c.name} gapes by {distance:.3g} m in the given pose"
     if c.kind == "P":
-        found = f"{c.name} is off its guide by {distance:.3g} m"
-        found += f" and {turn:.3g} rad in the given pose"
-    if others:
-        found += f", {listed(map(_gape, others[:3]))} as well"
-    found += ", and no nearby pose closes all joints"
+        message = f"{c.name} is off its guide by {distance:.3g} m"
+        message += f" and {turn:.3g} rad in the given pose"
+    if further:
+        message += f", {listed(map(_gape, further[:3]))} as well"
+    message += ", and no nearby pose closes all joints"
     where = path_text(("joints", c.name.split(".")[0]))
     valid = '"pose" is approximate, "at" is exact'
     remedy = f"check the places of {c.name} on {c.first} and {c.second}, or give better poses"
     remedy = _slip(layout) or remedy
-    return [Problem("does-not-close", where, found, valid, remedy)]
+    return [Problem("does-not-close", where, message, valid, remedy)]
 
 
 def _slip(layout: Layout) -> str:
@@ -228,19 +230,22 @@ def _slip(layout: Layout) -> str:
 
     A slip shows in that the lengths are more alike without it.
     """
-    given = list(layout.pairs.values())
+    connections = list(layout.pairs.values())
     tried = []
     for link in (FRAME, *layout.links):
         for factor, times in MILLI.items():
             ends = [
                 [x * (factor if k == link else 1) for k, x in zip(c.links, c.at, strict=True)]
-                for c in given
+                for c in connections
             ]
-            pairs = [replace(c, at=(one, two)) for c, (one, two) in zip(given, ends, strict=True)]
+            pairs = [
+                replace(c, at=(first, second))
+                for c, (first, second) in zip(connections, ends, strict=True)
+            ]
             tried.append((_spread(pairs), link, times, pairs))
     spread, link, times, pairs = min(tried, key=lambda x: x[0])
     closing = Closing(layout.links, pairs, layout.size, {})
-    if spread >= _spread(given) or not closing.closed(closing.refine(layout.given)):
+    if spread >= _spread(connections) or not closing.closed(closing.refine(layout.given)):
         return ""
     return f"they close with the places on {link} {times}: are they in mm? Lengths are in m"
 
@@ -260,19 +265,21 @@ def far_off(layout: Layout, closed: Poses) -> Iterator[Problem]:
     """Links that are turned or moved so far to close the joints that the mode is in doubt."""
     for link in layout.links:
         (o, theta), (o_closed, theta_closed) = layout.given[link], closed[link]
-        turn, way = abs(theta_closed - theta), abs(o_closed - o)
-        if turn < math.pi / 2 and way <= layout.size:
+        turn, distance = abs(theta_closed - theta), abs(o_closed - o)
+        if turn < math.pi / 2 and distance <= layout.size:
             continue
-        found = f"to close its joints {link} is turned by {turn:.3g} rad and moved by {way:.3g} m"
+        message = (
+            f"to close its joints {link} is turned by {turn:.3g} rad and moved by {distance:.3g} m"
+        )
         valid = "the pose tells the assembly mode"
         remedy = "give a nearer pose, or turn a guide round that points the wrong way"
-        yield Problem("pose-far-off", path_text(("links", link, "pose")), found, valid, remedy)
+        yield Problem("pose-far-off", path_text(("links", link, "pose")), message, valid, remedy)
 
 
 def dead_centre(links: Iterable[str], why: str) -> Problem:
     """The problem of a pose that does not tell which way a group is put together."""
     names = list(links)
-    found = f"{listed(names)} stand at a dead centre in the given pose: {why}"
+    message = f"{listed(names)} stand at a dead centre in the given pose: {why}"
     valid = "the pose tells the assembly mode"
     remedy = "give the poses at another driver value, in which the group is bent"
-    return Problem("dead-centre", path_text(("links", names[0])), found, valid, remedy)
+    return Problem("dead-centre", path_text(("links", names[0])), message, valid, remedy)

@@ -107,35 +107,35 @@ class Diagram:
         links = [link for link in welds if welds[link].link == carrier]
         return _mass_of([(self.linkage.links[link], self._seats[link]) for link in links])
 
-    def add(self, unit: Unit, made: BlockDraft) -> None:
+    def add(self, unit: Unit, draft: BlockDraft) -> None:
         """Add the block of a unit and wire its outer joints."""
-        name = self._name_of(unit, made.type)
-        pairs, general = self.found.pairs, made.type == GENERAL
-        self._blocks[name] = data = {"type": made.type, **made.keys}
-        self._taken[name] = _reserved(made)
-        for link, seat in made.seats.items():
+        name = self._name_of(unit, draft.type)
+        pairs, general = self.found.pairs, draft.type == GENERAL
+        self._blocks[name] = data = {"type": draft.type, **draft.keys}
+        self._taken[name] = _reserved(draft)
+        for link, seat in draft.seats.items():
             self._seat(link, seat._replace(block=name))
-        masses = {seat.link: self._mass(link) for link, seat in made.seats.items()}
+        masses = {seat.link: self._mass(link) for link, seat in draft.seats.items()}
         if links := {link: mass for link, mass in masses.items() if mass or general}:
             data["links"] = links
-        self._ends |= {pair: (name, end) for pair, end in made.ends.items()}
+        self._ends |= {pair: (name, end) for pair, end in draft.ends.items()}
         for key in ("friction", "clearance"):
-            of = {end.joint: plain(getattr(pairs[pair], key)) for pair, end in made.ends.items()}
-            if said := {joint: x for joint, x in of.items() if x is not None}:
-                data[key] = said
-        own = {(link, seat.o): seat.link for link, seat in made.seats.items()}
-        for (link, at), marker in {**made.points, **own}.items():
+            of = {end.joint: plain(getattr(pairs[pair], key)) for pair, end in draft.ends.items()}
+            if values := {joint: x for joint, x in of.items() if x is not None}:
+                data[key] = values
+        origins = {(link, seat.o): seat.link for link, seat in draft.seats.items()}
+        for (link, at), marker in {**draft.points, **origins}.items():
             seat = self._seats[link]
             self._marked[link, at].append(_Marked(MarkerRef(name, seat.link, marker), seat.e, None))
         upstream: dict[str, None] = {}
-        for support in sorted(self._wire(name, made, pairs[p.name]) for p in unit.outer):
+        for support in sorted(self._wire(name, draft, pairs[p.name]) for p in unit.outer):
             upstream |= self._upstream[support]
-        for pair in sorted(made.drivers):
+        for pair in sorted(draft.drivers):
             upstream |= self._leading(self.drivers[pair])
         self._upstream[name] = upstream
         if general:
-            for pair in made.drivers:
-                data["pairs"][made.ends[pair].joint]["driver"] = self.drivers[pair]
+            for pair in draft.drivers:
+                data["pairs"][draft.ends[pair].joint]["driver"] = self.drivers[pair]
             data["home"] = self._home(unit, upstream)
 
     def _leading(self, driver: str) -> dict[str, None]:
@@ -163,22 +163,22 @@ class Diagram:
 
         A ``guide`` stands for the line through the place in the direction.
         """
-        known = self._marked[link, at]
-        for ref, direction, line in known:
+        markers = self._marked[link, at]
+        for ref, direction, line in markers:
             if line in (None, guide) and (direction == along or (along is None and not guide)):
                 return ref
         ref = self._put(link, at, along, wish, guide)
-        known.append(_Marked(ref, along or self._seats[link].e, guide))
+        markers.append(_Marked(ref, along or self._seats[link].e, guide))
         return ref
 
     def _put(
         self, link: str, at: complex, along: complex | None, wish: str, guide: bool
     ) -> MarkerRef:
         seat = self._seats[link]
-        taken = self._taken[seat.block]
-        if wish in taken:
-            wish = free_name(f"{link}_{wish}", taken)
-        taken.add(wish)
+        used = self._taken[seat.block]
+        if wish in used:
+            wish = free_name(f"{link}_{wish}", used)
+        used.add(wish)
         data: Data = {"at": xy(seat.place(at))}
         direction = 1 + 0j if along is None else seat.direction(along)
         if direction != 1:
@@ -191,14 +191,14 @@ class Diagram:
         holder.setdefault("markers", {})[wish] = data
         return MarkerRef(seat.block, seat.link, wish)
 
-    def _wire(self, block: str, made: BlockDraft, c: Connection) -> str:
+    def _wire(self, block: str, draft: BlockDraft, c: Connection) -> str:
         """Wire an outer joint to its support; returns the support's block."""
-        end, guide = made.ends[c.name], c.kind == "P"
+        end, guide = draft.ends[c.name], c.kind == "P"
         support = c.other(end.later)
-        along = c.guide(support) if c.name in made.drivers else None
+        direction = c.guide(support) if c.name in draft.drivers else None
         if guide:
-            along = -c.guide(support) if end.turned else c.guide(support)
-        source = self.marker(support, c.on(support), along, c.name.replace(".", "_"), guide)
+            direction = -c.guide(support) if end.turned else c.guide(support)
+        source = self.marker(support, c.on(support), direction, c.name.replace(".", "_"), guide)
         self._wires.append((source, JointRef(block, end.joint)))
         return source.block
 
@@ -212,8 +212,8 @@ class Diagram:
                 turns = 0 if start is None else round((q - start) / math.tau)
                 q = math.fmod(q, math.tau) if start is None else q - math.tau * turns
             values[driver] = q
-        places = {link: [*xy(poses[link].o), poses[link].theta] for link in unit.links}
-        return {"drivers": values, "poses": places}
+        home_poses = {link: [*xy(poses[link].o), poses[link].theta] for link in unit.links}
+        return {"drivers": values, "poses": home_poses}
 
     def _start(self, driver: str) -> float | None:
         """Coordinate [rad or m] at which a driver's motion starts, if the document says it."""
@@ -292,33 +292,35 @@ class Diagram:
         }
         return {key: item for key, item in scene.items() if item}
 
-    def _stops(self, name: str, given: Arguments) -> tuple[str, Data]:
+    def _stops(self, name: str, stops: Arguments) -> tuple[str, Data]:
         """Stops by a driver, or by the coordinate of a pair as its block counts it.
 
         Raises `GraphError` for a driven pair, and one that is none of a block.
         """
         if (pair := coordinate_of(name)) is None:
-            return name, given
-        c, found, remedy = self.found.layout.pairs.get(pair), "", "stop another joint"
+            return name, stops
+        c, message, remedy = self.found.layout.pairs.get(pair), "", "stop another joint"
         if c is None:
-            found = f"{pair} is a pin of several links, and it is not said which two it stops"
+            message = f"{pair} is a pin of several links, and it is not said which two it stops"
             remedy = f"write {listed(x for x in self.found.layout.pairs if x.startswith(pair))}"
         elif c.name in self.drivers:
-            found, remedy = f"{self.drivers[c.name]} drives {pair}", "stop the driver"
+            message, remedy = f"{self.drivers[c.name]} drives {pair}", "stop the driver"
         elif c.name in self.found.sums:
-            found = f"{pair} is no pair of two neighbours in the diagram"
-        if c is None or found:
-            raise GraphError(Problem("wrong-value", path_text(("stops", name)), found, "", remedy))
-        place, turn = self._joint(c), 0.0
+            message = f"{pair} is no pair of two neighbours in the diagram"
+        if c is None or message:
+            raise GraphError(
+                Problem("wrong-value", path_text(("stops", name)), message, "", remedy)
+            )
+        joint, turn = self._joint(c), 0.0
         if c.kind == "R":
             first, second = (self._seats[link].e for link in c.ends)
             turn = phase(second) - phase(first)
-        sign = -1 if place.flipped != place.turned else 1
-        low, high = (given.get(x) for x in ("from", "to"))
+        sign = -1 if joint.flipped != joint.turned else 1
+        low, high = (stops.get(x) for x in ("from", "to"))
         ends = [None if x is None else sign * (x + turn) for x in (low, high)]
         both = dict(zip(("from", "to"), ends[::sign], strict=True))
-        return f"{place.joint}.{COORDINATE}", {
-            key: x for key, x in {**given, **both}.items() if x is not None
+        return f"{joint.joint}.{COORDINATE}", {
+            key: x for key, x in {**stops, **both}.items() if x is not None
         }
 
     def data(self) -> Data:
@@ -330,17 +332,17 @@ class Diagram:
             **{key: self.linkage.extras.get(key) for key in ("source", "notes")},
         }
         wires = [{"from": str(source), "to": str(end)} for source, end in self._wires]
-        there = {"blocks": self._blocks, "wires": wires}  # as they stand in a file already
-        return GRAPH_FILE.written(sections | {key: {} for key in there}) | there
+        written = {"blocks": self._blocks, "wires": wires}  # as they stand in a file already
+        return GRAPH_FILE.written(sections | {key: {} for key in written}) | written
 
     def names(self) -> Names:
         """Where everything went; markers that are still needed for that are made."""
         links = {}
-        for link, given in self.linkage.links.items():
+        for link, item in self.linkage.links.items():
             seat = self._seats[link]
             markers = {
                 name: self._put(link, m.at.z, m.direction, name, bool(m.dir or m.angle is not None))
-                for name, m in given.markers.items()
+                for name, m in item.markers.items()
             }
             if link == FRAME and not markers:
                 continue
@@ -358,8 +360,8 @@ class Diagram:
             flipped = (end.later == self.found.pairs[name].first) != back
             parts.append((JointRef(block, end.joint), flipped))
             turned = end.turned
-        (joint, flipped), *others = parts
-        return JointName(joint, flipped, turned, tuple(others), c.ends)
+        (joint, flipped), *rest = parts
+        return JointName(joint, flipped, turned, tuple(rest), c.ends)
 
 
 def _seated(value: Any, seat: LinkPlacement) -> Any:
@@ -387,16 +389,16 @@ def _mass_of(bodies: list[tuple[LinkGiven, LinkPlacement]]) -> Data:
             for (link, _), z in zip(bodies, centres, strict=True)
         )
         return {"mass": mass, "inertia": inertia, "cm": xy(cm)} if mass or inertia else {}
-    ((given, seat),) = bodies
-    fields, moved = given.model_fields_set, seat.o != 0 or seat.e != 1
-    own: Data = {k: getattr(given, k) for k in ("mass", "inertia") if k in fields}
-    if "cm" in fields or (moved and given.mass):
-        own["cm"] = xy(seat.place(given.cm.z)) if moved else given.cm.written
-    return own
+    ((body, seat),) = bodies
+    fields, moved = body.model_fields_set, seat.o != 0 or seat.e != 1
+    data: Data = {k: getattr(body, k) for k in ("mass", "inertia") if k in fields}
+    if "cm" in fields or (moved and body.mass):
+        data["cm"] = xy(seat.place(body.cm.z)) if moved else body.cm.written
+    return data
 
 
-def _reserved(made: BlockDraft) -> set[str]:
+def _reserved(draft: BlockDraft) -> set[str]:
     """Names of markers that a block brings or may bring."""
-    names = {seat.link for seat in made.seats.values()} | set(made.points.values())
-    names |= {end.joint for end in made.ends.values()}
-    return names | set(REGISTRY[made.type].built_in)
+    names = {seat.link for seat in draft.seats.values()} | set(draft.points.values())
+    names |= {end.joint for end in draft.ends.values()}
+    return names | set(REGISTRY[draft.type].built_in)

@@ -81,35 +81,35 @@ class BlockDraft:
     poses: Poses = field(default_factory=dict)
 
 
-def driving_link(c: Connection, own: str, pairs: Connections) -> BlockDraft:
+def driving_link(c: Connection, link: str, pairs: Connections) -> BlockDraft:
     """``driver.crank`` or ``driver.slide`` for a link that a driven pair places.
 
     A crank with a pin ahead of it on its x axis gets that length.
     """
-    at, flipped = c.on(own), c.first == own
+    at, flipped = c.on(link), c.first == link
     if c.kind == "R":
-        keys, points = dict[str, Any](), {(own, at): "A"}
-        pins = [d.on(own) for d in pairs.values() if d.kind == "R" and own in d.links]
-        e = c.guide(own)
+        keys, points = dict[str, Any](), {(link, at): "A"}
+        pins = [d.on(link) for d in pairs.values() if d.kind == "R" and link in d.links]
+        e = c.guide(link)
         arms = {pin: (pin - at) * e.conjugate() for pin in pins}
-        ahead = [pin for pin, arm in arms.items() if arm.imag == 0 and arm.real > 0]
-        if ahead:
-            keys, points[own, ahead[0]] = {"length": arms[ahead[0]].real}, "B"
+        on_axis = [pin for pin, arm in arms.items() if arm.imag == 0 and arm.real > 0]
+        if on_axis:
+            keys, points[link, on_axis[0]] = {"length": arms[on_axis[0]].real}, "B"
         return BlockDraft(
             "driver.crank",
             keys | ({"sign": -1} if flipped else {}),
-            {own: LinkPlacement("", "crank", at, e)},
-            {c.name: End("A", own)},
+            {link: LinkPlacement("", "crank", at, e)},
+            {c.name: End("A", link)},
             points,
             (c.name,),
         )
-    u = c.guide(own)
+    u = c.guide(link)
     return BlockDraft(
         "driver.slide",
-        {} if c.owner == own else {"slider": "earlier"},
-        {own: LinkPlacement("", "slider", at, -u if flipped else u)},
-        {c.name: End("S", own, flipped)},
-        {(own, at): "S"},
+        {} if c.owner == link else {"slider": "earlier"},
+        {link: LinkPlacement("", "slider", at, -u if flipped else u)},
+        {c.name: End("S", link, flipped)},
+        {(link, at): "S"},
         (c.name,),
     )
 
@@ -126,19 +126,21 @@ def closed_form(
         return None
     cls = REGISTRY["driven.rrr" if unit.kind == "cylinder" else f"dyad.{unit.kind.lower()}"]
     link_of = dict(zip(cls.link_names, unit.links, strict=True))
-    own = {frozenset(unit.links) & {*p.links}: pairs[p.name] for p in unit.pairs}
-    at = {j: own[frozenset(link_of[a] for a in _links(joint))] for j, joint in cls.joints.items()}
+    between = {frozenset(unit.links) & {*p.links}: pairs[p.name] for p in unit.pairs}
+    at = {
+        j: between[frozenset(link_of[a] for a in _links(joint))] for j, joint in cls.joints.items()
+    }
     keys, seats, points = _seated(cls, link_of, at)
     sliding = [c for c in at.values() if c.name in unit.driven]
-    reach, way = 0.0, 1
+    reach, sense = 0.0, 1
     if sliding:  # barrel and rod point from pin to pin
         barrel, rod, _ = unit.links
         b, r = (poses[link].point(seats[link].o) for link in (barrel, rod))
         reach = dot(poses[barrel].direction(seats[barrel].e), r - b)
-        way = 1 if reach > 0 else -1
-        seats |= {link: seats[link]._replace(e=way * seats[link].e) for link in (barrel, rod)}
+        sense = 1 if reach > 0 else -1
+        seats |= {link: seats[link]._replace(e=sense * seats[link].e) for link in (barrel, rod)}
     feet = {  # of each guide line on a link: place of its point along it, and offset, as x + iy
-        (joint, link): (c.on(link) - seats[link].o) * (way * c.guide(link)).conjugate()
+        (joint, link): (c.on(link) - seats[link].o) * (sense * c.guide(link)).conjugate()
         for joint, c in at.items()
         for link in c.links
         if c.kind == "P" and link in seats
@@ -150,13 +152,13 @@ def closed_form(
         if off != settled(off) or max(map(abs, off)) > CLOSED * max(abs(x), abs(y), abs(reach)):
             return None
         keys["offset"] = x.real - y.real + 0.0  # no -0
-        keys |= {"sign": -1} if (c.first == barrel) != (way > 0) else {}
+        keys |= {"sign": -1} if (c.first == barrel) != (sense > 0) else {}
     ends = {
-        c.name: End(joint, link_of[cls.joints[joint].later], c.kind == "P" and way < 0)
+        c.name: End(joint, link_of[cls.joints[joint].later], c.kind == "P" and sense < 0)
         for joint, c in at.items()
     }
-    numbers, stand, there = (keys, seats, at) if plain else settled((keys, seats, at))
-    branch, doubt, closed = _mode(cls.model_construct(**numbers), stand, there, poses)
+    numbers, stand, connections = (keys, seats, at) if plain else settled((keys, seats, at))
+    branch, doubt, closed = _mode(cls.model_construct(**numbers), stand, connections, poses)
     drivers = tuple(c.name for c in sliding)
     return BlockDraft(cls.type_name, keys | branch, seats, ends, points, drivers, doubt, closed)
 
@@ -168,8 +170,8 @@ def _links(joint: Joint) -> list[str]:
 @cache
 def _joints_on(cls: type[AssurGroup], link: str) -> list[Joint]:
     """Joints of a link of a block, outer ones first."""
-    here = [joint for joint in cls.joints.values() if link in _links(joint)]
-    return sorted(here, key=lambda joint: not joint.outer)
+    joints = [joint for joint in cls.joints.values() if link in _links(joint)]
+    return sorted(joints, key=lambda joint: not joint.outer)
 
 
 def _seated(
@@ -186,16 +188,16 @@ def _seated(
         dict[tuple[str, complex], str](),
     )
     for name, link in link_of.items():
-        here = _joints_on(cls, name)
-        pins = [at[joint.name].on(link) for joint in here if joint.kind == "R"]
-        guides = [at[joint.name] for joint in here if joint.kind == "P"]
-        o, *others = pins or [guides[0].on(link)]
-        arm = others[0] - o if others else 0j
+        joints = _joints_on(cls, name)
+        pins = [at[joint.name].on(link) for joint in joints if joint.kind == "R"]
+        guides = [at[joint.name] for joint in joints if joint.kind == "P"]
+        o, *rest = pins or [guides[0].on(link)]
+        arm = rest[0] - o if rest else 0j
         e = guides[0].guide(link) if guides else arm / (abs(arm) or 1.0) or 1 + 0j
         seats[link] = LinkPlacement("", name, o, e)
         for marker, brought in cls.built_in.items():
             if brought.link == name:
-                points[link, others[0] if brought.along else o] = marker
+                points[link, rest[0] if brought.along else o] = marker
                 keys |= {brought.along: abs(arm)} if brought.along else {}
     return keys, seats, points
 
@@ -221,37 +223,40 @@ def _lines(
         elif seat.link == joint.later:
             owners[name] = "earlier" if joint.outer else "i"
     if owners:
-        many = get_origin(cls.model_fields["slider"].annotation) is dict
-        keys["slider"] = owners if many else next(iter(owners.values()))
+        by_joint = get_origin(cls.model_fields["slider"].annotation) is dict
+        keys["slider"] = owners if by_joint else next(iter(owners.values()))
     return keys
 
 
 def _mode(
-    made: AssurGroup, seats: Mapping[str, LinkPlacement], at: Mapping[str, Connection], poses: Poses
+    block: AssurGroup,
+    seats: Mapping[str, LinkPlacement],
+    at: Mapping[str, Connection],
+    poses: Poses,
 ) -> tuple[Data, str, Poses]:
     """The branch of the mode that stands nearest, or why the pose does not tell it; its poses."""
     supports: list[Any] = []
     for name, c in at.items():
-        joint = made.joints[name]
+        joint = block.joints[name]
         if joint.outer:
             (link,) = {*c.links} - {*seats}
-            place, along = poses[link].point(c.on(link)), poses[link].direction(c.guide(link))
-            supports.append(place if joint.kind == "R" else Guide(place, along))
-    if made.driven:
+            origin, axis = poses[link].point(c.on(link)), poses[link].direction(c.guide(link))
+            supports.append(origin if joint.kind == "R" else Guide(origin, axis))
+    if block.driven:
         b, r, _ = (poses[link].point(seat.o) for link, seat in seats.items())
         supports.append(abs(r - b))
-    stands = {seat.link: poses[link].direction(seat.e) for link, seat in seats.items()}
-    modes = dyad_modes(made, supports)
-    least = 0.0 if branches(made) == (None,) else DEAD  # one mode needs no pose that tells it
-    if max((mode.margin for mode in modes), default=0.0) <= least:
-        return {}, DOUBTS[made.kind].format(*(c.name for c in at.values())), {}
-    away = [sum(abs(mode.links[link].e - e) for link, e in stands.items()) for mode in modes]
+    directions = {seat.link: poses[link].direction(seat.e) for link, seat in seats.items()}
+    modes = dyad_modes(block, supports)
+    threshold = 0.0 if branches(block) == (None,) else DEAD  # one mode needs no pose that tells it
+    if max((mode.margin for mode in modes), default=0.0) <= threshold:
+        return {}, DOUBTS[block.kind].format(*(c.name for c in at.values())), {}
+    away = [sum(abs(mode.links[link].e - e) for link, e in directions.items()) for mode in modes]
     nearest = modes[away.index(min(away))]
     closed: dict[str, Pose] = {}
-    if not made.driven and min(away) < CLEAR * (max(away) if len(away) > 1 else 1.0):
+    if not block.driven and min(away) < CLEAR * (max(away) if len(away) > 1 else 1.0):
         for link, seat in seats.items():
             o, e = nearest.links[seat.link]
-            theta = poses[link].theta + cmath.phase(e * stands[seat.link].conjugate())
+            theta = poses[link].theta + cmath.phase(e * directions[seat.link].conjugate())
             closed[link] = Pose(o - seat.o * cmath.rect(1.0, theta), theta)
     return ({} if nearest.branch is None else {"branch": nearest.branch}), "", closed
 
@@ -262,18 +267,18 @@ def general_group(unit: Unit, pairs: Connections) -> BlockDraft:
     Links keep their frames. A driven pair of an outer link whose links the document names
     the other way round is turned (P), or counts with the opposite sign (R).
     """
-    own, taken = set(unit.links), set(unit.links)
+    inside, used = set(unit.links), set(unit.links)
     data: Data = {}
     ends: dict[str, End] = {}
     points: dict[tuple[str, complex], str] = {}
     drivers: list[str] = []
     for p in sorted(unit.pairs, key=lambda p: p.name):
         c = pairs[p.name]
-        name = free_name(c.name.replace(".", "_"), taken)
-        taken.add(name)
+        name = free_name(c.name.replace(".", "_"), used)
+        used.add(name)
         driven = c.name in unit.driven
-        inner = c.first in own and c.second in own
-        later = c.second if inner or c.second in own else c.first
+        inner = c.first in inside and c.second in inside
+        later = c.second if inner or c.second in inside else c.first
         turned = driven and c.kind == "P" and later == c.first
         data[name] = {"type": c.kind, "links": list(c.links), "at": [xy(z) for z in c.at]}
         guides: Any = [phase(u) for u in c.along]

@@ -142,21 +142,21 @@ class Layout:
         """The layout of a document. Raises `GraphError` for welds that say too much."""
         welds = _welds_of(linkage)
         links = tuple(name for name in sorted(linkage.links) if welds[name].link == name != FRAME)
-        given = {FRAME: Pose()} | {name: Pose(*linkage.links[name].at) for name in links}
+        poses = {FRAME: Pose()} | {name: Pose(*linkage.links[name].at) for name in links}
         movable = [name for name, x in linkage.joints.items() if not isinstance(x, WeldGiven)]
         pairs = {c.name: c for name in movable for c in _pairs_of(linkage, name, welds)}
         if stiff := [c for c in pairs.values() if c.first == c.second]:
             raise GraphError(_stiff(c.name, *c.ends) for c in stiff)
-        places: dict[str, list[complex]] = defaultdict(list)
+        points: dict[str, list[complex]] = defaultdict(list)
         for name in links:
-            places[""].append(given[name].o)
+            points[""].append(poses[name].o)
         at_hand: Connections = settled(pairs)
         for c in at_hand.values():
             for link, at in zip(c.links, c.at, strict=True):
-                places[link].append(at)
+                points[link].append(at)
         spans = [
             [max(x) - min(x) for x in ([z.real for z in at], [z.imag for z in at])]
-            for at in places.values()
+            for at in points.values()
         ]
         with np.errstate(over="ignore"):
             size = float(np.hypot(*np.reshape(spans, (-1, 2)).T).max(initial=0.0)) or 1.0
@@ -172,7 +172,7 @@ class Layout:
             name: replace(c, axis=axis[name]) if axis[name] else c
             for name, c in sorted(pairs.items())
         }
-        return cls(links, welds, given, shared, linkage.driven, size)
+        return cls(links, welds, poses, shared, linkage.driven, size)
 
 
 def _welds_of(linkage: Linkage) -> dict[str, LinkPlacement]:
@@ -190,20 +190,20 @@ def _welds_of(linkage: Linkage) -> dict[str, LinkPlacement]:
                 steps[a].append((name, b, b_on_a))
                 steps[b].append((name, a, b_on_a.inverse(b)))
     placed: dict[str, LinkPlacement] = {}
-    held: set[tuple[str, str, str]] = set()
+    used: set[tuple[str, str, str]] = set()
     for carrier in (FRAME, *sorted(linkage.links)):
         if carrier in placed:
             continue
         placed[carrier] = LinkPlacement("", carrier)
         queue = [carrier]
-        for known in queue:
-            for name, link, step in steps[known]:
+        for reached in queue:
+            for name, link, step in steps[reached]:
                 if link not in placed:
-                    placed[link] = step.on(placed[known])
+                    placed[link] = step.on(placed[reached])
                     queue.append(link)
-                    held |= {(name, known, link), (name, link, known)}
-                elif (name, known, link) not in held:
-                    raise GraphError(_stiff(name, known, link))
+                    used |= {(name, reached, link), (name, link, reached)}
+                elif (name, reached, link) not in used:
+                    raise GraphError(_stiff(name, reached, link))
     return placed
 
 
@@ -213,33 +213,35 @@ def _pairs_of(linkage: Linkage, name: str, welds: Mapping[str, LinkPlacement]) -
     first, *rest = joint.links
     start, *ends = (seat.place(at.z) for seat, at in zip(seats, joint.at, strict=True))
     guides = joint.directions if isinstance(joint, GuideGiven) else [1 + 0j] * len(seats)
-    along, *directions = (seat.direction(u) for seat, u in zip(seats, guides, strict=True))
-    more: Arguments = {"clearance": getattr(joint, "clearance", None)}
+    first_direction, *directions = (
+        seat.direction(u) for seat, u in zip(seats, guides, strict=True)
+    )
+    options: Arguments = {"clearance": getattr(joint, "clearance", None)}
     if isinstance(joint, GuideGiven):
-        more["slider"] = joint.slider
+        options["slider"] = joint.slider
     names = [f"{name}.{link}" for link in rest] if len(rest) > 1 else [name]
     return [
         Connection(
-            own,
+            pair,
             seats[0].link,
             welds[link].link,
             joint.type,
             "",
             (first, link),
             (start, end),
-            (along, direction),
+            (first_direction, direction),
             friction=joint.friction,
-            **more,
+            **options,
         )
-        for own, link, end, direction in zip(names, rest, ends, directions, strict=True)
+        for pair, link, end, direction in zip(names, rest, ends, directions, strict=True)
     ]
 
 
 def _stiff(joint: str, first: str, second: str) -> Problem:
     """The problem of a joint between links that are one."""
-    found = f"{joint} joins {first} and {second}, which are welded together already"
+    message = f"{joint} joins {first} and {second}, which are welded together already"
     where = path_text(("joints", joint.partition(".")[0]))
-    return Problem("over-constrained", where, found, "", f"remove {joint}, or a weld")
+    return Problem("over-constrained", where, message, "", f"remove {joint}, or a weld")
 
 
 # Pins seated elsewhere.
@@ -282,8 +284,8 @@ def _is_smooth(pin: list[Connection]) -> bool:
     ruled = any(c.friction or c.clearance is not None for c in pin)
     if len(pin) < 2 or ruled or all(FRAME in c.links for c in pin):
         return False
-    places = {(link, c.on(link)) for c in pin for link in c.links}
-    return len(places) == len({link for link, _ in places})
+    points = {(link, c.on(link)) for c in pin for link in c.links}
+    return len(points) == len({link for link, _ in points})
 
 
 def _cut(

@@ -178,37 +178,41 @@ class Linkage(Document):
         """
         links = list(as_names(f"joints.{name}.links", links))
         if (at is None) == (point is None):
-            found = "its place is given twice" if point is not None else "it has no place"
+            message = "its place is given twice" if point is not None else "it has no place"
             remedy = (
                 "give at=, a place in the frame of each link, or point=, the place in the world"
             )
-            raise GraphError(Problem("wrong-value", f"joints.{name}", found, "", remedy))
-        given = {"type": kind, "links": links, "at": at, "angle": angle, "dir": dir}
+            raise GraphError(Problem("wrong-value", f"joints.{name}", message, "", remedy))
+        keys = {"type": kind, "links": links, "at": at, "angle": angle, "dir": dir}
         laws = {"slider": slider, "friction": friction, "clearance": clearance}
         if point is None:
-            self._add("joint", name, given | laws, kind)
+            self._add("joint", name, keys | laws, kind)
             return
-        drawn = self._as_drawn(name, links)
+        posed_links = self._as_drawn(name, links)
         direction: Arguments = {} if kind == "R" else {"angle": angle, "dir": dir}
         marker = Marker(at=point, **direction)
-        given["at"] = [(marker.at.z - link.at[0]) * _turn_back(link) for link in drawn]
-        if kind != "R" and (kind == "P" or any(link.at[1] for link in drawn)):
-            directions = [marker.direction * _turn_back(link) for link in drawn]
-            given |= {"angle": None, "dir": directions}
-        self._add("joint", name, given | laws, kind)
-        self.links.update((x, posed) for x, posed in zip(links, drawn, strict=True) if x != FRAME)
+        keys["at"] = [(marker.at.z - link.at[0]) * _turn_back(link) for link in posed_links]
+        if kind != "R" and (kind == "P" or any(link.at[1] for link in posed_links)):
+            directions = [marker.direction * _turn_back(link) for link in posed_links]
+            keys |= {"angle": None, "dir": directions}
+        self._add("joint", name, keys | laws, kind)
+        self.links.update(
+            (x, posed) for x, posed in zip(links, posed_links, strict=True) if x != FRAME
+        )
 
     def _as_drawn(self, name: str, links: Sequence[str]) -> list[LinkGiven]:
         """Links of a joint in the poses of the drawing, zero where none was given."""
-        unknown = [link for link in links if link not in self.links and link != FRAME]
-        if unknown:
+        missing = [link for link in links if link not in self.links and link != FRAME]
+        if missing:
             where, first = f"joints.{name}.links", "add it first: its pose counts"
             raise GraphError(
-                unknown_name("unknown-link", "link", unknown[0], where, [FRAME, *self.links], first)
+                unknown_name("unknown-link", "link", missing[0], where, [FRAME, *self.links], first)
             )
-        given = {FRAME: LinkGiven()} | self.links
+        by_name = {FRAME: LinkGiven()} | self.links
         zero = (0.0, 0.0, 0.0)
-        return [given[link].model_copy(update={"pose": given[link].pose or zero}) for link in links]
+        return [
+            by_name[link].model_copy(update={"pose": by_name[link].pose or zero}) for link in links
+        ]
 
     @declared
     def add_driver(
@@ -379,25 +383,29 @@ class Linkage(Document):
             model = sections()[f"{section}s"].word(model)
         self._add(section, name, keys, model)
 
-    def _add(self, what: str, name: str, given: Arguments, kind: str = "") -> None:
+    def _add(self, kind_of_item: str, name: str, arguments: Arguments, kind: str = "") -> None:
         """Add an item of a kind. Raises `GraphError` with places in the document."""
         if not isinstance(name, str) or not is_name(name):
-            raise GraphError(bad_name(what, name))
-        section, items, where = sections()[f"{what}s"], getattr(self, f"{what}s"), f"{what}s.{name}"
+            raise GraphError(bad_name(kind_of_item, name))
+        section, items, where = (
+            sections()[f"{kind_of_item}s"],
+            getattr(self, f"{kind_of_item}s"),
+            f"{kind_of_item}s.{name}",
+        )
         if name in items:
-            found, taken = f"there is a {what} of that name", f"taken: {listed(items)}"
-            raise GraphError(Problem("taken-name", where, found, taken, "choose another name"))
+            message, valid = f"there is a {kind_of_item} of that name", f"taken: {listed(items)}"
+            raise GraphError(Problem("taken-name", where, message, valid, "choose another name"))
         model = section.kinds.get(kind) if kind else section.plain
         if model is None:
             raise GraphError(section.unknown_kind(kind, f"{where}.{section.key}"))
         try:
             in_file = {key: field.alias or key for key, field in model.model_fields.items()}
-            keys = {in_file.get(key, key): x for key, x in given.items() if x is not None}
+            keys = {in_file.get(key, key): x for key, x in arguments.items() if x is not None}
             items[name] = model(**keys)
         except GraphError as error:
-            here, cls = path_text((f"{what}s", name)), model.__name__
+            path, cls = path_text((f"{kind_of_item}s", name)), model.__name__
             raise GraphError(
-                replace(p, where=p.where.replace(cls, here, 1), found=p.found.replace(cls, here, 1))
+                replace(p, where=p.where.replace(cls, path, 1), found=p.found.replace(cls, path, 1))
                 for p in error.problems
             ) from None
 

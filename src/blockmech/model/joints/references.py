@@ -38,18 +38,18 @@ def _references(linkage: Any) -> Iterator[Reference]:
     for section in linkage.form.items():
         for name, item in getattr(linkage, section).items():
             for key in filter(NAMES.get, type(item).model_fields):
-                path, what, said = (section, name, key), NAMES[key], getattr(item, key)
-                if isinstance(said, list):
-                    yield from (Reference(what, x, (*path, k)) for k, x in enumerate(said))
-                elif section == "couplings" and key == "driver" and "." in said:
-                    yield Reference("link", said.partition(".")[0], path)
-                elif said is not None:
-                    yield Reference(what, said, path)
+                path, kind, value = (section, name, key), NAMES[key], getattr(item, key)
+                if isinstance(value, list):
+                    yield from (Reference(kind, x, (*path, k)) for k, x in enumerate(value))
+                elif section == "couplings" and key == "driver" and "." in value:
+                    yield Reference("link", value.partition(".")[0], path)
+                elif value is not None:
+                    yield Reference(kind, value, path)
     for section in PER_DRIVER[1:]:
         for name in getattr(linkage, section):
             pair = coordinate_of(name) if section == "stops" else None
-            what, named = ("driver", name) if pair is None else ("joint", pair.partition(".")[0])
-            yield Reference(what, named, (section, name))
+            kind, named = ("driver", name) if pair is None else ("joint", pair.partition(".")[0])
+            yield Reference(kind, named, (section, name))
 
 
 def coordinate_of(name: str) -> str | None:
@@ -62,26 +62,26 @@ def coordinate_of(name: str) -> str | None:
 def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
     """What links, joints, drivers and loads say of each other that is not so."""
     yield from _links(linkage)
-    have = {what: set(known[f"{what}s"]) for what in ("link", "joint", "driver")}
+    have = {kind: set(known[f"{kind}s"]) for kind in ("link", "joint", "driver")}
     have["link"].add(FRAME)
-    for what, name, path in _references(linkage):
+    for kind, name, path in _references(linkage):
         does = TWO_LINKS.get(str(path[0]))
-        if name not in have[what]:
-            yield unknown_name(f"unknown-{what}", what, name, path_text(path), sorted(have[what]))
-        elif what == "joint" and does and name in linkage.joints:
+        if name not in have[kind]:
+            yield unknown_name(f"unknown-{kind}", kind, name, path_text(path), sorted(have[kind]))
+        elif kind == "joint" and does and name in linkage.joints:
             number = len(linkage.joints[name].links)
             pulls = path[0] == "loads" and hasattr(linkage.loads[path[1]], "at")
             if pulls and linkage.joints[name].type == "R":
-                found = f"{name} is a pin, along which nothing pulls"
+                message = f"{name} is a pin, along which nothing pulls"
                 remedy = "take a motor or torsion_spring, or name a sliding joint"
-                yield Problem("wrong-value", path_text(path), found, "", remedy)
+                yield Problem("wrong-value", path_text(path), message, "", remedy)
             if linkage.joints[name].type == "weld":
-                found, number = f"{name} is a weld, in which nothing moves", 0
-                yield Problem("wrong-value", path_text(path), found, "", "name another joint")
-            found = f"{name} is a pin of {number} links, and it is not said which two it {does}"
+                message, number = f"{name} is a weld, in which nothing moves", 0
+                yield Problem("wrong-value", path_text(path), message, "", "name another joint")
+            message = f"{name} is a pin of {number} links, and it is not said which two it {does}"
             remedy = "write the pin as joints of two links each"
             if number > 2:
-                yield Problem("wrong-value", path_text(path), found, "", remedy)
+                yield Problem("wrong-value", path_text(path), message, "", remedy)
     points = [*linkage.joints]
     points += [f"{link}.{marker}" for link, x in linkage.links.items() for marker in x.markers]
     for name, dimension in linkage.dimensions.items():
@@ -96,21 +96,21 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
         by_joint[driver.joint].append(name)
     for joint, drivers in by_joint.items():
         if len(drivers) > 1:
-            found = f"{listed(drivers)} all drive {joint}"
+            message = f"{listed(drivers)} all drive {joint}"
             where = path_text(("drivers", drivers[1]))
             remedy = f"remove {drivers[1]}"
-            yield Problem("conflicting-drivers", where, found, "a joint has one driver", remedy)
+            yield Problem("conflicting-drivers", where, message, "a joint has one driver", remedy)
 
 
 def _wheels(linkage: Any) -> Iterator[Problem]:
     """Centres of wheels that are fixed to a link, where the link has no such marker."""
     for name, coupling in linkage.couplings.items():
         link, _, marker = coupling.driver.partition(".")
-        known = linkage.links[link].markers if link in linkage.links else {}
-        if marker and marker not in known and (link in linkage.links or link == FRAME):
+        markers = linkage.links[link].markers if link in linkage.links else {}
+        if marker and marker not in markers and (link in linkage.links or link == FRAME):
             where = path_text(("couplings", name, "driver"))
             yield unknown_name(
-                "unknown-marker", "marker", marker, where, known, there=f" of {link}"
+                "unknown-marker", "marker", marker, where, markers, there=f" of {link}"
             )
 
 
@@ -119,9 +119,9 @@ def _signals(linkage: Any, known: Known) -> Iterator[Problem]:
     names = {*OWNERS, *linkage.loads}
     for section in ("couplings", "signals"):
         for name in names.intersection(getattr(linkage, section)):
-            found = f"{name} is what other outputs are named after"
+            message = f"{name} is what other outputs are named after"
             where, remedy = path_text((section, name)), "choose another name"
-            yield Problem("taken-name", where, found, f"taken: {listed(sorted(names))}", remedy)
+            yield Problem("taken-name", where, message, f"taken: {listed(sorted(names))}", remedy)
         names |= {*getattr(linkage, section)}
     sections = ("signals", "loads", "couplings")
     wrong = {name for x in sections for name in {*known[x]} - {*getattr(linkage, x)}}
@@ -130,9 +130,9 @@ def _signals(linkage: Any, known: Known) -> Iterator[Problem]:
             yield from wire_problems(linkage, wire, linkage.wires[:k])
 
 
-def wire_problems(linkage: Any, wire: Wire, others: Sequence[Wire]) -> Iterator[Problem]:
+def wire_problems(linkage: Any, wire: Wire, wires: Sequence[Wire]) -> Iterator[Problem]:
     """What is wrong with a wire of signals beside others that are there."""
-    fed = next((w for w in others if w.target == wire.target), None)
+    fed = next((w for w in wires if w.target == wire.target), None)
     blocks, owners = {**linkage.signals, **linkage.loads}, (*OWNERS, *linkage.couplings)
     yield from motion_or_signal(blocks, wire, wire.split_ends(blocks), fed, owners)
 
@@ -144,9 +144,9 @@ def _links(linkage: Any) -> Iterator[Problem]:
             if not is_name(marker):
                 yield bad_name("marker", marker, path_text(("links", name, "markers", marker)))
         if name != FRAME and link.pose is None:
-            found = f'{name} needs "pose": [x, y, angle]'
+            message = f'{name} needs "pose": [x, y, angle]'
             valid = "an approximate place [m] and angle [rad] of its frame"
-            yield Problem("missing-key", path_text(("links", name, "pose")), found, valid)
+            yield Problem("missing-key", path_text(("links", name, "pose")), message, valid)
         for key in sorted(link.model_fields_set - {"markers"}) if name == FRAME else ():
-            where, found = path_text(("links", FRAME, key)), f"the fixed link has no {key}"
-            yield Problem("unknown-key", where, found, "keys there: markers", "remove it")
+            where, message = path_text(("links", FRAME, key)), f"the fixed link has no {key}"
+            yield Problem("unknown-key", where, message, "keys there: markers", "remove it")

@@ -32,33 +32,33 @@ class Varied(complex):
     d: NDArray[Any]
 
     def __new__(cls, value: complex, d: Any) -> Varied:
-        made = super().__new__(cls, value)
-        made.d = np.asarray(d)
-        return made
+        number = super().__new__(cls, value)
+        number.d = np.asarray(d)
+        return number
 
-    def __add__(self, other: complex) -> Varied:
-        return Varied(complex(self) + complex(other), self.d + tangents(other))
+    def __add__(self, operand: complex) -> Varied:
+        return Varied(complex(self) + complex(operand), self.d + tangents(operand))
 
     __radd__ = __add__
 
     def __neg__(self) -> Varied:
         return Varied(-complex(self), -self.d)
 
-    def __sub__(self, other: complex) -> Varied:
-        return self + -other
+    def __sub__(self, operand: complex) -> Varied:
+        return self + -operand
 
-    def __rsub__(self, other: complex) -> Varied:
-        return -self + other
+    def __rsub__(self, operand: complex) -> Varied:
+        return -self + operand
 
-    def __mul__(self, other: complex) -> Varied:
-        a, b = complex(self), complex(other)
-        return Varied(a * b, self.d * b + a * tangents(other))
+    def __mul__(self, operand: complex) -> Varied:
+        a, b = complex(self), complex(operand)
+        return Varied(a * b, self.d * b + a * tangents(operand))
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: complex) -> Varied:
-        y, b = complex(self) / complex(other), complex(other)
-        return Varied(y, (self.d - y * tangents(other)) / b)
+    def __truediv__(self, operand: complex) -> Varied:
+        y, b = complex(self) / complex(operand), complex(operand)
+        return Varied(y, (self.d - y * tangents(operand)) / b)
 
     def __abs__(self) -> Varied:  # type: ignore[override]
         z, r = complex(self), abs(complex(self))
@@ -78,12 +78,12 @@ class Varied(complex):
         """y."""
         return Varied(complex(self).imag, self.d.imag)
 
-    def __eq__(self, other: object) -> bool:
-        same = isinstance(other, int | float | complex) and complex(self) == complex(other)
-        return same and bool(np.all(self.d == tangents(other)))
+    def __eq__(self, operand: object) -> bool:
+        same = isinstance(operand, int | float | complex) and complex(self) == complex(operand)
+        return same and bool(np.all(self.d == tangents(operand)))
 
-    def __ne__(self, other: object) -> bool:
-        return not self == other
+    def __ne__(self, operand: object) -> bool:
+        return not self == operand
 
     def __hash__(self) -> int:
         return hash(complex(self))
@@ -91,11 +91,11 @@ class Varied(complex):
     def __bool__(self) -> bool:
         return self != 0
 
-    def __lt__(self, other: complex) -> bool:
-        return complex(self).real < complex(other).real
+    def __lt__(self, operand: complex) -> bool:
+        return complex(self).real < complex(operand).real
 
-    def __gt__(self, other: complex) -> bool:
-        return complex(self).real > complex(other).real
+    def __gt__(self, operand: complex) -> bool:
+        return complex(self).real > complex(operand).real
 
 
 def tangents(x: Any) -> Any:
