@@ -66,10 +66,10 @@ def tail(c: Floats) -> Floats:
     The last quarter counts, because of even and odd zeros. Where it no longer falls below
     the quarter before, and is small, it is rounding.
     """
-    return ended(*largest(c))
+    return relative_tail(*largest(c))
 
 
-def ended(last: Floats, before: Floats, total: Floats) -> Floats:
+def relative_tail(last: Floats, before: Floats, total: Floats) -> Floats:
     """The same of what is `largest` in series."""
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.where(total == 0, 0.0, last / total)
