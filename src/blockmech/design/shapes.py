@@ -1,7 +1,7 @@
 """Mass, inertia and centre of mass of links from their shapes.
 
 A `Body` is what a link takes: ``bm.Link(**bm.design.shapes.bar(0.4, mass=1.2))``,
-``linkage.add_link("rod", **bm.design.shapes.bar(0.4, mass=1.2))``. Bodies add up, and holes are
+``linkage.add_link("rod", bm.design.shapes.bar("400 mm", mass=1.2))``. Bodies add up, and holes are
 taken away: ``plate - disc.at(0.1, 0.0)``. Everything is about an axis normal to the plane of
 motion.
 
@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 
 from blockmech.ground.errors import Problem, RequestError
+from blockmech.ground.units import number_in_si
+from blockmech.typing import Quantity
 
 STEEL = 7850.0  # [kg/m3]
 
@@ -69,13 +71,12 @@ class Body:
         return Body(mass, inertia, (cm.real, cm.imag))
 
 
-def point(mass: float, at: Sequence[float] = (0.0, 0.0)) -> Body:
+def point(mass: Quantity, at: Sequence[float] = (0.0, 0.0)) -> Body:
     """A point mass [kg] at a place (x, y) [m], such as a bolt or a counterweight."""
-    _refuse(mass=mass)
-    return Body(mass, 0.0, (float(at[0]), float(at[1])))
+    return Body(_positive("kg", mass=mass)[0], 0.0, (float(at[0]), float(at[1])))
 
 
-def bar(length: float, width: float = 0.0, **amount: float) -> Body:
+def bar(length: Quantity, width: Quantity = 0.0, **amount: Quantity) -> Body:
     """A bar from the origin along x; ``width`` [m] in the plane, without it a slender rod.
 
     Parameters
@@ -87,31 +88,34 @@ def bar(length: float, width: float = 0.0, **amount: float) -> Body:
     >>> bm.design.shapes.bar(0.5, mass=1.5).inertia
     0.03125
     """
-    _refuse(length=length, width=width or 1.0)
-    mass = _mass(length * width, amount)
-    return Body(mass, mass * (length**2 + width**2) / 12, (length / 2, 0.0))
+    (x,) = _positive("m", length=length)
+    y = _positive("m", width=width)[0] if width else 0.0
+    mass = _mass(x * y, amount)
+    return Body(mass, mass * (x**2 + y**2) / 12, (x / 2, 0.0))
 
 
-def plate(width: float, height: float, **amount: float) -> Body:
+def plate(width: Quantity, height: Quantity, **amount: Quantity) -> Body:
     """A rectangle about the origin, ``width`` [m] along x and ``height`` [m] along y."""
-    _refuse(width=width, height=height)
-    mass = _mass(width * height, amount)
-    return Body(mass, mass * (width**2 + height**2) / 12)
+    x, y = _positive("m", width=width, height=height)
+    mass = _mass(x * y, amount)
+    return Body(mass, mass * (x**2 + y**2) / 12)
 
 
-def disc(radius: float, inner: float = 0.0, **amount: float) -> Body:
+def disc(radius: Quantity, inner: Quantity = 0.0, **amount: Quantity) -> Body:
     """A disc about the origin, or a ring with an inner radius [m].
 
     >>> import blockmech as bm
     >>> bm.design.shapes.disc(0.5, mass=2.0).inertia
     0.25
     """
-    _refuse(radius=radius, inner=inner or 1.0, wall=radius - inner)
-    mass = _mass(math.pi * (radius**2 - inner**2), amount)
-    return Body(mass, mass * (radius**2 + inner**2) / 2)
+    (r,) = _positive("m", radius=radius)
+    hole = _positive("m", inner=inner)[0] if inner else 0.0
+    _positive("m", wall=r - hole)
+    mass = _mass(math.pi * (r**2 - hole**2), amount)
+    return Body(mass, mass * (r**2 + hole**2) / 2)
 
 
-def polygon(outline: Iterable[Sequence[float]], **amount: float) -> Body:
+def polygon(outline: Iterable[Sequence[float]], **amount: Quantity) -> Body:
     """The area within corners (x, y) [m], in either sense of rotation."""
     z = np.array([complex(*corner) for corner in outline])
     if len(z) < 3 or not np.isfinite(z).all():
@@ -131,25 +135,27 @@ def polygon(outline: Iterable[Sequence[float]], **amount: float) -> Body:
     return Body(mass, inertia, (centre.real, centre.imag))
 
 
-def _mass(area: float, amount: dict[str, float]) -> float:
+def _mass(area: float, amount: dict[str, Quantity]) -> float:
     """Mass [kg] of an area [m2]: as it is given, or of a thickness and a density."""
     if amount.keys() == {"mass"}:
-        _refuse(mass=amount["mass"])
-        return float(amount["mass"])
+        return _positive("kg", **amount)[0]
     if "thickness" in amount and amount.keys() <= {"thickness", "density"}:
-        _refuse(area=area, **amount)
-        return float(area * amount["thickness"] * amount.get("density", STEEL))
+        _positive("m2", area=area)
+        (thickness,) = _positive("m", thickness=amount["thickness"])
+        return area * thickness * _positive("kg/m3", density=amount.get("density", STEEL))[0]
     message = f"got {', '.join(amount) or 'neither'}"
     valid = "mass=, or thickness= and density= (steel)"
     raise RequestError([Problem("bad-request", "shapes", message, valid, "say how much it is")])
 
 
-def _refuse(**sizes: float) -> None:
-    """Refuse sizes that are not above zero, all at once."""
+def _positive(unit: str, **sizes: Quantity) -> list[float]:
+    """Sizes in SI, numbers or texts of a unit; refuses those not above zero, all at once."""
+    numbers = {name: number_in_si(x, unit) for name, x in sizes.items() if x is not True}
     problems = [
-        Problem("bad-value", name, f"must be > 0, got {x!r}", "", "")
+        Problem("bad-value", name, f"must be > 0, got {x!r}", f"a size is in {unit}")
         for name, x in sizes.items()
-        if isinstance(x, bool) or not isinstance(x, int | float) or not 0 < x < math.inf
+        if not 0 < numbers.get(name, 0.0) < math.inf
     ]
     if problems:
         raise RequestError(problems)
+    return [*numbers.values()]

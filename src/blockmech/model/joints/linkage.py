@@ -31,6 +31,7 @@ from blockmech.signals.contract import Signal
 from blockmech.typing import Arguments, Data, Quantity
 
 if TYPE_CHECKING:
+    from blockmech.design.shapes import Body
     from blockmech.friction.laws.contract import FrictionLaw
     from blockmech.ground.values import AnyMarker, AnyPlace, Link, Two
 
@@ -101,7 +102,7 @@ class Linkage(Document):
     def add_link(
         self,
         name: str,
-        link: Link | None = None,
+        link: Link | Body | None = None,
         *,
         pose: Sequence[Quantity] | None = None,
         mass: Quantity | None = None,
@@ -116,7 +117,7 @@ class Linkage(Document):
 
         Parameters
         ----------
-        link : its mass properties and markers, if they are not keys
+        link : its mass properties, as a `Link` or of a shape (`bm.design.shapes`), beside keys
         pose : (x, y, angle) [m, m, rad] of the link's own frame; roughly, it fixes the
             assembly mode; default all zero
         mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame
@@ -375,12 +376,14 @@ class Linkage(Document):
         getattr(self, section)[driver] = item
 
     def _add_model(
-        self, section: str, name: str, model: StrictModel | str, keys: Arguments
+        self, section: str, name: str, model: StrictModel | Body | str, keys: Arguments
     ) -> None:
         """Add an item by an object, or by its kind; keys come on top of what the object says."""
         if isinstance(model, StrictModel):
             keys = {key: getattr(model, key) for key in model.model_fields_set} | keys
             model = sections()[f"{section}s"].word(model)
+        elif not isinstance(model, str):
+            keys, model = {**model, **keys}, ""
         self._add(section, name, keys, model)
 
     def _add(self, kind_of_item: str, name: str, arguments: Arguments, kind: str = "") -> None:
