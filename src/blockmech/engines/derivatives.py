@@ -305,8 +305,6 @@ def _by_value(function: Any) -> Any:
 
 
 def _double(x: Any) -> Any:
-    if isinstance(x, complex):
-        return Planar(np.float64(x.real), np.float64(x.imag))
     return x if isinstance(x, Dual) else np.float64(x)
 
 

@@ -174,17 +174,17 @@ def each(function: Any, *x: Any) -> Any:
     return np.array(values, columns[0].dtype).reshape(columns[0].shape)
 
 
-def each_part(function: Any, *values: Any) -> Any:
-    """A nested tuple of batches with a function of each real batch in it; vectors as pairs.
+def each_part(function: Any, *values: Any, vector: Any = Planar) -> Any:
+    """A nested tuple of batches with a function of each real batch in it; a ``vector`` of two.
 
     Of several nested tuples, a function of the batches that stand at the same place.
     """
     first = values[0]
     if isinstance(first, tuple):
-        parts = [each_part(function, *x) for x in zip(*values, strict=True)]
+        parts = [each_part(function, *x, vector=vector) for x in zip(*values, strict=True)]
         return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
-    if isinstance(first, Planar):
-        return Planar(function(*(z.real for z in values)), function(*(z.imag for z in values)))
+    if isinstance(first, complex | Planar):
+        return vector(function(*(z.real for z in values)), function(*(z.imag for z in values)))
     return first if isinstance(first, bool) else function(*values)
 
 

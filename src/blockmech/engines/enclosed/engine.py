@@ -18,11 +18,9 @@ from blockmech.engines.enclosed.primitives import (
     exp,
     expi,
     hyp,
-    imul,
     maximum,
     minimum,
     modulo,
-    mul,
     piecewise,
     planar,
     power,
@@ -31,6 +29,7 @@ from blockmech.engines.enclosed.primitives import (
 )
 from blockmech.engines.enclosed.proofs import implicit, without_bounds
 from blockmech.engines.enclosed.systems import Matrix, solve, solve_transposed, spread
+from blockmech.engines.numpy import imul, mul
 from blockmech.ground.plane import (
     EPS,
     REST_SHARE,

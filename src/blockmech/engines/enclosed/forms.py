@@ -28,7 +28,7 @@ from blockmech.engines.enclosed.rounding import (
     cosine_and_sine,
     exponential,
 )
-from blockmech.engines.numpy import Planar
+from blockmech.engines.numpy import each_part
 from blockmech.ground.plane import EPS, NAN, SCALAR_PRIMITIVES
 
 Array = NDArray[Any]
@@ -347,22 +347,12 @@ def between(at: float, low: float, high: float) -> Form:
 
 def planned(x: Any) -> Any:
     """Numbers or truth values, in nested tuples, at the planned design."""
-    if isinstance(x, Planar):
-        return complex(planned(x.real), planned(x.imag))
-    if isinstance(x, tuple):
-        items = [planned(item) for item in x]
-        return type(x)(*items) if hasattr(x, "_fields") else tuple(items)
-    return getattr(x, "at", x)
+    return each_part(lambda number: getattr(number, "at", number), x, vector=complex)
 
 
 def forms_of(x: Any) -> Any:
     """Nested tuples of numbers as forms."""
-    if isinstance(x, tuple):
-        items = [forms_of(item) for item in x]
-        return type(x)(*items) if hasattr(x, "_fields") else tuple(items)
-    if isinstance(x, complex):
-        return Planar(form(x.real), form(x.imag))
-    return x if isinstance(x, bool | str | Planar | Form | Doubt) or x is None else form(x)
+    return each_part(lambda y: y if isinstance(y, str | Enclosed | Doubt | None) else form(y), x)
 
 
 # -- functions of forms ------------------------------------------------------------------

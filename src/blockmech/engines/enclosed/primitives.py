@@ -84,16 +84,6 @@ def planar(x: Any, y: Any) -> Planar:
     return Planar(enclosed(x), enclosed(y))
 
 
-def mul(z: Planar, x: Any) -> Planar:
-    """Vector times real."""
-    return Planar(z.real * x, z.imag * x)
-
-
-def imul(z: Planar, x: Any) -> Planar:
-    """Vector turned by +90 degrees, times real."""
-    return Planar(-z.imag * x, z.real * x)
-
-
 def angle(a: Planar, b: Planar) -> Any:
     """Angle from a to b, in (-pi, pi]."""
     y, x = enclosed(cross(a, b)), enclosed(dot(a, b))

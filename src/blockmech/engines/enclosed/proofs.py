@@ -15,9 +15,9 @@ import numpy as np
 
 from blockmech.engines.enclosed.duals import Dual, dual
 from blockmech.engines.enclosed.forms import Array, Form, form, forms_of, planned, unknown
-from blockmech.engines.enclosed.primitives import angle, expi, hyp, mul
+from blockmech.engines.enclosed.primitives import angle, expi, hyp
 from blockmech.engines.enclosed.rounding import ROUNDED_UP, TINY, above, below
-from blockmech.engines.numpy import Planar, each_part
+from blockmech.engines.numpy import Planar, each_part, mul
 from blockmech.ground.plane import EPS
 from blockmech.typing import LinkPosition
 
@@ -113,12 +113,7 @@ def is_inside(image: Array, box: Array) -> bool:
 
 def _bounds(data: Any) -> Any:
     """Nested tuples of numbers without their symbols."""
-    if isinstance(data, tuple | list):
-        items = [_bounds(item) for item in data]
-        return type(data)(*items) if hasattr(data, "_fields") else tuple(items)
-    if isinstance(data, Planar):
-        return Planar(_bounds(data.real), _bounds(data.imag))
-    return Form(data.at, data.low, data.high) if isinstance(data, Form) else data
+    return each_part(lambda x: Form(x.at, x.low, x.high) if isinstance(x, Form) else x, data)
 
 
 def without_bounds(state: Any) -> Any:
