@@ -29,6 +29,7 @@ from blockmech.typing import Data
 Vectors: TypeAlias = NDArray[np.complex128]
 Sides: TypeAlias = tuple[int, ...]
 Times: TypeAlias = float | Floats  # [s] one, or (n,)
+InnerStates: TypeAlias = Floats | None  # (..., n) of signals and laws; None: the initial ones
 T = TypeVar("T", np.float64, np.complex128)
 
 
@@ -63,7 +64,7 @@ class State(NamedTuple):
     pair: int = -1  # the one with a unit of friction; -1: none
     push: int = -1  # the stop with a unit of push; -1: none
     t: Times = 0.0
-    x: Floats | None = None  # states of signal blocks; None: the initial ones
+    x: InnerStates = None  # states of signal blocks
 
 
 class Contact(NamedTuple):
@@ -267,7 +268,7 @@ class PairFriction:
 
     # -- the laws ------------------------------------------------------------------------
 
-    def _terms(self, w: Floats, x: Floats | None = None, loads: Floats | None = None) -> Floats:
+    def _terms(self, w: Floats, x: InnerStates = None, loads: Floats | None = None) -> Floats:
         """Factors and drags (..., 2 m) as of `law`, behind them those (2 m,) that hold at rest."""
         inputs, columns = self._laws.program.inputs, dict[str, Floats]()
         x = np.array(self._initial) if x is None else x
@@ -279,7 +280,7 @@ class PairFriction:
         terms = np.stack([np.broadcast_to(y, n) for y in laws], axis=-1)
         return terms.reshape(*w.shape[:-1], -1)
 
-    def law(self, w: Floats, x: Floats | None = None, loads: Floats | None = None) -> Floats:
+    def law(self, w: Floats, x: InnerStates = None, loads: Floats | None = None) -> Floats:
         """Factors and drags (..., 2 m) at relative rates (..., m).
 
         x (..., states) are those of signals and laws, by default the initial ones; ``loads``
@@ -321,7 +322,7 @@ class PairFriction:
     # -- an instant ------------------------------------------------------------
 
     def _states(
-        self, qd: Floats, t: Times, x: Floats | None, k: int, constraint: Constraints | None
+        self, qd: Floats, t: Times, x: InnerStates, k: int, constraint: Constraints | None
     ) -> list[State]:
         """Columns of inputs: loads and rates, a unit of each acceleration, friction and push."""
         still, pairs = (
@@ -334,7 +335,7 @@ class PairFriction:
         return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units]
 
     def instant(
-        self, q: Floats, qd: Floats, t: Times, x: Floats | None, constraint: Constraints | None
+        self, q: Floats, qd: Floats, t: Times, x: InnerStates, constraint: Constraints | None
     ) -> Instant:
         """One state, or n; x (..., states) are those of signals and laws, None the initial ones."""
         parts = q, qd, t, x, *(() if constraint is None else (constraint.rows, constraint.drift))
@@ -345,7 +346,7 @@ class PairFriction:
         return instant
 
     def _instant(
-        self, q: Floats, qd: Floats, t: Times, x: Floats | None, constraint: Constraints | None
+        self, q: Floats, qd: Floats, t: Times, x: InnerStates, constraint: Constraints | None
     ) -> Instant:
         m, k = len(self.names), qd.shape[-1]
         values = self.values(q, self._states(qd, t, x, k, constraint))

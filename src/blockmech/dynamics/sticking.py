@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Constraints
-from blockmech.dynamics.friction import Instant, PairFriction, Response, Sides, Vectors
+from blockmech.dynamics.friction import InnerStates, Instant, PairFriction, Response, Sides, Vectors
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
 from blockmech.friction.solvers import Solution
@@ -302,7 +302,7 @@ class JointFriction(PairFriction):
         qd: Floats,
         t: float,
         sides: Sides,
-        x: Floats | None = None,
+        x: InnerStates = None,
         constraint: Constraints | None = None,
     ) -> Response:
         """One state, while it lies against stops that are held."""
@@ -313,7 +313,7 @@ class JointFriction(PairFriction):
         slipping = (np.array(sides) != 0) & ~np.array(self.program.separates)
         return -float(response.t[slipping] @ response.at.w[slipping])
 
-    def holding(self, q: Floats, t: float = 0.0, x: Floats | None = None) -> Holding:
+    def holding(self, q: Floats, t: float = 0.0, x: InnerStates = None) -> Holding:
         """What holds the only driver at places (n,), infinite where nothing starts it.
 
         Efforts at which it just starts, back and forth, while no load follows its acceleration. A
@@ -342,12 +342,7 @@ class JointFriction(PairFriction):
         return Holding(low, high, self._rounding(q)[:, 0] + 8 * EPS * friction_sizes)
 
     def from_state(
-        self,
-        q: Floats,
-        qd: Floats,
-        t: float,
-        constraint: Constraints | None,
-        x: Floats | None = None,
+        self, q: Floats, qd: Floats, t: float, constraint: Constraints | None, x: InnerStates = None
     ) -> tuple[Settled, Floats, Floats]:
         """What a motion begins with; accelerations of the drivers (k,), and pushes of stops."""
         at = self.instant(q, qd, t, x, constraint)
