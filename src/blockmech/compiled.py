@@ -30,7 +30,7 @@ from blockmech.model.structure import Structure
 from blockmech.outputs.by_block import Catalogue, in_program
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Plan, Program
-from blockmech.plan.settings import check_chunk, check_switch, friction_asked
+from blockmech.plan.settings import check_chunk, check_static, friction_asked
 from blockmech.result.failures import without_gaps
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples, make_samples
@@ -194,7 +194,7 @@ class Compiled(Runnable[M]):
         >>> print(mech.plan("dyad.C.p").calls)
         2
         """
-        check_switch("static", static)
+        check_static(static)
         return self._plan_for(want, friction_asked(friction), static)
 
     def _plan_for(
@@ -207,7 +207,7 @@ class Compiled(Runnable[M]):
         self, samples: Samples, want: Iterable[str] | str, *, static: bool, **settings: Any
     ) -> Plan:
         """The plan for some outputs at samples: where no driver moves, that without inertia."""
-        check_switch("static", static)
+        check_static(static)
         return self.plan(want, static=static or samples.at_rest, **settings)
 
     def compile(self) -> M:

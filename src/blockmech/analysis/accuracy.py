@@ -42,8 +42,8 @@ from blockmech.analysis.reference_errors import (
     ReferenceErrors,
     comparable,
     reference_errors,
+    run_off_by_a_digit,
 )
-from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import Compiled
 from blockmech.ground.errors import as_names, listed, refused
@@ -251,8 +251,8 @@ def _known(result: Result) -> NDArray[np.bool_]:
     return good if good.any() else comparable(result, friction=False, near=True)
 
 
-def _worst(columns: Record, good: Any, initial: float = 0.0) -> float:
-    return max((float(np.max(c[good], initial=initial)) for c in columns.values()), default=initial)
+def _worst(columns: Record, good: Any) -> float:
+    return max((float(np.max(c[good], initial=0.0)) for c in columns.values()), default=0.0)
 
 
 def _least_margin(result: Result, good: Any) -> float:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.compiled import Compiled
+from blockmech.engines.numpy import NumpyEngine, each_part
 from blockmech.ground.tolerances import EQUAL
 from blockmech.result.result import Result
+from blockmech.result.samples import Samples
+from blockmech.typing import Arguments, Data
 
 Array = NDArray[Any]
 DOUBLE = float(np.finfo(np.float64).eps)
@@ -164,3 +169,24 @@ def _at(values: Array, good: NDArray[np.bool_]) -> Array:
 def _largest(values: Any) -> float:
     size = np.abs(values)
     return float(np.max(size[np.isfinite(size)], initial=0.0))
+
+
+def run_off_by_a_digit(
+    mechanism: Compiled, samples: Samples, precision: str, settings: Arguments
+) -> Result:
+    """A run whose numbers are off by the last digit of double precision, up and down by turns.
+
+    Columns are those of tables, which a document gives as they are.
+    """
+    plan = mechanism.plan(**settings)
+    engine = NumpyEngine(plan.program, precision)
+    factors = cycle((1 + engine.dtype(DOUBLE), 1 - engine.dtype(DOUBLE)))
+    engine.parameters = each_part(lambda x: x if x.ndim else x * next(factors), engine.parameters)
+    values = engine.run(samples.given(plan.program.inputs), samples.n)
+    return Result(mechanism, plan, samples, values, "numpy", how(settings))
+
+
+def how(settings: Arguments) -> Data:
+    """The settings of a result that was run in a way of its own."""
+    usual = {"friction": "newton", "static": False}
+    return usual | {k: v for k, v in settings.items() if k != "want"}

@@ -185,10 +185,10 @@ class Cylinder(AssurGroup, type="driven.rrr"):
     slider: Literal["later", "earlier", "j", "i"] = "later"
 
     @classmethod
-    def from_points(cls, B: Point, C: Point, D: Point, **more: object) -> Cylinder:
+    def from_points(cls, B: Point, C: Point, D: Point, **fields: object) -> Cylinder:
         """Make the group from one pose of its pins [m]; length l_j and branch follow.
 
         Raises `GraphError` where C lies on the line BD: the branch is not defined there.
         """
         numbers = bent("Cylinder.from_points", B, C, D)
-        return cls(l_j=numbers["l_j"], branch=numbers["branch"], **more)  # type: ignore[arg-type]
+        return cls(l_j=numbers["l_j"], branch=numbers["branch"], **fields)  # type: ignore[arg-type]

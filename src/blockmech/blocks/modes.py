@@ -63,7 +63,14 @@ AnyBranch = Annotated[
 ]
 
 
-class OneMode(AssurGroup):
+class Dyad(AssurGroup):
+    """A group of the second class: two links, between two joints of earlier ones."""
+
+    group_class = "II"
+    link_names = ("i", "j")
+
+
+class OneMode(Dyad):
     """A dyad with one assembly mode, because its guides fix the pose: it takes no branch."""
 
     @model_validator(mode="before")
@@ -76,7 +83,7 @@ class OneMode(AssurGroup):
         return raw
 
 
-class TwoModes(AssurGroup):
+class TwoModes(Dyad):
     """A dyad with two assembly modes; classes that are one declare ``branch`` and ``home``."""
 
     @model_validator(mode="after")

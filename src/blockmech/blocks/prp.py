@@ -144,8 +144,6 @@ class PRP(OneMode, type="dyad.prp"):
     """
 
     kind = "PRP"
-    group_class = "II"
-    link_names = ("i", "j")
     S1 = outer_joint("P", "i", line=Line(along="x_S1", offset="h1"))
     C = inner_joint("R", ("i", "j"))
     S2 = outer_joint("P", "j", line=Line(along="x_S2", offset="h2"))
@@ -161,7 +159,7 @@ class PRP(OneMode, type="dyad.prp"):
 
     @classmethod
     def from_points(
-        cls, C: Point, S1: Point, along1: Point, S2: Point, along2: Point, **more: object
+        cls, C: Point, S1: Point, along1: Point, S2: Point, along2: Point, **fields: object
     ) -> PRP:
         """Make the dyad from one pose: its joints [m] and the guides' directions.
 
@@ -178,5 +176,5 @@ class PRP(OneMode, type="dyad.prp"):
             x_S1=dot(u1, s1 - c),
             h2=cross(u2, s2 - c),
             x_S2=dot(u2, s2 - c),
-            **more,  # type: ignore[arg-type]
+            **fields,  # type: ignore[arg-type]
         )

@@ -163,8 +163,6 @@ class RPP(OneMode, type="dyad.rpp"):
     """
 
     kind = "RPP"
-    group_class = "II"
-    link_names = ("i", "j")
     B = outer_joint("R", "i")
     S1 = inner_joint(
         "P",
@@ -205,7 +203,7 @@ class RPP(OneMode, type="dyad.rpp"):
 
     @classmethod
     def from_points(
-        cls, B: Point, S1: Point, along1: Point, S: Point, along: Point, **more: object
+        cls, B: Point, S1: Point, along1: Point, S: Point, along: Point, **fields: object
     ) -> RPP:
         """Make the dyad from one pose: its joints [m] and the guides' directions.
 
@@ -220,12 +218,12 @@ class RPP(OneMode, type="dyad.rpp"):
         if sine == 0:
             raise dead_centre(where, "the guides are parallel")
         o = s + u2 * (cross(s1 - s, u1) / sine)
-        slider = more.get("slider")
+        slider = fields.get("slider")
         owner = slider.get("S1") if isinstance(slider, dict) else ""
         return cls(
             beta=angle_between(u2, u1),
             h_i=cross(u1, s1 - b),
             x_S1=dot(u1, s1 - (b if owner in ("earlier", "i") else o)),
             x_S=dot(u2, s - o),
-            **more,  # type: ignore[arg-type]
+            **fields,  # type: ignore[arg-type]
         )

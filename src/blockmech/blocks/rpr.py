@@ -140,8 +140,6 @@ class RPR(TwoModes, type="dyad.rpr"):
     """
 
     kind = "RPR"
-    group_class = "II"
-    link_names = ("i", "j")
     B = outer_joint("R", "i")
     S = inner_joint(
         "P", ("i", "j"), lines={"i": Line("x_S", offset="h_i"), "j": Line("x_S", offset="h_j")}
@@ -163,7 +161,7 @@ class RPR(TwoModes, type="dyad.rpr"):
         return "the distance of {} and {}", apart, abs(self.h_i - self.h_j), math.inf
 
     @classmethod
-    def from_points(cls, B: Point, D: Point, S: Point, along: Point, **more: object) -> RPR:
+    def from_points(cls, B: Point, D: Point, S: Point, along: Point, **fields: object) -> RPR:
         """Make the dyad from one pose: its joints [m] and the guide's direction.
 
         S is the slider's point, anywhere on the guide line. Raises `GraphError` where
@@ -173,6 +171,6 @@ class RPR(TwoModes, type="dyad.rpr"):
         b, d, s = given_points(where, B=B, D=D, S=S)
         u = unit(where, along)
         branch = branch_of(where, dot(u, d - b), "the guide stands across BD")
-        owner = b if more.get("slider") in ("earlier", "i") else d
+        owner = b if fields.get("slider") in ("earlier", "i") else d
         lines = {"h_i": cross(u, s - b), "h_j": cross(u, s - d), "x_S": dot(u, s - owner)}
-        return cls(**lines, branch=branch, **more)  # type: ignore[arg-type]
+        return cls(**lines, branch=branch, **fields)  # type: ignore[arg-type]

@@ -144,8 +144,6 @@ class RRP(TwoModes, type="dyad.rrp"):
     """
 
     kind = "RRP"
-    group_class = "II"
-    link_names = ("i", "j")
     B = outer_joint("R", "i")
     C = inner_joint("R", ("i", "j"))
     S = outer_joint("P", "j", line=Line(along="x_S", offset="h"))
@@ -165,7 +163,7 @@ class RRP(TwoModes, type="dyad.rrp"):
         return "the distance of {} from the line of C", self.l * math.sqrt(1 - margin), 0.0, self.l
 
     @classmethod
-    def from_points(cls, B: Point, C: Point, S: Point, along: Point, **more: object) -> RRP:
+    def from_points(cls, B: Point, C: Point, S: Point, along: Point, **fields: object) -> RRP:
         """Make the dyad from one pose: its joints [m] and the guide's direction.
 
         S is the slider's point, anywhere on the guide line. Raises `GraphError` where
@@ -176,4 +174,4 @@ class RRP(TwoModes, type="dyad.rrp"):
         u = unit(where, along)
         branch = branch_of(where, dot(u, c - b), "link BC stands across the guide")
         foot = {"l": abs(c - b), "h": cross(u, s - c), "x_S": dot(u, s - c)}
-        return cls(**foot, branch=branch, **more)  # type: ignore[arg-type]
+        return cls(**foot, branch=branch, **fields)  # type: ignore[arg-type]

@@ -132,8 +132,6 @@ class RRR(TwoModes, type="dyad.rrr"):
     """
 
     kind = "RRR"
-    group_class = "II"
-    link_names = ("i", "j")
     B = outer_joint("R", "i")
     C = inner_joint("R", ("i", "j"))
     D = outer_joint("R", "j")
@@ -157,12 +155,12 @@ class RRR(TwoModes, type="dyad.rrr"):
         return "the distance of {} and {}", apart, low, high
 
     @classmethod
-    def from_points(cls, B: Point, C: Point, D: Point, **more: object) -> RRR:
+    def from_points(cls, B: Point, C: Point, D: Point, **fields: object) -> RRR:
         """Make the dyad from one pose of its joints [m]; lengths and branch follow.
 
         Raises `GraphError` where C lies on the line BD: the branch is not defined there.
         """
-        return cls(**bent("RRR.from_points", B, C, D), **more)  # type: ignore[arg-type]
+        return cls(**bent("RRR.from_points", B, C, D), **fields)  # type: ignore[arg-type]
 
 
 def bent(where: str, B: Point, C: Point, D: Point) -> Data:

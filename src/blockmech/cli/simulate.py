@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 from blockmech.builders import compiled
-from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import roles, starts, times
 from blockmech.cli.options import (
     Accuracy,
@@ -30,12 +30,16 @@ from blockmech.cli.options import (
 from blockmech.cli.output import Output
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.ground.runnable import EVERYTHING
+from blockmech.ground.units import shown_in
 from blockmech.result.exported import gap_lines
 from blockmech.typing import Arguments, FixedStep
 
 if TYPE_CHECKING:
+    from blockmech.result.motion import Event
     from blockmech.result.result import Result
 
+LINES = 8  # events shown
+DIGITS = 12  # significant ones of a number
 Step = Annotated[
     float | None,
     option(
@@ -120,3 +124,24 @@ def _unanswered(result: Result, requested: list[float] | None) -> bool:
     assert motion is not None
     none = motion.status in ("failed", "unfinished")
     return none or any(map(math.isnan, motion.reached_times(requested or [])))
+
+
+def motion_lines(result: Result) -> list[str]:
+    """Lines about a simulation; none for another run."""
+    motion = result.motion
+    if motion is None:
+        return []
+    names = list(result.drivers)
+    units = [result._unit_of_driver(name) for name in names]
+    lines = [f"{e.kind} at {_state(e, names, units, result.units)}" for e in motion.events]
+    if len(lines) > LINES:
+        lines = [*lines[: LINES - 1], f"... {len(lines) - LINES} events more", lines[-1]]
+    return [*lines, *motion.summary(units[0] if len(set(units)) == 1 else "rad or m")]
+
+
+def _state(event: Event, names: list[str], units: list[str], outputs: tuple[str, ...]) -> str:
+    parts = [f"{event.t:.{DIGITS}g} s"]
+    for x, name, unit in zip(np.atleast_1d(event.q).tolist(), names, units, strict=True):
+        factor, unit = shown_in(unit, outputs)
+        parts.append(f"{name} = {factor * x:.{DIGITS}g} {unit}")
+    return ", ".join(parts)

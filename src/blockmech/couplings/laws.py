@@ -22,8 +22,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from blockmech.couplings.contract import Transmission
-from blockmech.functions.knots import Knotted
-from blockmech.functions.pieces import Rows, derivatives, horner
+from blockmech.functions.pieces import Knotted, Rows, derivatives, horner
 from blockmech.ground.plane import always, apply, expi, modulo, piecewise
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import (

@@ -207,24 +207,6 @@ def vectors(stage: Stage, values: Mapping[str, Vector], colour: str) -> Iterator
         yield from _arrow(arrow, colour, name, stage.unit)
 
 
-def friction_scale(stage: Stage, radii: Mapping[str, tuple[Spot, float]]) -> int:
-    """The power of ten by which circles of friction are drawn larger, so that they are seen."""
-    largest = max((radius for _, radius in radii.values()), default=0.0)
-    room = SIZES.couple * stage.unit / largest if largest else 1.0
-    return int(10 ** max(0, math.floor(math.log10(room))))
-
-
-def friction_circles(stage: Stage, radii: Mapping[str, tuple[Spot, float]]) -> Iterator[Shape]:
-    """Circles of radii f' r [m] about pins, `friction_scale` times as large.
-
-    Without rates the reaction touches them, as large as they are.
-    """
-    many = friction_scale(stage, radii)
-    for name, (spot, radius) in radii.items():
-        circle = stage.motion.at(*spot) + _arc(many * radius, 0.0, 2 * math.pi)[:, None]
-        yield Shape(f"friction:{name}", "line", circle, 6.8, ink.LOAD, width=1.0)
-
-
 def _load(stage: Stage, load: LoadMark) -> Iterator[Shape]:
     for arrow in load_ways(stage, load):
         yield from _arrow(arrow, ink.LOAD, f"load:{load.name}", stage.unit)

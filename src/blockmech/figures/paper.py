@@ -228,12 +228,13 @@ def scaled_unit(unit: str, largest: float) -> tuple[float, str]:
     return 10.0**-power, PREFIXES[power] + unit
 
 
-def rendered(figure: Figure, suffix: str, dpi: float = DPI) -> bytes:
+def rendered(figure: Figure, suffix: str) -> bytes:
     """The picture as the bytes of a .png, .svg or .pdf file; the same for the same picture."""
     from PIL import Image
 
     date = {".svg": {"Date": None}, ".pdf": {"CreationDate": None, "ModDate": None}}
     buffer, (width, height) = io.BytesIO(), figure.get_size_inches()
+    dpi = float(DPI)
     if suffix == ".png":  # less sharp where Pillow would warn of its size
         dpi = min(dpi, math.sqrt((Image.MAX_IMAGE_PIXELS or math.inf) / (width * height)))
     with styled():  # how text and identities are written is settled now, not while drawing

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from blockmech.functions.knots import Knotted
+from blockmech.functions.pieces import Knotted
 from blockmech.functions.python import numbers_of, parameters_of
 from blockmech.ground.plane import each
 from blockmech.ground.values import mistake

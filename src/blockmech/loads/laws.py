@@ -17,8 +17,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from blockmech.functions.knots import Knotted
-from blockmech.functions.pieces import cubic, horner, straight
+from blockmech.functions.pieces import Knotted, cubic, horner, straight
 from blockmech.ground.plane import always, angle, expi, imul, modulo, mul, piecewise, where
 from blockmech.ground.values import (
     Axis,

@@ -47,8 +47,8 @@ def check_chunk(chunk: int | None) -> None:
         raise refused("chunk", message, code="bad-value")
 
 
-def check_switch(name: str, value: object) -> None:
-    """Raise `RequestError` for a switch that is neither on nor off."""
-    if not isinstance(value, bool | np.bool_):
-        message = f"must be True or False, got {value!r}"
-        raise refused(name, message, code="bad-value")
+def check_static(static: object) -> None:
+    """Raise `RequestError` where ``static`` is neither on nor off."""
+    if not isinstance(static, bool | np.bool_):
+        message = f"must be True or False, got {static!r}"
+        raise refused("static", message, code="bad-value")

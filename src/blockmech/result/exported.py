@@ -6,10 +6,12 @@ are the same everywhere. `Exported` are the doors that a result has.
 
 from __future__ import annotations
 
+import json
+from importlib import resources
+
 from blockmech.result import data, spreadsheet
 from blockmech.result.columns import Column, Labelled, columns
 from blockmech.result.data import json_chunks, to_dataframe, to_dict, to_npz, to_xarray
-from blockmech.result.schema import result_schema
 from blockmech.result.spreadsheet import CsvTable, csv_chunks, to_csv, write_csv
 from blockmech.result.tables import (
     aligned,
@@ -20,6 +22,7 @@ from blockmech.result.tables import (
     leading,
     table,
 )
+from blockmech.typing import Data
 
 __all__ = [
     "Column",
@@ -57,3 +60,10 @@ class Exported(Labelled):
 
     def __str__(self) -> str:
         return table(self)
+
+
+def result_schema() -> Data:
+    """JSON Schema (2020-12) of what `to_dict` gives."""
+    text = resources.files("blockmech.result").joinpath("result.schema.json").read_text("utf-8")
+    schema: Data = json.loads(text)
+    return schema

@@ -80,7 +80,7 @@ def body_guidance(
     >>> found[0].miss < 1e-9
     True
     """
-    rows, name = _positions(positions, 3, None), "body_guidance"
+    rows, name = _positions(positions, None), "body_guidance"
     if len(rows) > 5:
         return _near(rows, name, count, seed, progress)
     size = _size(rows)
@@ -147,7 +147,7 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
     >>> bm.synthesis.three_positions(positions, moving=[0j, 1 + 0j])
     <Design: dyad.P.p: largest miss 1.11022e-16, least margin 0.104, at 0, -0.761013, -1.52203 rad>
     """
-    rows = _positions(positions, 3, 3)
+    rows = _positions(positions, 3)
     pins = np.asarray(moving, complex)
     if pins.shape != (2,) or not abs(pins[1] - pins[0]) > 0:
         raise refused("moving", f"got {moving!r:.60}", "give two points of the coupler")
@@ -164,15 +164,15 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
     return _design(rows, fourbars, 0, float(margins[0]), name)
 
 
-def _positions(positions: Any, minimum: int, maximum: int | None) -> Floats:
+def _positions(positions: Any, maximum: int | None) -> Floats:
     """Rows (n, 3) of x, y, angle. Raises `RequestError` for others."""
     try:
         rows = np.asarray(positions, float)
     except (TypeError, ValueError):
         rows = np.empty(0)
     shaped = rows.ndim == 2 and rows.shape[1] == 3 and np.isfinite(rows).all()
-    if not shaped or len(rows) < minimum or len(rows) > (maximum or len(rows)):
-        remedy = f"give {minimum}{'' if maximum else ' or more'} rows x, y, angle"
+    if not shaped or len(rows) < 3 or len(rows) > (maximum or len(rows)):
+        remedy = f"give 3{'' if maximum else ' or more'} rows x, y, angle"
         raise refused("positions", f"got {positions!r:.60}", remedy)
     if not _size(rows) > 0:
         raise refused("positions", "they are all the same", "give positions that differ")

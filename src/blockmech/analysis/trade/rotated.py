@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.trade.derived import how
+from blockmech.analysis.reference_errors import how
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
