@@ -16,8 +16,6 @@ from typing import Literal, NamedTuple, TypeVar
 from blockmech.ground.tolerances import EQUAL
 
 T = TypeVar("T", bound=Hashable)
-"""[-] of the size, or rad: nearer places and directions on one link are one, those three times
-as far apart are not. A thousand times the rounding of a place that was computed."""
 
 
 @dataclass(frozen=True)
@@ -108,8 +106,9 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
     """Pair -> the axis that it has in common with others for good, "" for one of its own.
 
     ``size`` [m] is that of the mechanism. A side that is left out, because its place is
-    not known, coincides with nothing. Places are one where they fall into one cell of a grid
-    or of one that is shifted by half a cell, so that near ones are never kept apart.
+    not known, coincides with nothing. Places, and directions, nearer than `EQUAL` are one, those
+    three times as far apart are not: they fall into one cell of a grid or of one that is shifted
+    by half a cell, so that near ones are never kept apart.
     """
     coincident: set[tuple[str, str]] = set()  # pairs that share a cell on a link
     first: dict[object, str] = {}  # cell -> a pair in it

@@ -6,6 +6,7 @@ The rules stand at the head of `blockmech.loads.contract`.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,7 @@ from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.testing.rig import add_turntable
-from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
-
-TIMES = np.linspace(0.3, 2.3, 9)  # [s]
+from blockmech.testing.rules import DERIVATIVE, TIMES, Array, Checks, derivative
 
 
 class ElementRules(Checks):
@@ -53,14 +52,7 @@ class ElementRules(Checks):
 
     def kernel(self) -> Iterator[str]:
         """Engines agree, a sample does not depend on its neighbours, powers balance."""
-        scalar, batch = (self._run(TIMES, self.loads, engine=e) for e in ("scalar", "numpy"))
-        alone = self._run(TIMES[4:5], self.loads, engine="numpy")
-        for name in self.loads:
-            scale = float(np.max(abs(batch[name]))) or 1.0
-            yield from self.same(f"scalar {name} against a batch", scalar[name], batch[name], scale)
-            if not same_bits(alone[name], batch[name][4:5]):
-                yield f"{name} of a sample alone is not the same as in a batch"
-        yield from self.arithmetic(self.mechanism.plan(self.loads).program)
+        yield from self.engines(partial(self._run, want=self.loads), self.loads)
         yield from self.verified(self.mechanism.verify(times=TIMES))
 
     def energy(self) -> Iterator[str]:

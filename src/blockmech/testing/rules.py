@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -23,6 +23,7 @@ Leaves = Mapping[str, Array]
 ROUNDED = 8 * ROUNDING  # [-] of the largest term: some 100 operations, margins down to 1e-4
 STEP = 4e-3  # [s] of differences; the motions change over about a second
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)  # central difference of order 8
+TIMES = np.linspace(0.3, 2.3, 9)  # [s] of motions in which a rule is tested
 DERIVATIVE = EQUAL  # [-] of differences: 8! (STEP / T)^8 for a motion that changes over T = 0.2 s
 
 
@@ -73,6 +74,22 @@ class Checks:
         self.measured[label] = max(self.measured.get(label, 0.0), worst)
         if not worst <= allowed:
             yield f"{label} is off by {worst:.1e} of its size (allowed {allowed:.0e})"
+
+    def alike(self, label: str, scalar: Any, batch: Array, single: Any) -> Iterator[str]:
+        """Engines agree on a batch (n,), and its fifth sample does not depend on the others."""
+        yield from self.same(f"scalar {label}", scalar, batch, float(np.max(abs(batch))) or 1.0)
+        if not same_bits(single, batch[4:5]):
+            yield f"{label} of a sample alone is not the same as in a batch"
+
+    def engines(
+        self, run: Callable[..., Any], outputs: Iterable[str], condition: str = ""
+    ) -> Iterator[str]:
+        """Outputs of a run at `TIMES` are `alike`, and their program is traceable."""
+        scalar, batch = (run(times=TIMES, engine=e) for e in ("scalar", "numpy"))
+        single = run(times=TIMES[4:5], engine="numpy")
+        yield from self.arithmetic(batch.plan.program, condition)
+        for name in outputs:
+            yield from self.alike(name, scalar[name], batch[name], single[name])
 
     def arithmetic(self, program: Program, condition: str = "") -> Iterator[str]:
         """Kernels are of the primitives alone: else machine code and C cannot have them."""

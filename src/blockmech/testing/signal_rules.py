@@ -20,10 +20,10 @@ from blockmech.passes import signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
 from blockmech.signals.contract import Signal, arguments
-from blockmech.testing.rules import Checks, same_bits
+from blockmech.testing.rules import TIMES, Checks
 
 SENSORS = ("wheel.q", "wheel.rate")
-SAMPLES = 9
+SAMPLES = len(TIMES)
 
 
 class SignalRules(Checks):
@@ -63,10 +63,7 @@ class SignalRules(Checks):
         alone = NumpyEngine(program).run(single, 1)
         for label, b, c, a in zip(values, batch, scalar, alone, strict=True):
             wide = np.broadcast_to(np.asarray(b, dtype=float), SAMPLES)
-            scale = float(np.max(np.abs(wide))) or 1.0
-            yield from self.same(f"scalar {label}", c, wide, scale)
-            if not same_bits(np.broadcast_to(np.asarray(a, dtype=float), 1), wide[4:5]):
-                yield f"{label} of a sample alone is not the same as in a batch"
+            yield from self.alike(label, c, wide, a)
 
     rules = (names, values)
 
