@@ -443,7 +443,7 @@ def simulation(ask: Question) -> tuple[Motion, Answer]:
     answered = replace(ask, computed=motion)
     return motion, {
         "motion": data,
-        "text": " ".join(result.motion.lines()),
+        "text": "\n".join(result.motion.lines()),
         "curves": curves(answered),
     }
 

@@ -29,6 +29,7 @@ from blockmech.figures import palette as ink
 from blockmech.figures.paper import shown_name
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
+from blockmech.model.spots import Spot
 from blockmech.typing import Data, Record
 
 Drawing = Data
@@ -153,44 +154,26 @@ def of_blocks(motion: Motion) -> Drawing:
         names = (name for name, at in at_pins.items() if abs(at - corner) <= SAME * size)
         return next(names, spot(link, z))
 
-    pins: list[Drawing] = [
-        {
-            "name": pin.names[0],
-            "at": spot(*pin.spot),
-            "ground": pin.grounded,
-            "guide": None,
-            "driven": bool({*pin.names} & driven),
-        }
-        for pin in sketch.pins
-    ]
+    def pin(
+        name: str, at: Spot, ground: bool = False, guide: Any = None, names: tuple[str, ...] = ()
+    ) -> Drawing:
+        marks = {"driven": not driven.isdisjoint(names), "held": name in handles}
+        label = {"name": name, "label": shown_name(name), "kind": "R", "links": []}
+        return {**label, "at": spot(*at), "ground": ground, "guide": guide, **marks}
+
+    pins = {x.names[0]: pin(x.names[0], x.spot, x.grounded, None, x.names) for x in sketch.pins}
     for x in sketch.sliders:
         guide = {"at": spot(*x.guide), "angle": cmath.phase(x.direction), "hidden": x.inside}
         guide["ends"] = [spot(x.guide.link, x.end(which)) for which in (0, 1)]
-        pins.append(
-            {
-                "name": x.name,
-                "at": spot(*x.point),
-                "ground": False,
-                "guide": guide,
-                "driven": x.name in driven,
-            }
-        )
-    names = {pin["name"] for pin in pins}
-    pins += [
-        {"name": name, "at": spot(*at), "ground": False, "guide": None, "driven": False}
-        for name, at in handles.items()
-        if name not in names
-    ]
-    for pin in pins:
-        pin |= {"links": [], "kind": "R", "held": pin["name"] in handles}
-        pin["label"] = shown_name(pin["name"])
+        pins[x.name] = pin(x.name, x.point, False, guide, (x.name,))
+    pins |= {name: pin(name, at) for name, at in handles.items() if name not in pins}
     return {
         "fixed": str(s.frame_link),
         "poses": {
             str(link): [*xy(complex(o[k])), cmath.phase(complex(motion.axis[link][k]))]
             for link, o in motion.origin.items()
         },
-        "pins": pins,
+        "pins": list(pins.values()),
         "links": [
             {
                 "name": str(body.link),

@@ -31,7 +31,7 @@ ITEMS = ("blocks", *sections())
 """Sections of which each item has a form."""
 
 ASIDE = (*ITEMS, "version", "wires", "view", "expect")  # in no form of the document
-HINTS = {"place": "x, y or r @ angle", "pair": "x, y", "list": "a; b", "json": "JSON", "map": ""}
+HINTS = {"place": "x, y or r @ angle", "pair": "x, y", "list": "a; b"}
 
 
 def parts_of(form: Form) -> list[Path]:

@@ -188,6 +188,12 @@ export function sheetView(parent) {
     if (!width) return;
     const places = [...pins().map((one) => spot(one.at)), ...tracing.corners()];
     for (const one of pins()) for (const z of one.guide?.ends ?? []) places.push(spot(z));
+    const { live, motion } = store;
+    const free = (drawing()?.links ?? []).flatMap((link) => link.ends.filter((end) => typeof end !== "string")); // of links that end in no pin
+    for (let k = 0; motion && live && k < motion.n; k += 20) {
+      const frames = live instanceof Live ? live.poses(sample(k)) : live.at(k);
+      for (const [link, x, y] of free) places.push(on(frames[link] ?? [NaN, NaN, 1, 0], Number(x), Number(y)));
+    }
     if (store.motion && store.live && places.length) places.push(...track().flatMap(({ points }) => corners(points)));
     const span = SPAN[length()] ?? 0.5;
     const finite = places.filter(([x, y]) => Number.isFinite(x + y));
