@@ -2,9 +2,10 @@
 
 import math
 
-from blockmech.assur.pairs import SAME, Side, axes
+from blockmech.assur.pairs import Side, axes
+from blockmech.ground.tolerances import EQUAL
 
-FAR = 3.0 * SAME  # [m] apart on a mechanism of 1 m
+FAR = 3.0 * EQUAL  # [m] apart on a mechanism of 1 m
 
 
 def direction(angle):
@@ -12,7 +13,7 @@ def direction(angle):
 
 
 def test_revolute_pairs_at_one_place_of_a_link_turn_about_one_axis():
-    sides = [Side("A", "rod", "R", 1 + 1j), Side("B", "rod", "R", 1 + 1j + SAME / 2)]
+    sides = [Side("A", "rod", "R", 1 + 1j), Side("B", "rod", "R", 1 + 1j + EQUAL / 2)]
     assert axes(sides, 1.0) == {"A": "A", "B": "A"}
 
 
