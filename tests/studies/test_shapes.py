@@ -68,3 +68,15 @@ def test_links_take_them():
 def test_what_is_no_shape_is_refused(make, message):
     with pytest.raises(bm.RequestError, match=message):
         make()
+
+
+def test_sizes_are_texts_with_units_as_well_and_links_take_a_shape():
+    rod = shapes.bar("400 mm", "2 cm", mass="1200 g")
+    assert rod.inertia == pytest.approx(shapes.bar(0.4, 0.02, mass=1.2).inertia, rel=1e-15)
+    thick = shapes.disc("5 cm", thickness="10 mm", density="2.7 g/cm3")
+    assert thick.mass == pytest.approx(shapes.disc(0.05, thickness=0.01, density=2700.0).mass)
+    linkage = bm.Linkage("arm")
+    linkage.add_link("arm", rod, pose=(0.0, 0.0, 0.0))
+    assert (linkage.links["arm"].mass, linkage.links["arm"].cm.z) == (1.2, 0.2)
+    with pytest.raises(bm.RequestError, match="length: must be > 0, got '4 kg'"):
+        shapes.bar("4 kg", mass=1.0)
