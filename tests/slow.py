@@ -1,4 +1,4 @@
-"""What ``-m "not slow"`` leaves out: 85 of 100 seconds of the suite, by processor time.
+"""What ``-m "not slow"`` leaves out: most of the time of the suite, by a sample of 880 tests.
 
 Room -> modules that take some two seconds and more. Without modules it is the whole room: other
 judges, mutations, searches, the browser. (No mark of single tests gives as much: they take 0.1 s.)
