@@ -169,6 +169,9 @@ class StickSlip:
             yield from self._wait(now) if equation.is_fixed else ()
             return
         at, old = self._instant(now.t, now.y, SOON), equation.sides
+        if not np.isfinite(at.w).all():  # of a chart that has no pose where it should go on
+            yield Transition(RunEnd(ends.IMPOSSIBLE))
+            return
         at = friction.turning(at, standing, now.t)
         self.zero, self.settled = friction.sticking_pairs(at, standing), now.t
         start = friction.settled(at, self.zero, released)
