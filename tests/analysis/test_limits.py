@@ -412,3 +412,14 @@ def test_change_points_behind_change_points_are_as_exact_as_the_first():
     points = np.array([p.q for p in arc.change_points])
     assert len(points) == 2 * 30
     assert np.abs(np.sin(points)).max() <= 1e-11
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("name", "analysis"), [("floating_drive_press", "limits"), ("n_four_bar", "modes")]
+)
+def test_labels_leave_room_for_the_bars(name, analysis):
+    mechanism = bm.Linkage.load(f"graphs/joints/{name}.json").compile()
+    figure = getattr(mechanism, analysis)().figure()
+    figure.draw_without_rendering()
+    assert figure.axes[0].get_position().width > 0.9

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 THICK = 0.62  # of a row: a bar
+LABEL = 56  # characters of a bar's label: what a column holds
 
 
 class Bar(NamedTuple):
@@ -57,7 +58,7 @@ def _draw(axes: Axes, y: int, bar: Bar, span: tuple[float, float], scale: float)
     axes.plot([q * scale for q in bar.marks], [y] * len(bar.marks), "|", color=ink.ALARM)
     axes.plot([q * scale for q in bar.chosen], [y] * len(bar.chosen), "o", ms=3, color=ink.INK)
     axes.annotate(
-        f"{bar.name}: {' to '.join(map(shown_name, bar.ends))}", (0, y - THICK / 4), (2, 1),
+        shown_name(f"{bar.name}: {' to '.join(bar.ends)}", LABEL), (0, y - THICK / 4), (2, 1),
         xycoords=("axes fraction", "data"), textcoords="offset points", va="bottom",
-        fontsize=ink.SMALL,
+        fontsize=ink.SMALL, in_layout=False,
     )  # fmt: skip
