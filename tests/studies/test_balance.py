@@ -192,3 +192,10 @@ def test_speeds_and_efforts_are_texts_with_units_as_well():
     assert in_text.tolist() == bm.design.available(mech, effort=-500.0, **request).tolist()
     with pytest.raises(bm.RequestError, match="effort: got '2 mm'"):
         bm.design.available(mech, effort="2 mm", **request)
+
+
+def test_a_flywheel_over_undefined_inertia_is_one_message():
+    """SciPy said that the function value at nan is nan."""
+    mechanism = bm.Linkage.load("graphs/joints/parallelogram_chain.json").compile()
+    with pytest.raises(bm.RequestError, match="undefined at change points"):
+        bm.design.flywheel(mechanism, 10.0, 0.02)

@@ -162,6 +162,9 @@ def flywheel(mechanism: Compiled, speed: Quantity, fluctuation: float) -> Flywhe
     q = (fine[:-1, None] + half[:, None] * (1 + nodes)).ravel()
     share = (half[:, None] * weights).ravel() / period
     turn = _Turn(q, share, system.sample(q, mean).J, work(q) + moment * q)
+    if not np.isfinite(turn.J + turn.energy).all():
+        fault, remedy = "inertia or loads are undefined at change points", "change a length"
+        raise refused("flywheel", fault, remedy)
     if not (turn.J.any() or np.ptp(turn.energy)):
         raise refused("flywheel", "nothing has inertia, and no load works", "give links a mass")
     alone = turn.speeds(0.0, mean)
