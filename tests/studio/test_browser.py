@@ -91,7 +91,7 @@ def test_a_slider_crank_aimed_in_line_has_no_offset(page, studio):
 def test_what_is_chosen_is_what_the_form_shows(page, studio):
     hand = Sheet(page, studio, {"example": "joints/slider_crank"})
     hand.click("B")
-    page.get_by_label("at", exact=True).wait_for()
+    page.get_by_label("at [mm]", exact=True).wait_for()
     page.locator('[data-link="rod"]').last.click(force=True)
     mass = page.get_by_label("mass [kg]", exact=True)
     hand.changed(lambda: (mass.fill("1500 g"), mass.press("Enter")))
@@ -166,9 +166,12 @@ def test_a_joint_of_blocks_is_dragged_in_the_picture(page, studio):
     hand = Sheet(page, studio, {"example": "watt_sixbar"})
     name = next(p["name"] for p in hand.state["drawing"]["pins"] if p["held"] and not p["ground"])
     x, y = hand.pin(name)
-    hand.changed(lambda: hand.drag((x, y), (x + 25, y - 15)))
+    page.keyboard.down("Alt")
+    hand.hold(name, 25, 15, steps=4)
+    page.keyboard.up("Alt")
+    assert hand.pin(name) == pytest.approx((x + 25, y - 15), abs=1.5)
+    hand.changed(page.mouse.up)
     assert f"move {name}" in hand.said()
-    assert abs(hand.pin(name)[0] - x - 25) < 12
 
 
 def test_an_analysis_has_its_title_its_text_and_a_stop(page, studio):
