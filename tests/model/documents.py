@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from blockmech import Linkage
+from blockmech.model.form import VERSION
 from tests.doors import linkage_of as loads
 from tests.gallery import JOINTS
 from tests.model.joints.machines import guide, pin, turned_round
@@ -17,7 +18,7 @@ from tests.wiring import recorded
 Document = dict[str, Any]
 
 PIN = {"law": "coulomb", "coefficient": 0.2, "radius": 0.02}
-HEAD = {"format": "blockmech/joints", "version": 1}
+HEAD = {"format": "blockmech/joints", "version": VERSION}
 GUIDE = {"law": "coulomb", "coefficient": 0.15}
 
 
