@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.gallery import changed, document, mechanism
+from tests.gallery import GRAPHS, changed, document, mechanism
 
 MASS, RADIUS, FORCE = 2.0, 0.1, 100.0  # [kg], [m], [N], as in the graph
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -154,3 +154,18 @@ def test_freedoms_that_move_no_mass_together_end_at_the_start(coefficient, rate)
     assert (motion.status, motion.end) == ("failed", "no inertia")
     one = arms.simulate("time=0.1", start=start, roles={"a": "locked"}).motion
     assert one.status == "reached"
+
+
+@pytest.mark.parametrize("method", ["auto", "energy"])
+def test_a_cam_in_its_dwell_has_no_inertia_from_there_on(method):
+    """The follower falls freely, F/m = -200 m/s2, until the profile's rise ends.
+
+    Beyond it nothing tells how fast the cam turns: the end is named, not an error of a division.
+    """
+    cam = bm.read(GRAPHS / "exercises" / "ch08_cycloidal_cam.json").compile()
+    start = cam.run(at=3.3, rates=1.0, want=["driver.lift.q", "driver.lift.rate"])
+    height, rate = start["driver.lift.q"][0] - 0.05, -start["driver.lift.rate"][0]
+    fall = (math.sqrt(rate**2 + 400 * height) - rate) / 200
+    motion = cam.simulate("time=1", start={"motor": (3.3, 1.0)}, method=method).motion
+    assert motion.end == "no inertia"
+    assert motion.t_end == pytest.approx(fall, abs=1e-9)

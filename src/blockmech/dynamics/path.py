@@ -310,8 +310,9 @@ class PathRun(Run):
         return float(self.system.at(self.q).J[0])
 
     def rate(self) -> float:
-        """Rate of the driver."""
-        return self.sign * math.sqrt(2 * self.K / self.inertia())
+        """Rate of the driver: beyond any bound where energy is left and inertia ends."""
+        inertia = self.inertia()
+        return self.sign * (math.sqrt(2 * self.K / inertia) if inertia else math.inf)
 
     def stand(self) -> RunEnd | None:
         """A standstill: the goal, or on from there."""
