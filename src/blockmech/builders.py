@@ -159,13 +159,14 @@ class Linkage(linkage.Linkage, Uncompiled):
 
     def _as_blocks(self, general: General = "") -> Decomposition:
         """The same, made once as long as nothing of the document changes."""
-        now = {**vars(self.snapshot()), "general": general}
+        document = self.snapshot()  # what is kept must not hold the document that it is kept for
+        now = {**vars(document), "general": general}
         then, blocks = _AS_BLOCKS.get(self, (None, None))
         if blocks is None or then != now:
             from blockmech.model.joints.decompose import decompose  # brings networkx
 
-            blocks = Decomposition(*decompose(self, general))
-            if self.wires:
+            blocks = Decomposition(*decompose(document, general))
+            if document.wires:
                 from blockmech.outputs.sensors_by_link import with_sensors_of_blocks
 
                 blocks = replace(blocks, data=with_sensors_of_blocks(blocks.data, blocks.names))

@@ -111,12 +111,14 @@ def friction(e: Evidence) -> Iterator[Residual]:
             bound = np.where(e.smooth, 0.0, factor * load + drag)
             scale = (np.abs(factor) * terms + np.abs(drag)) * e.condition(name)
             # a thousand times: the solver measures speed and size of the group alone
-            rests = np.abs(slip) * arm <= 1e3 * REST_SHARE * np.maximum(speed, turning * arm)
+            noise = REST_SHARE * np.maximum(speed, turning * arm)
+            rests = np.abs(slip) * arm <= 1e3 * noise
             earlier, later = e.bodies.ends(ref)
             push = earlier.parting(later, slides)
             starts = rests & (np.abs(push) * arm > threshold)
             rests &= ~starts
-            sense = np.where(starts & (slip * push >= 0), np.sign(push), np.sign(slip))
+            by_push = starts & ((slip * push >= 0) | (np.abs(slip) * arm <= noise))
+            sense = np.where(by_push, np.sign(push), np.sign(slip))
             driven = np.where(rests, 0.0, np.maximum(t * sense, 0.0))
             yield Residual("friction in", ref, driven, scale)
             still = law.at_rest()

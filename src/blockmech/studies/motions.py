@@ -236,7 +236,8 @@ class MotionRunner(Runner):
                 "friction": self.settings["friction"],
                 **self.simulation,
             }
-            result = design.simulate(want=outputs, **arguments)
+            times = self.simulation.get("times")
+            result = design.simulate(want=() if times is None else outputs, **arguments)
         except BlockmechError as error:
             return Moved({}, NO_MOTION, f"{error.problems[0].where} ({error.problems[0].found})")
         motion = result.motion
@@ -247,6 +248,9 @@ class MotionRunner(Runner):
             return Moved({}, NO_MOTION, f"{motion.end}, after {motion.t_end:.9g} s")
         if motion.status in ("ended", "unfinished") and motion.end != ends.REST:
             return Moved({}, ENDED_EARLY, f"{motion.end}, after {motion.t_end:.9g} s")
+        if times is None:  # without the corners of a curve: rows of designs are equally long
+            t, friction = motion.times(self.n), self.settings["friction"]
+            result = result_along(design, motion, t, outputs, friction)
         return Moved({w.label: self.value(w, result, motion) for w in self.want})
 
     def value(self, w: Wanted, result: Result, motion: Motion) -> Any:
@@ -265,7 +269,7 @@ class MotionRunner(Runner):
             return size(np.asarray(at[w.output])).reshape(times.shape)
 
         friction, size = self.settings["friction"], np.abs if w.vector else np.asarray
-        return extremes_of(w, output, t, size(y)[None], ended=EQUAL).value[0]
+        return extremes_of(w, output, t, size(y)[None], remainder=EQUAL).value[0]
 
 
 @dataclass(frozen=True)
@@ -367,7 +371,7 @@ def _extremes(
 
     share = np.linspace(0.0, 1.0, n)
     y = output(np.arange(len(of)), np.tile(share, (len(of), 1)))
-    return extremes_of(w, output, share, y, ended=EQUAL).value
+    return extremes_of(w, output, share, y, remainder=EQUAL).value
 
 
 def reduced(w: Wanted, t: Array, y: Array, n: int) -> Any:
