@@ -29,6 +29,7 @@ MECHANISM = bm.Graph.load("graphs/ruiz_fourbar.json").compile()
         ("omega", ("law", "rate", "from", "to"), "rate"),
         ("k", ("stiffness", "free_length", "damping"), "stiffness"),
         ("c", ("stiffness", "free_length", "damping"), "damping"),
+        ("coupling.mesh.force", ("joint.A.reaction", "mesh.force"), "mesh.force"),
     ],
 )
 def test_words_of_the_trade_are_known(word, valid, name):

@@ -277,6 +277,8 @@ def close_match(word: str, valid: Iterable[str]) -> str:
     if len(word) > LONGEST_NAME:
         return ""
     names = list(islice(valid, MOST_NAMES))
+    if parts := [name for name in names if word.endswith(f".{name}")]:  # a root too many
+        return f'did you mean "{max(parts, key=len)}"?'
     head, dot, last = word.rpartition(".")
     synonyms = SYNONYMS.get(last.lower(), ())
     for name in (f"{head}{dot}{synonym}" for synonym in synonyms):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import gc
 import json
+import weakref
 from pathlib import Path
 
 import jsonschema
@@ -239,3 +241,13 @@ def test_what_is_added_as_an_object_is_what_its_keys_say():
     by_objects.add_load("wind", bm.Force(force=(1.0, 0.0)), link="arm", at=(0.5, 0.0))
     by_keys.add_load("wind", "force", force=(1.0, 0.0), link="arm", at=(0.5, 0.0))
     assert by_objects.to_data() == by_keys.to_data()
+
+
+def test_a_compiled_document_is_released_with_its_last_name():
+    """A program that edits and compiles for hours holds the documents that it still names."""
+    document = read(machines.slider_crank())
+    document.compile()
+    kept = weakref.ref(document)
+    del document
+    gc.collect()
+    assert kept() is None
