@@ -107,7 +107,7 @@ class Record:
         return next(iter(self.all(tag)), Record(tag, {}, [], f"{self.where}, {tag}"))
 
     def walk(self) -> Iterator[Record]:
-        """This part and all in it."""
+        """The part itself and all in it."""
         yield self
         for part in self.inner:
             yield from part.walk()
