@@ -304,7 +304,8 @@ class Compiled(Runnable[M]):
         chunk: int | None = None,
     ) -> Result:
         """The wanted outputs at samples; ``settings`` are those of `plan`; gaps are marked."""
-        settings = {**settings, "friction": settings["friction"] or "newton"}
+        friction = settings["friction"]
+        settings = {**settings, "friction": "newton" if friction is None else friction}
         plan = self._plan_at(samples, want, **settings)
         if self.structure.states:
             self._refuse_states(plan, samples.inputs)

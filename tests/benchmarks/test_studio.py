@@ -139,4 +139,4 @@ def server_of(studio):
 
 def resident(process):
     """Bytes of a process that are in memory."""
-    return int((process / "statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return int((process / "statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")

@@ -143,7 +143,9 @@ def test_blocks_are_added_wired_refused_and_dragged(page, studio):
     hand.changed(
         lambda: hand.drag((block["x"] + 30, block["y"] + 12), (block["x"] + 60, block["y"] + 52))
     )
-    assert page.locator('g.block[data-id="crank"]').bounding_box()["x"] != before
+    crank = """document.querySelector('g.block[data-id="crank"]')"""
+    moved = f"x => {crank} && {crank}.getBoundingClientRect().x !== x"
+    page.wait_for_function(moved, arg=before)
     page.locator('g.block[data-id="crank"]').focus()
     page.keyboard.press("Enter")
     name = page.get_by_label("Name", exact=True)

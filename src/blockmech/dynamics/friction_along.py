@@ -65,7 +65,8 @@ def friction_along(
         pushes[np.ix_(some, those)] = response.pushes
         size = (np.abs(at.S) @ np.abs(at.freedoms[..., None]))[..., 0]
         fast = np.abs(np.hstack([at.w, at.rate])).max(axis=-1, keepdims=True)
-        still = (np.abs(at.w) <= DEPENDENT * np.maximum(size, fast)) & ~friction.signed
+        rounded = np.abs(at.w) <= DEPENDENT * np.maximum(size, fast)
+        still = (rounded | (at.w * np.array(side) < 0)) & ~friction.signed
         stand[some] = still | (np.array(side) == 0)
     return Along(rates, qdd, rubbed, stand, pushes)
 
