@@ -15,7 +15,7 @@ import pytest
 
 from tests.proof import chain
 from tests.studio.conftest import browser, page, studio, tab  # noqa: F401
-from tests.studio.page import Sheet, heap_around
+from tests.studio.page import FRAMES, Sheet, heap_around, resident
 
 from .results import NOTES, ROWS, Row
 
@@ -26,15 +26,6 @@ OPENED = {  # [s] until curves are drawn
     "forty four-bars": ({"example": "n_four_bar"}, 2.0),
     "chain of 100 dyads": ({"text": json.dumps(chain.document(100)), "name": "chain"}, 2.0),
 }
-FRAMES = """() => {
-    window.spent = [];
-    const ask = window.requestAnimationFrame;
-    window.requestAnimationFrame = (act) => ask((time) => {
-        const begun = performance.now();
-        act(time);
-        window.spent.push(performance.now() - begun);
-    });
-}"""
 
 
 def row(task, seconds, most, unit="s"):
@@ -118,25 +109,21 @@ def test_bytes_of_a_cold_opening(page, studio):
 
 def test_memory_of_the_page_and_of_the_server(page, studio):
     server = server_of(studio)
+    heap_around(page, studio, 40)  # what is made once is there now
     begun = resident(server)
     before, after = heap_around(page, studio, 500)
     row("heap of the page, MB", before / 1e6, 10, "MB")
     row("growth of the heap by 500 edits, MB", max((after - before) / 1e6, 1e-3), 1, "MB")
-    row("growth of the server, MB", max((resident(server) - begun) / 1e6, 1e-3), 5, "MB")
+    row("growth of the server, MB", max(resident(server) - begun, 1e-3), 5, "MB")
 
 
 def server_of(studio):
-    """The process of the server, by the folder that it works in."""
+    """The number of the server's process, by the folder that it works in."""
     folder = str(studio[1])
     return next(
-        p
+        int(p.name)
         for p in Path("/proc").glob("[0-9]*")
         if os.access(p / "cwd", os.R_OK)
         and os.readlink(p / "cwd") == folder
         and b"blockmech\0studio" in (p / "cmdline").read_bytes()
     )
-
-
-def resident(process):
-    """Bytes of a process that are in memory."""
-    return int((process / "statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")

@@ -2,8 +2,19 @@
 
 import json
 import re
+from pathlib import Path
 
 from blockmech.editor.sharing import unpacked
+
+FRAMES = """() => {
+    window.spent = [];
+    const ask = window.requestAnimationFrame;
+    window.requestAnimationFrame = (act) => ask((time) => {
+        const begun = performance.now();
+        act(time);
+        window.spent.push(performance.now() - begun);
+    });
+}"""  # keeps how long each frame took [ms] from then on
 
 
 class Sheet:
@@ -155,3 +166,10 @@ def heap_around(page, studio, edits):
     for k in range(edits):
         hand.changed(lambda k=k: page.keyboard.press("ArrowLeft" if k % 2 else "ArrowRight"))
     return before, heap()
+
+
+def resident(process):
+    """Memory of a process [MB], by its number; of Linux."""
+    status = Path(f"/proc/{process}/status").read_text("ascii").splitlines()
+    (line,) = (line for line in status if line.startswith("VmRSS"))
+    return int(line.split()[1]) * 1024 / 1e6

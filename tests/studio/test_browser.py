@@ -11,7 +11,7 @@ pytest.importorskip("playwright.sync_api", reason="it is no browser's driver")
 from playwright.sync_api import expect
 
 import blockmech as bm
-from tests.studio.page import Sheet, heap_around
+from tests.studio.page import FRAMES, Sheet, heap_around
 
 AXE = Path(__file__).parents[2] / ".ci" / "node_modules" / "axe-core" / "axe.min.js"
 DRAWN = {"new": "joints"}
@@ -243,17 +243,7 @@ def test_a_frame_of_a_drag_is_short(page, studio):
     """All poses and all paths of the excavator, in less than two frames of a screen."""
     hand = Sheet(page, studio, {"example": "joints/excavator"})
     page.locator(".path").first.wait_for(state="attached")
-    page.evaluate(
-        """() => {
-            window.spent = [];
-            const own = window.requestAnimationFrame;
-            window.requestAnimationFrame = (act) => own((time) => {
-                const begun = performance.now();
-                act(time);
-                window.spent.push(performance.now() - begun);
-            });
-        }"""
-    )
+    page.evaluate(FRAMES)
     hand.hold("arm_cylinder_foot", 20, 25, steps=30)
     spent = page.evaluate("window.spent")
     page.keyboard.press("Escape")
