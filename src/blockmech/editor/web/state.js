@@ -119,8 +119,11 @@ async function show(id, sheet, first) {
     set({ id, tool: sheet.empty ? "Link" : "", chosen: [], link: "", part: [], pose: null, q: null, playing: false, names: sheet.drives, moved: "", held: {} });
     set({ view: sheet.kind === "joints" || sheet.motion ? "drawing" : "blocks", live: null });
     window_events?.close();
+    const isNews = (/** @type {number} */ revision) => store.id === id && store.sheet && revision > store.sheet.revision && !busy;
     window_events = stream(`documents/${id}/events`, async (revision) => {
-      if (store.id === id && store.sheet && revision > store.sheet.revision && !busy) take(await ask(`documents/${id}`, asked()));
+      if (!isNews(revision)) return;
+      const news = await ask(`documents/${id}`, asked());
+      if (isNews(news.revision)) take(news); // not older than what an act of here has brought meanwhile
     });
   }
   await take(sheet);
