@@ -1,7 +1,9 @@
 """Words that say what was done with a value instead of what it is, among assigned names.
 
-The share, of 1,000 names and arguments, may only fall, room by room: `.ci/words.toml` holds it.
-Function names that begin with such a word are counted apart. See docs/contributing/words.md.
+Their share of the names and arguments of a room may only fall: `.ci/words.toml` holds how many
+there are, and of how many names. What has no more of them than before has not got worse, even if
+other names went. Function names that begin with such a word are counted apart. See
+docs/contributing/words.md.
 
 usage: python3 .ci/words.py [--write]
 """
@@ -39,8 +41,8 @@ def names_in(tree: ast.AST) -> Iterator[tuple[str, str]]:
             yield "functions", node.name.strip("_").split("_")[0]
 
 
-def shares(folder: Path) -> dict[str, float]:
-    """Room and kind -> listed words of 1,000, rounded up to a tenth."""
+def counts(folder: Path) -> dict[str, list[int]]:
+    """Room and kind -> names with listed words, and all names."""
     names, hits = Counter[str](), Counter[str]()
     for file in sorted(folder.rglob("*.py")):
         inside = file.relative_to(folder).parts
@@ -48,21 +50,24 @@ def shares(folder: Path) -> dict[str, float]:
         for kind, name in names_in(ast.parse(file.read_text("utf-8"))):
             names[f"{room}.{kind}"] += 1
             hits[f"{room}.{kind}"] += tied(name)
-    return {key: -(-10_000 * hits[key] // n) / 10 for key, n in sorted(names.items())}
+    return {key: [hits[key], n] for key, n in sorted(names.items())}
 
 
 def main() -> int:
     """Print rooms that have more listed words than they had; the number of them."""
-    counted = shares(ROOT / "src" / "blockmech") | shares(ROOT / "tests")
+    counted = counts(ROOT / "src" / "blockmech") | counts(ROOT / "tests")
     if "--write" in sys.argv:
-        lines = (f'"{key}" = {share}\n' for key, share in counted.items())
+        lines = (f'"{key}" = {count}\n' for key, count in counted.items())
         LIMITS.write_text("# Written by .ci/words.py --write.\n" + "".join(lines), "utf-8")
         return 0
-    limits = tomllib.loads(LIMITS.read_text("utf-8"))
-    worse = {key: x for key, x in counted.items() if x > limits.get(key, 0.0)}
-    for key, share in worse.items():
-        print(f"{key}: {share} of 1,000 names say what was done, {limits.get(key, 0.0)} before")
-    return len(worse)
+    before = tomllib.loads(LIMITS.read_text("utf-8"))
+    worse = 0
+    for key, (hits, names) in counted.items():
+        hits_before, names_before = before.get(key, (0, 1))
+        if hits > hits_before and hits * names_before > hits_before * names:
+            print(f"{key}: {hits} of {names} names say what was done, {hits_before} before")
+            worse += 1
+    return worse
 
 
 if __name__ == "__main__":
