@@ -53,7 +53,7 @@ def test_a_pendulum_on_a_pin_stands_still_where_the_closed_form_says(method, acc
     assert low < 0 < high
 
 
-def turned_together(*rubbing):
+def turned_together(*rubbing, law="coulomb", **numbers):
     """Three links in a triangle that hangs on two pins of one axis: B and C never move."""
     B, C = cmath.rect(0.4, 0.3), cmath.rect(0.5, 1.1)
     rng = np.random.default_rng(5)
@@ -65,7 +65,7 @@ def turned_together(*rubbing):
         name: released.pin(a, b, [x, 0.0], [y, 0.0]) for name, (a, b, x, y) in lengths.items()
     }
     for name in rubbing:
-        joints[name]["friction"] = {"law": "coulomb", "coefficient": 0.3, "radius": 0.02}
+        joints[name]["friction"] = {"law": law, "radius": 0.02, **(numbers or {"coefficient": 0.3})}
     start = {"motor": (0.3, 0.0)}
     case = released.document(links, joints, {"motor": "A"}, start, "triangle")
     return bm.Linkage.from_data(case).compile()
@@ -81,6 +81,19 @@ def test_pairs_of_links_that_turn_together_slip_in_no_sense(q):
     assert abs(every.q_end - alone.q_end) <= every.error + alone.error
     work = alone.facts["friction_work"]
     assert every.facts["friction_work"] == pytest.approx(work, rel=1e-8)
+
+
+def test_pairs_that_never_move_bend_no_bristles_by_machine_code_either():
+    """A law that remembers turns at each change of sense: of rounding there were ten thousands."""
+    pytest.importorskip("llvmlite", reason="machine code needs the extra fast")
+    dahl = {"law": "dahl", "kinetic": 0.3, "stiffness": 30.0}
+    request = {"start": {"motor": (0.5, 1.0)}, "accuracy": 1e-9, "engine": "llvm"}
+    every, alone = (
+        turned_together(*names, **dahl).simulate("time=0.5", **request).motion
+        for names in ("BCD", "D")
+    )
+    assert every.cost.evaluations < 2 * alone.cost.evaluations
+    assert abs(every.q_end - alone.q_end) <= every.error + alone.error
 
 
 @pytest.mark.parametrize(("mass", "length"), [(3.0, 1.0), (1e-6, 1e-4), (1e5, 100.0)])

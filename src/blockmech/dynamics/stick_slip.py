@@ -60,6 +60,7 @@ class StickSlip:
     zero: Sequence[int] = ()  # pairs without relative rate when sides were settled last
     settled: float = math.nan  # [s] when that was
     holds: bool = False  # whether some of what sticks holds a freedom
+    moving: Sequence[bool] = ()  # whether a pair has a relative rate that is no rounding
 
     def __post_init__(self) -> None:
         self.friction = self.equation.system.friction
@@ -75,7 +76,8 @@ class StickSlip:
         released = EventFunction(ends.RELEASED, self._excess, 1, parts=PARTS // 2, index=0)
         rules = [released] if self.holds else []
         if self.friction is not None and not equation.is_fixed:
-            about = self.friction.program, equation.sides, not self._lists_pairs
+            sides = [s * x for s, x in zip(equation.sides, self.moving, strict=True)]
+            about = self.friction.program, sides, not self._lists_pairs
             rules += friction_rules(equation.slips, equation.pair_loads, *about)
         return rules
 
@@ -172,6 +174,7 @@ class StickSlip:
         if not np.isfinite(at.w).all():  # of a chart that has no pose where it should go on
             yield Transition(RunEnd(ends.IMPOSSIBLE))
             return
+        self.moving = (at.S.any(axis=-1) | (at.b != 0) | (at.w != 0)).tolist()
         at = friction.turning(at, standing, now.t)
         self.zero, self.settled = friction.sticking_pairs(at, standing), now.t
         start = friction.settled(at, self.zero, released)
