@@ -6,6 +6,8 @@ the whole is `tests.campaigns.calls`.
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 from blockmech.ground.runnable import LazyMethod
@@ -24,6 +26,14 @@ CHEAP = [*METHODS, *MORE]
 CHEAP = [call for call in CHEAP if not call.startswith(DEAR)]
 FILMS = ("film", "write film", "draw animation", "mode shapes")  # drawn elsewhere
 EACH = 1  # calls on each file
+
+
+def test_a_method_whose_file_cannot_be_loaded_names_what_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "blockmech.analysis.peaks", None)
+    lazy = LazyMethod("blockmech.analysis.peaks.largest")
+    lazy.__set_name__(Mechanism, "largest")
+    with pytest.raises(ModuleNotFoundError, match=r"blockmech\.analysis\.peaks"):
+        lazy.__get__(None, Mechanism)
 
 
 def test_every_method_of_a_mechanism_has_a_call():

@@ -15,7 +15,7 @@ from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.expect import Expectation
 from blockmech.model.reading import data_of
-from blockmech.model.versions import VERSION
+from blockmech.model.versions import VERSION, current
 from blockmech.model.writing import WIDTH, canonical_text
 from blockmech.testing import check_expectations
 from tests.doors import graph_of as loads
@@ -303,6 +303,23 @@ def test_a_graph_inside_of_an_old_file_is_old_as_well():
         assert graph["scene"]["drive"]["crank"]["law"] == "trajectory"
     arm = bm.Subgraph(graph=head | inner)
     assert arm.graph["scene"]["drive"]["crank"]["law"] == "trajectory"
+
+
+def test_couplings_of_an_old_file_keep_names_of_their_own():
+    """Each is renamed where a load has its name, to one that no other coupling has."""
+    loads = {"gas": {}, "gas_": {}}
+    data = {"format": "blockmech/joints", "version": 1, "loads": loads}
+    couplings = {"gas": {"ratio": 1.0}, "gas_": {"ratio": 2.0}, "gas__": {"ratio": 3.0}}
+    renamed = current({**data, "couplings": couplings})["couplings"]
+    assert list(renamed.values()) == list(couplings.values())
+    assert not renamed.keys() & loads.keys()
+
+
+@pytest.mark.parametrize("version", [1.0, 2.0, True, 0, "1", None])
+def test_a_version_is_a_whole_number(version):
+    with pytest.raises(bm.FormatError) as refused:
+        bm.Graph.from_data({"format": "blockmech/graph", "version": version, "blocks": {}})
+    assert refused.value.problems[0].where == "version"
 
 
 def test_an_old_file_of_links_still_gives_its_numbers():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, ABCMeta, abstractmethod
+from itertools import takewhile
 from pkgutil import resolve_name
 from types import MethodType
 from typing import Any, Generic
@@ -33,7 +34,9 @@ class LazyMethod:
     def __get__(self, instance: Any, owner: type) -> Any:
         if isinstance(self._owner, ABCMeta) and "__abstractmethods__" not in vars(self._owner):
             return self  # the class is being made, and asks each name whether it is abstract
-        method = resolve_name(self._path)
+        *names, _ = self._path.split(".")
+        module = ".".join(takewhile(str.islower, names))  # behind it a class may stand
+        method = resolve_name(f"{module}:{self._path.removeprefix(module + '.')}")
         setattr(self._owner, self._name, method)
         return method if instance is None else MethodType(method, instance)
 

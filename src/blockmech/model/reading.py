@@ -103,8 +103,8 @@ def data_of(text: str) -> tuple[Data, list[Problem]]:
     try:
         data = json.loads(text, parse_int=as_integer, object_pairs_hook=as_object)
         plain = text.isascii() and "\\u" not in text  # no half of a character
-        is_plain = plain and not twice and _is_within_bounds(data)
-        misfits = [] if is_plain else list(islice(_misfits(text), MOST + 1))
+        is_sound = plain and not twice and _is_within_bounds(data)
+        misfits = [] if is_sound else list(islice(_misfits(text), MOST + 1))
     except json.JSONDecodeError as error:
         raise FormatError(_syntax(text, error)) from error
     except RecursionError as error:

@@ -23,7 +23,8 @@ COUPLING = "coupling."
 
 def current(document: Data) -> Data:
     """A document of the current version: a copy where its own is older."""
-    if document.get("version") != 1 or isinstance(document["version"], bool):
+    version = document.get("version")
+    if type(version) is not int or version != 1:  # 1.0 and true are none
         return document
     document = {**copy.deepcopy(document), "version": VERSION}
     _name_trajectories(document)
@@ -58,7 +59,10 @@ def _shorten_outputs(document: Data) -> None:
     """Name outputs of couplings after these alone; one named like a load or signal is renamed."""
     couplings = _at(document, "couplings")
     taken = {*_at(document, "loads"), *_at(document, "signals"), *OWNERS}
-    names = {x: x if x not in taken else free_name(x, taken | couplings.keys()) for x in couplings}
+    used, names = taken | couplings.keys(), dict[str, str]()
+    for x in couplings:
+        names[x] = free_name(x, used) if x in taken else x
+        used.add(names[x])
     if couplings:
         document["couplings"] = {names[x]: item for x, item in couplings.items()}
 

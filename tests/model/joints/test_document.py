@@ -243,6 +243,23 @@ def test_what_is_added_as_an_object_is_what_its_keys_say():
     assert by_objects.to_data() == by_keys.to_data()
 
 
+@pytest.mark.parametrize("link", [5, "bar", bm.Gear(driver="a", driven="b", teeth=(1, 2))])
+def test_an_object_that_is_no_link_is_refused(link):
+    m = bm.Linkage("m")
+    with pytest.raises(bm.RequestError, match=r"link: got .* a bm.Link or a body"):
+        m.add_link("rod", link)
+    assert "rod" not in m.links
+
+
+def test_names_that_are_taken_are_told_in_the_order_of_the_document():
+    data = machines.slider_crank()
+    names = ["mechanism", "joint", "driver", "link"]
+    data["signals"] = {name: {"type": "gain", "k": 1.0} for name in names}
+    with pytest.raises(bm.FormatError) as refused:
+        linkage_of(json.dumps(data))
+    assert [p.where for p in refused.value.problems] == [f"signals.{name}" for name in names]
+
+
 def test_a_compiled_document_is_released_with_its_last_name():
     """A program that edits and compiles for hours holds the documents that it still names."""
     document = read(machines.slider_crank())

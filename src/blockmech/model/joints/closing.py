@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from blockmech.assur.formation import formation
 from blockmech.functions.roots import LONGEST_STEP, NEWTON_STEPS
 from blockmech.ground.plane import dot
-from blockmech.ground.tolerances import DOUBLE_ROOT, ROUNDING
+from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT, ROUNDING
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Pose, Poses
 
@@ -276,7 +276,7 @@ def _keeps_moving(closing: Closing, poses: Poses, motion: Floats, mobility: int)
     The step's square, by which a structure at a dead centre gapes, is larger than what is
     taken for nothing.
     """
-    step = motion * math.sqrt(10 * DOUBLE_ROOT) / np.abs(motion).max()
+    step = motion * math.sqrt(BLUR) / np.abs(motion).max()
     farther = closing.refine(closing.moved(poses, step))
     travel = max(
         max(

@@ -9,9 +9,17 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import GraphError, Problem, as_names, listed, path_text, unknown_name
+from blockmech.ground.errors import (
+    GraphError,
+    Problem,
+    as_names,
+    listed,
+    path_text,
+    refused,
+    unknown_name,
+)
 from blockmech.ground.names import is_name
-from blockmech.ground.values import Marker, StrictModel, Vector
+from blockmech.ground.values import Link, Marker, StrictModel, Vector
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import Wire
 from blockmech.model.document import Document
@@ -33,7 +41,7 @@ from blockmech.typing import Arguments, Data, Quantity
 if TYPE_CHECKING:
     from blockmech.design.shapes import Body
     from blockmech.friction.laws.contract import FrictionLaw
-    from blockmech.ground.values import AnyMarker, AnyPlace, Link, Two
+    from blockmech.ground.values import AnyMarker, AnyPlace, Two
 
 
 class Linkage(Document):
@@ -123,12 +131,16 @@ class Linkage(Document):
         mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame
         markers : name -> place [m], or a `Marker` with a direction
 
-        Raises `GraphError` for a taken name or properties that do not fit.
+        Raises `GraphError` for a taken name or properties that do not fit, and `RequestError`
+        for an object that is no body.
 
         >>> m.add_link("arm", pose=(0.0, 0.0, "30deg"), mass=2.0, markers={"tip": (0.5, 0.0)})
         >>> m.links["arm"].mass
         2.0
         """
+        if not (link is None or isinstance(link, Link) or hasattr(link, "keys")):
+            valid = "a bm.Link or a body of bm.design.shapes is meant"
+            raise refused("link", f"got {link!r:.60}", valid=valid, code="wrong-type")
         keys = {"pose": pose, "mass": mass, "inertia": inertia, "cm": cm, "markers": markers}
         self._add_model("link", name, link or "", {k: x for k, x in keys.items() if x is not None})
 

@@ -118,7 +118,7 @@ def _signals(linkage: Any, known: Known) -> Iterator[Problem]:
     """Couplings and signal blocks named like the owners of other outputs; wires that do not fit."""
     names = {*OWNERS, *linkage.loads}
     for section in ("couplings", "signals"):
-        for name in names.intersection(getattr(linkage, section)):
+        for name in filter(names.__contains__, getattr(linkage, section)):
             message = f"{name} is what other outputs are named after"
             where, remedy = path_text((section, name)), "choose another name"
             yield Problem("taken-name", where, message, f"taken: {listed(sorted(names))}", remedy)
