@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from blockmech.builders import compiled_of, opened
+from blockmech.builders import compiled
 from blockmech.cli.numbers import texts_by_name
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.terminal import progress_bar, reading, say
@@ -49,7 +49,7 @@ def export(
             lines += [f"{'':<26}--set {k}=...  {v}" for k, v in writer.options.items()]
         say("\n".join(lines))
         return
-    options = dict(texts_by_name("--set", set_, "--set width=20mm"))
+    options = dict(texts_by_name("--set", set_, "width=20mm"))
     written(file, output, to, poses, want, friction=friction, static=static or None, **options)
 
 
@@ -65,15 +65,14 @@ def written(
     from blockmech.exchange.formats import writer_for
     from blockmech.exchange.writing import write
 
-    document = reading(file, opened)
-    mechanism = compiled_of(document, file)
+    mechanism = reading(file, compiled)
     if output is None:
         if to is None:
             raise refused("export", "no file to write is named", "add -o FILE, or --to FORMAT")
         output = f"{mechanism.name}{writer_for(Path(), to).suffixes[0]}"
     request: Arguments = {"want": names_of(want) or EVERYTHING, **poses.of(mechanism), **options}
     with progress_bar("writing"):
-        files = write(document, output, to, **request)
+        files = write(mechanism, output, to, **request)
     say("\n".join(f"wrote {path}" for path in files))
 
 

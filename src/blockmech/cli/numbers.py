@@ -168,7 +168,8 @@ def _count(where: str, text: str) -> int:
 def texts_by_name(option: str, texts: list[str] | None, example: str) -> Iterator[tuple[str, str]]:
     """Name and text of options that are NAME=TEXT. Raises `RequestError` for others."""
     for text in texts or ():
-        name, _, value = text.partition("=")
-        if not (name and value):
-            raise refused(f"{option} {text}", "it names no values", f"write for example {example}")
+        name, equals, value = text.partition("=")
+        if not (name and equals):
+            remedy = f"write for example {option} {example}"
+            raise refused(f"{option} {text}", "it names no values", remedy)
         yield name, value
