@@ -22,6 +22,7 @@ from blockmech.ground.errors import Problem, RequestError
 from blockmech.ground.units import number_in_si
 from blockmech.typing import Quantity
 
+UNITS = {"mass": "kg", "density": "kg/m3", "area": "m2"}  # other sizes are lengths [m]
 STEEL = 7850.0  # [kg/m3]
 
 
@@ -73,7 +74,7 @@ class Body:
 
 def point(mass: Quantity, at: Sequence[float] = (0.0, 0.0)) -> Body:
     """A point mass [kg] at a place (x, y) [m], such as a bolt or a counterweight."""
-    return Body(_positive("kg", mass=mass)[0], 0.0, (float(at[0]), float(at[1])))
+    return Body(_positive(mass=mass)[0], 0.0, (float(at[0]), float(at[1])))
 
 
 def bar(length: Quantity, width: Quantity = 0.0, **amount: Quantity) -> Body:
@@ -88,15 +89,14 @@ def bar(length: Quantity, width: Quantity = 0.0, **amount: Quantity) -> Body:
     >>> bm.design.shapes.bar(0.5, mass=1.5).inertia
     0.03125
     """
-    (x,) = _positive("m", length=length)
-    y = _positive("m", width=width)[0] if width else 0.0
+    x, y = _positive("width", length=length, width=width)
     mass = _mass(x * y, amount)
     return Body(mass, mass * (x**2 + y**2) / 12, (x / 2, 0.0))
 
 
 def plate(width: Quantity, height: Quantity, **amount: Quantity) -> Body:
     """A rectangle about the origin, ``width`` [m] along x and ``height`` [m] along y."""
-    x, y = _positive("m", width=width, height=height)
+    x, y = _positive(width=width, height=height)
     mass = _mass(x * y, amount)
     return Body(mass, mass * (x**2 + y**2) / 12)
 
@@ -108,9 +108,8 @@ def disc(radius: Quantity, inner: Quantity = 0.0, **amount: Quantity) -> Body:
     >>> bm.design.shapes.disc(0.5, mass=2.0).inertia
     0.25
     """
-    (r,) = _positive("m", radius=radius)
-    hole = _positive("m", inner=inner)[0] if inner else 0.0
-    _positive("m", wall=r - hole)
+    r, hole = _positive("inner", radius=radius, inner=inner)
+    _positive(wall=r - hole)
     mass = _mass(math.pi * (r**2 - hole**2), amount)
     return Body(mass, mass * (r**2 + hole**2) / 2)
 
@@ -138,23 +137,25 @@ def polygon(outline: Iterable[Sequence[float]], **amount: Quantity) -> Body:
 def _mass(area: float, amount: dict[str, Quantity]) -> float:
     """Mass [kg] of an area [m2]: as it is given, or of a thickness and a density."""
     if amount.keys() == {"mass"}:
-        return _positive("kg", **amount)[0]
+        return _positive(**amount)[0]
     if "thickness" in amount and amount.keys() <= {"thickness", "density"}:
-        _positive("m2", area=area)
-        (thickness,) = _positive("m", thickness=amount["thickness"])
-        return area * thickness * _positive("kg/m3", density=amount.get("density", STEEL))[0]
+        return math.prod(_positive(area=area, **{"density": STEEL, **amount}))
     message = f"got {', '.join(amount) or 'neither'}"
     valid = "mass=, or thickness= and density= (steel)"
     raise RequestError([Problem("bad-request", "shapes", message, valid, "say how much it is")])
 
 
-def _positive(unit: str, **sizes: Quantity) -> list[float]:
-    """Sizes in SI, numbers or texts of a unit; refuses those not above zero, all at once."""
-    numbers = {name: number_in_si(x, unit) for name, x in sizes.items() if x is not True}
-    problems = [
-        Problem("bad-value", name, f"must be > 0, got {x!r}", f"a size is in {unit}")
+def _positive(zero: str = "", /, **sizes: Quantity) -> list[float]:
+    """Sizes in SI; refuses those not above zero, all at once, but for one that may be zero."""
+    units = {name: UNITS.get(name, "m") for name in sizes}
+    numbers = {
+        name: math.nan if isinstance(x, bool) else number_in_si(x or 0.0, units[name])
         for name, x in sizes.items()
-        if not 0 < numbers.get(name, 0.0) < math.inf
+    }
+    problems = [
+        Problem("bad-value", name, f"must be > 0, got {sizes[name]!r}", f"it is in {units[name]}")
+        for name, x in numbers.items()
+        if not (0 < x < math.inf or (x == 0 and name == zero))
     ]
     if problems:
         raise RequestError(problems)
