@@ -218,6 +218,13 @@ def test_full_turning_link_has_no_extreme_of_its_angle_inside():
     assert abs(extremes.maximum.value - extremes.minimum.value - TURN) <= ROUNDINGS * EPS * TURN
 
 
+def test_ends_of_an_arc_that_is_shorter_than_six_samples_are_limits_as_well():
+    """A rocker of a millimetre turns about its pivot, while the crank moves by five degrees."""
+    arc = fourbar(1.0, 1.001, 1e-3, 2.0).compile().extremes("dyad.C.p.x")
+    assert arc.maximum.value == pytest.approx(2.001, abs=1e-9)
+    assert arc.minimum.value == pytest.approx(1.999, abs=1e-9)
+
+
 def test_rates_grow_without_bound_towards_a_dead_centre():
     law = bm.motion.ConstantRate(rate=10.0)
     extremes = slider_crank(1.0, 3.0, 2.5, law).compile().extremes("dyad.i.omega")

@@ -24,8 +24,8 @@ from blockmech.analysis.scan import NODES, TURN, Span
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import tangents
-from blockmech.functions.roots import NEWTON_STEPS, bisect
-from blockmech.functions.series import SCANNED, Floats, Series, fit, panels
+from blockmech.functions.roots import NEWTON_STEPS, SCANNED, bisect
+from blockmech.functions.series import Floats, Series, fit, panels
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT, EQUAL
 
@@ -160,7 +160,7 @@ class Line:
             q += step
             if abs(step) <= 4 * EPS * max(abs(q), span):
                 return q
-        noise = float(self.system.rounding(np.array([q]))[0])
+        noise = self.system.rounding(q)
         small = abs(float(self.effort(np.array([q]))[0])) <= 64 * noise
         return q if small or abs(step) <= SAME * span else None
 
@@ -306,7 +306,7 @@ def _at_stops(
         if closed or q != stop:
             continue
         of = tangents(line.mechanism, [[q]], t=line.t)
-        if -side * float(of.effort[0, 0]) > float(line.system.rounding(np.array([q]))[0]):
+        if -side * float(of.effort[0, 0]) > line.system.rounding(q):
             none = np.empty(0)
             yield Equilibrium(
                 {name: q}, {name: unit}, "stable", of.M[0], of.C[0], of.K[0], none, stop=True

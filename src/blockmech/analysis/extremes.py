@@ -17,9 +17,9 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turning_points import Turn, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
-from blockmech.functions.series import EPS
 from blockmech.ground.errors import held, listed, refused, shown
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.typing import Data, FrictionMethod
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from blockmech.result.result import Result
 
 PARTS = ("x", "y", "magnitude")
-NOISE = 4096 * EPS  # of the largest value of any part: what is smaller is zero
 
 Kind = Literal["minimum", "maximum"]
 
@@ -150,7 +149,7 @@ def extremes(
 
     Returns
     -------
-    Extremes; cost: two batches of 720 samples, some more where there is a kink
+    Extremes; cost: some five batches of 720 samples for each part, more where there are kinks
 
     Raises
     ------
@@ -166,7 +165,7 @@ def extremes(
     output, parts = parts_of(cycle.mechanism, name)
     turns = {part: turns_of(cycle, signal_of(cycle, output, part)) for part in parts}
     sizes = [abs(end.value) for t in turns.values() for end in (t.low, t.high)]
-    noise = NOISE * max(filter(math.isfinite, sizes), default=0.0)
+    noise = ROUNDING * max(filter(math.isfinite, sizes), default=0.0)
     ranges = {
         "" if len(parts) == 1 else part: Range(
             part,
@@ -205,5 +204,5 @@ def extreme_at(cycle: Cycle, turn: Turn, noise: float = 0.0) -> Extreme:
     at, time = cycle.at(turn.s)
     kind: Kind = "maximum" if turn.sign > 0 else "minimum"
     units = {d: cycle.mechanism.outputs[d].unit for d in at}
-    value = turn.value if abs(turn.value) > noise else 0.0
+    value = 0.0 if abs(turn.value) <= noise else turn.value
     return Extreme(kind, value, at, units, time, turn.end)

@@ -30,7 +30,7 @@ from blockmech.analysis.scan import TURN, shown_place
 from blockmech.figures.bars import Bar, bars_figure
 from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.pictured import Pictured
-from blockmech.functions.series import SCANNED
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, among, listed, refused
 from blockmech.ground.report import DEGREES, Facts

@@ -21,7 +21,7 @@ from blockmech.ground.plane import EPS
 
 NODES = 16  # of a stretch: exact for degree 29
 LAST = 4  # coefficients that tell what is left of a rate
-ROUNDING = 1024 * EPS  # of each term of a quadrature and of a dense output
+TERM = 1024 * EPS  # of each term of a quadrature and of a dense output
 TINY = float(np.finfo(np.float64).tiny)
 
 TOP = Legendre.basis(NODES - 1)
@@ -73,6 +73,6 @@ class Stretches:
 
     def worst(self, value: Array, rate: Array, size: Array, share: Array) -> tuple[float, float]:
         """The worst gap relative to a size (m,), and the share (m,) of it that is allowed there."""
-        error, allowed = self.gap(value, rate) / size, share + ROUNDING
+        error, allowed = self.gap(value, rate) / size, share + TERM
         i = int(np.argmax(error / allowed))
         return float(error[i]), float(allowed[i])

@@ -13,7 +13,8 @@ import numpy as np
 
 from blockmech.analysis.scan import TURN, Span
 from blockmech.dynamics.system import System
-from blockmech.functions.series import SCANNED, Floats
+from blockmech.functions.roots import SCANNED
+from blockmech.functions.series import Floats
 from blockmech.ground.plane import EPS
 
 Effort = Callable[[Floats], Floats]
@@ -41,11 +42,11 @@ def held_intervals(
     stops = [x for x in (low, high) if x in system.stops[0]]  # others are dead centres
     q = np.unique(np.concatenate([q, equilibria, stops, _weakest(effort, q)]))
     lowest, highest, _ = friction.holding(q, t)
-    balanced = (lowest <= 0) & (highest >= 0)
-    balanced |= np.isin(q, equilibria)  # balanced: whatever friction there is holds it
+    held = (lowest <= 0) & (highest >= 0)
+    held |= np.isin(q, equilibria)  # balanced: whatever friction there is holds it
     intervals: list[tuple[float, float]] = []
-    for i in np.flatnonzero(balanced & ~np.concatenate([[False], balanced[:-1]])).tolist():
-        last = i + int(np.argmin(np.append(balanced[i:], False))) - 1
+    for i in np.flatnonzero(held & ~np.concatenate([[False], held[:-1]])).tolist():
+        last = i + int(np.argmin(np.append(held[i:], False))) - 1
         start = q[i] if i == 0 else _end(system, t, q[i], q[i - 1])
         end = q[last] if last == len(q) - 1 else _end(system, t, q[last], q[last + 1])
         intervals.append((float(start), float(end)))

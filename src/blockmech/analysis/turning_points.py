@@ -223,7 +223,8 @@ def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:
     first, second, third = signal.value(steps).tolist()
     margins = signal.margin(steps)
     if margins[1] < margins[0] / STEEP:
-        at = float(BEFORE @ signal.value(edge + inward * np.arange(1.0, len(BEFORE) + 1.0)))
+        before = signal.value(edge + inward * np.arange(1.0, len(BEFORE) + 1.0))
+        at = float(BEFORE @ before) if np.isfinite(before).all() else at  # a shorter stretch
     elif abs(third - second) > 2 * abs(second - first) + ROUNDING * abs(second):
         at = math.copysign(math.inf, third - second)
     return Turn(edge, at, 1, True)

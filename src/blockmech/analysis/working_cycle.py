@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from blockmech.analysis.scan import NODES, TURN, runs
-from blockmech.functions.roots import bisect
-from blockmech.functions.series import SCANNED, Floats
+from blockmech.functions.roots import SCANNED, bisect
+from blockmech.functions.series import Floats
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.result.result import Result
