@@ -154,6 +154,17 @@ def test_importing_blockmech_loads_no_heavy_package(module, needed):
     assert (LATE | {"networkx"}) & set(result.stdout.split()) == needed
 
 
+def test_a_run_loads_no_polynomials():
+    code = (
+        "import sys, blockmech as bm; bm.Graph.load('graphs/ruiz_fourbar.json').compile()"
+        ".run(at=0.3); print('numpy.polynomial' in sys.modules)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.split() == ["False"]
+
+
 @pytest.mark.parametrize("options", ["", ", method='dop853', engine='llvm'"])
 def test_a_motion_along_the_path_or_by_machine_code_loads_no_scipy(options):
     if options:

@@ -50,8 +50,7 @@ from blockmech.couplings.laws import (
     repeated,
     spline,
 )
-from blockmech.functions.roots import bisect
-from blockmech.functions.series import SCANNED
+from blockmech.functions.roots import SCANNED, bisect
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import always, angle, apply, cross, dot, hyp, imul, mul
 from blockmech.ground.tolerances import BLUR, EQUAL

@@ -24,7 +24,8 @@ from blockmech.dynamics.tangents import refuse_signals
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import angle_scale, legend_above, panelled
 from blockmech.figures.pictured import Pictured
-from blockmech.functions.series import SCANNED, Floats, Series, fit, panels
+from blockmech.functions.roots import SCANNED
+from blockmech.functions.series import Floats, Series, fit, panels
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS

@@ -15,7 +15,7 @@ from blockmech.analysis.instant_centres import instant_centre
 from blockmech.compiled import Compiled
 from blockmech.draw.page import Paths
 from blockmech.figures.curves import reach
-from blockmech.functions.series import SCANNED
+from blockmech.functions.roots import SCANNED
 
 WINDOW = 2.0  # sizes of the mechanism, beyond which a centrode is not drawn
 SWEEP = SCANNED + 1  # samples of the range

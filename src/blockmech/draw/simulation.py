@@ -22,7 +22,7 @@ from blockmech.figures.curves import Panels, by_unit, friction_panels, reaction_
 from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
 from blockmech.figures.paper import legend_above, panelled, rendered, shown_name, write_figure
-from blockmech.functions.series import SCANNED
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
 from blockmech.result.motion import Motion

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.source import Source
+from blockmech.dynamics.source import FREE, Source
 from blockmech.engines.scalar import AdaptiveEvaluator
-from blockmech.functions.series import SCANNED
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.loads.functions import Function
@@ -23,11 +23,10 @@ from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import argument, coordinate_of, link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
-from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.plan import Schedule
 from blockmech.plan.values import Value, hyp
 from blockmech.signals.functions import Python
 
-FREE = Friction("none")
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
 SAME = 1e-12  # relative distance of two places or periods that are one: files have 12 digits
 LONGEST = 10_000  # turns of a period: what takes longer repeats nothing that a run sees

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from blockmech.dynamics.contacts import Constraints
-from blockmech.dynamics.source import Source
+from blockmech.dynamics.source import FREE, Source
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.names import split_address
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE, JointRef
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
-from blockmech.plan.plan import Friction, Output
+from blockmech.plan.plan import Output
 from blockmech.result.motion import Floats, Lying
 
 Place: TypeAlias = tuple[Floats, Floats, Floats]  # q (k,), coordinates (p,), rows (p, k)
@@ -62,7 +62,7 @@ class PairStops:
     @cached_property
     def _program(self) -> tuple[ScalarEngine, list[tuple[Output, int]]]:
         structure, drivers = self.mechanism.structure, self.mechanism.structure.drivers
-        s = schedule(structure, self.mechanism.scene, Friction("none"))
+        s = schedule(structure, self.mechanism.scene, FREE)
         outputs = [self.mechanism.outputs[name] for name in self.names]
         columns = [list(output.ask(s)) for output in outputs]
         rows = [s.ask(forward.slip, ref, driver) for ref in self.refs for driver in drivers]

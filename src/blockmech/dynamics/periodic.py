@@ -18,7 +18,7 @@ from scipy.optimize import root
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.functions.series import SCANNED
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Floats, Motion, Slips, State, Still, Track
 

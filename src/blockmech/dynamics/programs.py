@@ -12,15 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.source import Source, margins
+from blockmech.dynamics.source import FREE, Source, margins
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.passes import friction, reduction, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.plan.plan import Friction
 from blockmech.result.motion import Floats
-
-FREE = Friction("none")
 
 
 class Sample(NamedTuple):

@@ -6,14 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from blockmech.dynamics.source import Source
+from blockmech.dynamics.source import FREE, Source
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.passes import friction, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
 from blockmech.signals.contract import Signal
-
-FREE = Friction("none")
 
 
 class SignalProgram(NamedTuple):

@@ -9,10 +9,11 @@ from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes import forward
-from blockmech.plan.plan import Output, Schedule
+from blockmech.plan.plan import Friction, Output, Schedule
 from blockmech.plan.values import Value
 
 T = TypeVar("T")
+FREE = Friction("none")
 
 
 class Source(Protocol):

@@ -19,7 +19,7 @@ import numpy as np
 from blockmech.dynamics.loads import largest_length
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import STOPS, Pairs, pairs_of
-from blockmech.functions.series import SCANNED
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE

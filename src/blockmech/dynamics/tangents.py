@@ -23,13 +23,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from blockmech.dynamics.source import Source, margins
+from blockmech.dynamics.source import FREE, Source, margins
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, value
 from blockmech.ground.errors import refused
 from blockmech.passes import reduction
 from blockmech.passes.homotopy import schedule
-from blockmech.plan.plan import Friction
 from blockmech.result.motion import Floats
 from blockmech.typing import Arguments
 
@@ -96,6 +95,6 @@ def refuse_friction_states(compiled: Source) -> None:
 
 
 def _effort(compiled: Source) -> DualEngine:
-    s = schedule(compiled.structure, compiled.scene, Friction("none"))
+    s = schedule(compiled.structure, compiled.scene, FREE)
     efforts = [s.ask(reduction.drive_by_reduction, k) for k in compiled.structure.drivers]
     return DualEngine(s.program([*efforts, *margins(s)]), WITH_DIFFERENCES)

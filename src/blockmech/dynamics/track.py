@@ -17,7 +17,7 @@ from blockmech.dynamics.panels import Panels
 from blockmech.dynamics.path_loops import HIGHEST, LOWEST, STEP
 from blockmech.result.motion import State
 
-FEW = 3  # times, or turns, that take as long one by one as together
+FEW = 3  # times that are not kept, and turns that are looked at first
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class CompiledRhs:
         watched: int,
         method: Method | None = None,
     ) -> None:
-        """Raises `Untraceable` for what is parameters than flat arithmetic, and
+        """Raises `Untraceable` for what is more than flat arithmetic, and
         `MissingEngineError` without llvmlite."""
         self.method = method or dop853()
         self.dimension, self.inputs, self.watched = dimension, dimension + 1 + parameters, watched
@@ -100,7 +100,7 @@ class CompiledRhs:
         plan: Floats,
         planned: NDArray[np.int64],
     ) -> FleetSteps:
-        """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at count so many.
+        """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at most so many.
 
         slots : (m, k) numbers of the program, parameters : (m, p) of the right-hand side
         control : (m, 6) of an `Integration`
@@ -245,7 +245,7 @@ class CompiledStepper:
         weight: float = THIRD,
         plan: Floats | tuple[()] = (),
     ) -> Steps:
-        """Steps from ``begin`` (t, y), so many at limit.
+        """Steps from ``begin`` (t, y), so many at most.
 
         h : [s] the first one to try, 0 for one that fits
         bound : [s] where they end
@@ -280,7 +280,7 @@ class CompiledStepper:
         return self._steps_of(0, limit)
 
     def _steps_of(self, lane: int, limit: int) -> Steps:
-        """The steps of a lane, of so many at limit."""
+        """The steps of a lane, of so many at most."""
         count, (h, _, tried, *_) = int(self._counts[lane]), self._control[lane].tolist()
         m, k, at = abs(count), lane * limit, lane * (limit + 1)
         states = self._t[at : at + m + 1], self._y[at : at + m + 1]

@@ -130,7 +130,7 @@ def each(function: Any, *x: Any) -> Any:
 
 
 def underivable(function: Any) -> RequestError:
-    """The error of a derivative by message a user's function is a function of."""
+    """The error of a derivative by what a user's function is a function of."""
     law = getattr(function, "__self__", function)
     name = getattr(getattr(law, "call", law), "__name__", "function")
     message = "a load's function of Python has no known derivative"
@@ -250,7 +250,7 @@ def _linear(function: Any, at: Array, y: Array, direction: Array) -> Array:
 
 
 def underivable_table() -> RequestError:
-    """The error of a derivative by message a cubic table is a function of."""
+    """The error of a derivative by what a cubic table is a function of."""
     message = "the arguments of a cubic table have no known derivative"
     return _no_derivative("table", message, "name its values")
 

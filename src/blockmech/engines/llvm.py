@@ -261,10 +261,10 @@ class LlvmEngine:
                 designs = slice(first, last)
                 inputs = [c[designs] for c in columns] if by_design else columns
                 results = out[designs] if by_design else out[:, first * width :]
-                return self._call(inputs, results, width, slots[designs], by_design)
+                return self._call(inputs, results, width, slots[designs])
             block = slice(first * LANES, last * LANES)
             inputs = [c[:, block] for c in columns]
-            return self._call(inputs, out[:, block], block.stop - block.start, slots, by_design)
+            return self._call(inputs, out[:, block], block.stop - block.start, slots)
 
         sums = self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
         columns = [
@@ -289,9 +289,8 @@ class LlvmEngine:
                 return list(pool.map(lambda k: part(k, min(k + step, count)), firsts))
         return [part(0, count)] if count else []
 
-    def _call(
-        self, columns: list[Array], out: Array, n: int, slots: Array, by_design: bool
-    ) -> float:
+    def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> float:
+        by_design = out.ndim == 3  # each has samples of its own
         stride = out.strides[-2] // out.itemsize
         designs, count = slots.shape
         is_shared = designs > 1 and not by_design

@@ -1,6 +1,6 @@
 """The last place at which something holds, between one where it does and one where not.
 
-And what Newton's method is limited by, where it starts from afar.
+And what searches are limited by: samples of a turn, and steps of Newton's method from afar.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import HALVINGS
 
+SCANNED = 720  # samples of a turn among which something is looked for: every half degree
 LONGEST_STEP = 0.3  # of Newton's method, in sizes of what moves and in radians
 # The first term brings a link a turn round, the second from there to a singular pose: each step
 # halves the distance.

@@ -35,7 +35,6 @@ MOST = 20 * LEVELS  # panels: a score of corners; what has no series anywhere is
 # corner: noise falls below two thirds by chance, and a panel of noise is halved for nothing.
 LEVEL = 0.55
 STANDS_OUT = 4.0  # times the largest of a quarter: noise hardly ever does
-SCANNED = 720  # samples of a turn among which something is looked for: every half degree
 GOLDEN = (3 - math.sqrt(5)) / 2  # share of a spacing that keeps samples off places of symmetry
 PATIENCE = 3  # halvings after which what ended on no panel has no series; a smooth one may need two
 

@@ -20,7 +20,8 @@ import numpy as np
 
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import NumpyEngine
-from blockmech.functions.series import GOLDEN, NODES, SCANNED, Floats, Series, fit, panels
+from blockmech.functions.roots import SCANNED
+from blockmech.functions.series import GOLDEN, NODES, Floats, Series, fit, panels
 from blockmech.ground.errors import GraphError, Problem
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.scene import Scene

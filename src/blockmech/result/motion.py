@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json
@@ -343,8 +344,6 @@ class Motion(Facts, Report):
         The coefficient of fluctuation, by which flywheels are sized; of one driver. Infinite
         where the driver does not advance.
         """
-        from blockmech.functions.series import SCANNED  # series load NumPy's polynomials
-
         t = np.linspace(start, end, SCANNED + 1)
         q, qd = self.track.state(t)
         advance = abs(float(q[-1] - q[0]))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.functions.series import SCANNED
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import Problem, RequestError, listed, refused
 from blockmech.ground.units import NoQuantity, UnitWarning, in_si, seem_degrees
 from blockmech.ground.values import is_count, is_number

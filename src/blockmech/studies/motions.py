@@ -248,7 +248,7 @@ class MotionRunner(Runner):
             return Moved({}, NO_MOTION, f"{motion.end}, after {motion.t_end:.9g} s")
         if motion.status in ("ended", "unfinished") and motion.end != ends.REST:
             return Moved({}, ENDED_EARLY, f"{motion.end}, after {motion.t_end:.9g} s")
-        if times is None:  # without the corners of a curve: rows of designs are equally long
+        if times is None and outputs:  # no corners of a curve: all designs have as many
             t, friction = motion.times(self.n), self.settings["friction"]
             result = result_along(design, motion, t, outputs, friction)
         return Moved({w.label: self.value(w, result, motion) for w in self.want})

@@ -27,7 +27,8 @@ import numpy as np
 from blockmech.builders import Graph
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope, value
-from blockmech.functions.series import SCANNED, Floats
+from blockmech.functions.roots import SCANNED
+from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.files import AnyPath, writing
