@@ -42,11 +42,11 @@ def held_intervals(
     stops = [x for x in (low, high) if x in system.stops[0]]  # others are dead centres
     q = np.unique(np.concatenate([q, equilibria, stops, _weakest(effort, q)]))
     lowest, highest, _ = friction.holding(q, t)
-    held = (lowest <= 0) & (highest >= 0)
-    held |= np.isin(q, equilibria)  # balanced: whatever friction there is holds it
+    holds = (lowest <= 0) & (highest >= 0)
+    holds |= np.isin(q, equilibria)  # balanced: whatever friction there is holds it
     intervals: list[tuple[float, float]] = []
-    for i in np.flatnonzero(held & ~np.concatenate([[False], held[:-1]])).tolist():
-        last = i + int(np.argmin(np.append(held[i:], False))) - 1
+    for i in np.flatnonzero(holds & ~np.concatenate([[False], holds[:-1]])).tolist():
+        last = i + int(np.argmin(np.append(holds[i:], False))) - 1
         start = q[i] if i == 0 else _end(system, t, q[i], q[i - 1])
         end = q[last] if last == len(q) - 1 else _end(system, t, q[last], q[last + 1])
         intervals.append((float(start), float(end)))
