@@ -400,3 +400,63 @@ def test_a_wrong_gesture_says_why_and_changes_nothing(button, pins, why):
     pane.act(button, *pins)
     assert why in pane.said
     assert pane.sheet.form == form
+
+
+LENGTH = {"type": "length", "points": ["link.A", "link.B"], "value": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("act", "request_", "points"),
+    [
+        ("To the frame", {"pins": ["A"]}, ["A", "link.B"]),
+        ("Driver", {"pins": ["A"]}, ["A", "link.B"]),
+        ("Slider", {"pins": ["B"]}, ["link.A", "B"]),
+        ("draw", {"from": {"pin": "B"}, "to": {"at": [2, 1]}}, ["link.A", "B"]),
+        ("Delete", {"pins": ["B"]}, None),
+        ("delete links", {"links": ["link"]}, None),
+        ("remove", {"part": ["links", "link"]}, None),
+    ],
+)
+def test_a_dimension_goes_with_its_pins(act, request_, points):
+    """A marker is called by its link, a joint is not: a pin is one, then the other."""
+    pane = sketch()
+    pane.add(0j, 1 + 0j)
+    pane.act("Link", "A", "B")
+    pane.act("Dimension", "A", "B")
+    assert pane.form["dimensions"] == {"length": LENGTH}
+    pane.do(act, **request_)
+    dimensions = {"length": {**LENGTH, "points": points}} if points else {}
+    assert pane.form.get("dimensions", {}) == dimensions
+
+
+def test_a_dimension_stays_when_a_pin_leaves_the_frame():
+    pane = Hand(opened(GRAPHS / "joints" / "ruiz_fourbar.json"))
+    pane.act("Dimension", "A", "B")
+    assert pane.form["dimensions"]["length"]["points"] == ["A", "B"]
+    pane.act("To the frame", "A")
+    assert pane.form["dimensions"]["length"]["points"] == ["crank.A", "B"]
+
+
+def test_a_dimension_of_two_markers_of_one_name_stays():
+    pane = fourbar()
+    form = pane.form
+    markers = {"link": [1.0, 0.0], "link1": [1.0, 0.5]}
+    links = {
+        name: {**form["links"][name], "markers": {"M": {"at": at}}} for name, at in markers.items()
+    }
+    between = {"type": "length", "points": ["link.M", "link1.M"], "value": 0.7}
+    form = {**form, "links": {**form["links"], **links}, "dimensions": {"between": between}}
+    pane.sheet.change(form, "markers")
+    pane.act("Delete", "D")
+    assert pane.form["dimensions"] == {"between": between}
+    pane.do("delete links", links=["link"])
+    assert "dimensions" not in pane.form
+
+
+def test_a_typed_point_of_a_dimension_that_is_none_is_refused():
+    pane = fourbar()
+    pane.act("Dimension", "A", "B")
+    form, part = pane.form, ["dimensions", "length"]
+    pane.do("fields", part=part, edits=[[["points"], '["A", "X"]']])
+    assert 'no joint or marker "X"' in pane.said
+    assert pane.form == form

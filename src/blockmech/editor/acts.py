@@ -78,7 +78,7 @@ def _at_pins(form: Form, act: str, names: list[str], request: Request) -> Step:
     options: Arguments = {}
     if act == "Slider":
         options = {"angle": request.get("angle"), "on": request.get("on") or FRAME}
-    changed = AT_PINS[act](form, pins, **options)
+    changed = sketching.with_points(AT_PINS[act](form, pins, **options))
     if act == "Driver":
         for problem in Linkage.from_data(changed).check():
             if problem.code == "conflicting-drivers":
@@ -141,7 +141,7 @@ def _without_link(now: Revision, request: Request) -> Step:
     form = now.form
     for link in request["links"]:
         form = sketching.without_link(form, link)
-    return Step(form, f"{listed(request['links'])} deleted")
+    return Step(sketching.with_points(form), f"{listed(request['links'])} deleted")
 
 
 def _typed(now: Revision, request: Request) -> Step:
@@ -157,7 +157,8 @@ def _typed(now: Revision, request: Request) -> Step:
 def _remove(now: Revision, request: Request) -> Step:
     """An item of a section: a load, a driver, a coupling ..."""
     section, name = request["part"]
-    return Step(sketching.without_item(now.form, section, name), f"{name} deleted")
+    form = sketching.without_item(now.form, section, name)
+    return Step(sketching.with_points(form), f"{name} deleted")
 
 
 def _redrawn(now: Revision, request: Request) -> Step:

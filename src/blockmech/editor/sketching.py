@@ -169,6 +169,24 @@ def point_of(pins: Mapping[str, Drawn], name: str) -> str:
     return name if pins[name].kind else f"{pins[name].links[0]}.{name}"
 
 
+def with_points(form: Form) -> Form:
+    """With points of dimensions as they are called now, without dimensions of points not drawn."""
+    pins, links = pins_of(form), form.get("links", {})
+    points = {*form.get("joints", {})}
+    points |= {f"{link}.{marker}" for link, x in links.items() for marker in x.get("markers", {})}
+
+    def called(point: str) -> str | None:
+        link, _, name = point.rpartition(".")
+        on = pins[name].links if name in pins else ()
+        return point_of(pins, name) if on and link in ("", *on) else None
+
+    for name, dimension in form.get("dimensions", {}).items():
+        now = [x if x in points else called(x) for x in dimension["points"]]
+        kept = None if None in now else {**dimension, "points": now}
+        form = dict(with_item(form, ("dimensions", name), kept))
+    return form
+
+
 def with_dimension(form: Form, names: Iterable[str]) -> Form:
     """With the distance of two pins or the angle of three as a dimension, as it is drawn."""
     names, pins = list(names), pins_of(form)
@@ -407,7 +425,7 @@ def removed(form: Form, names: Iterable[str]) -> Form:
     for link in touched & form["links"].keys():
         if sum(link in pin.links for pin in pins_of(form).values()) < 2:
             form = without_link(form, link)
-    return _without_dimensions(form)
+    return form
 
 
 def without_link(form: Form, link: str) -> Form:
@@ -421,17 +439,7 @@ def without_link(form: Form, link: str) -> Form:
         if link in (load_data.get("link"), *(load_data.get("links") or ())):
             form = with_item(form, ("loads", load), None)
     links = {name: x for name, x in form["links"].items() if name != link}
-    return _without_dimensions({**form, "links": links})
-
-
-def _without_dimensions(form: Form) -> Form:
-    """Without dimensions of points that are no longer drawn."""
-    pins = pins_of(form)
-    points = {point_of(pins, name) for name, pin in pins.items() if pin.links}
-    for name, dimension in form.get("dimensions", {}).items():
-        if not {*dimension["points"]} <= points:
-            form = with_item(form, ("dimensions", name), None)
-    return form
+    return {**form, "links": links}
 
 
 def without_item(form: Form, section: str, name: str) -> Form:
