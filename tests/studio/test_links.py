@@ -402,6 +402,17 @@ def test_a_wrong_gesture_says_why_and_changes_nothing(button, pins, why):
     assert pane.sheet.form == form
 
 
+@pytest.mark.parametrize(
+    ("name", "pin"), [("stephenson_3", "P"), ("planetary_hoist", "O"), ("watt_sixbar", "C")]
+)
+def test_a_deleted_joint_takes_its_marker_with_it(name, pin):
+    """Of one name: the joint lies over a marker of one of its links."""
+    pane = Hand(opened(GRAPHS / "joints" / f"{name}.json"))
+    assert any(pin in link.get("markers", {}) for link in pane.form["links"].values())
+    pane.act("Delete", pin)
+    assert pin not in pane.drawn
+
+
 LENGTH = {"type": "length", "points": ["link.A", "link.B"], "value": 1.0}
 
 

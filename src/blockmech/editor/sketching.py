@@ -418,9 +418,8 @@ def removed(form: Form, names: Iterable[str]) -> Form:
     """Without pins, and without links to which no two pins are left."""
     touched = {link for name in names for link in pins_of(form)[name].links} - {FRAME}
     for name in names:
-        for link in pins_of(form)[name].links:
-            if link in getattr(pins_of(form).get(name), "links", ()):
-                form = detached(form, name, link)
+        while links := getattr(pins_of(form).get(name), "links", ()):
+            form = detached(form, name, links[0])
         form = with_item(form, (*LOOSE, name), None)
     for link in touched & form["links"].keys():
         if sum(link in pin.links for pin in pins_of(form).values()) < 2:
