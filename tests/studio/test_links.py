@@ -381,6 +381,18 @@ def test_a_copy_is_moved_as_what_it_was_made_of():
     assert pane.sheet.form["links"] == {} == pane.drawn
 
 
+def test_an_angle_needs_pins_that_stand_apart():
+    pane = sketch()
+    pane.add(0j, 1 + 0j)
+    pane.act("Link", "A", "B")
+    pane.act("Slider", "B")
+    form = pane.form
+    for pins in (["B_guide", "B", "A"], ["A", "B", "B_guide"], ["B", "B_guide"]):
+        pane.act("Dimension", *pins)
+        assert "choose pins that stand apart" in pane.said
+    assert pane.form == form
+
+
 @pytest.mark.parametrize(
     ("button", "pins", "why"),
     [

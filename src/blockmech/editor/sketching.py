@@ -193,8 +193,10 @@ def with_dimension(form: Form, names: Iterable[str]) -> Form:
     if len(names) not in DIMENSIONS:
         raise refused(listed(names), "two pins have a distance, three an angle", "choose these")
     *first, corner, last = (pins[name].z for name in names)
-    arm, kind = last - corner, DIMENSIONS[len(names)]
-    value = cmath.phase(arm / (first[0] - corner)) if first else abs(arm)
+    arms, kind = [z - corner for z in (*first, last)], DIMENSIONS[len(names)]
+    if min(map(abs, arms)) <= SAME * max(map(abs, arms)):
+        raise refused(listed(names), "they stand at one place", "choose pins that stand apart")
+    value = cmath.phase(arms[1] / arms[0]) if first else abs(arms[0])
     dimension = {"type": kind, "points": [point_of(pins, name) for name in names], "value": value}
     name = free(form.get("dimensions", {}), [kind], kind)
     return dict(with_item(form, ("dimensions", name), dimension))

@@ -188,6 +188,34 @@ def test_what_follows_from_the_rest_is_named_and_what_contradicts_is_refused():
     assert [p.code for p in m.check()] == ["conflicting-dimensions"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "points", "value"),
+    [
+        ("length", ["flag.P", "B"], 1.0),
+        ("angle", ["flag.P", "B"], 0.5),
+        ("angle", ["flag.P", "B", "A"], 0.5),
+        ("angle", ["A", "B", "flag.P"], 0.5),
+        ("parallel", ["B", "flag.P", "A", "D"], None),
+        ("perpendicular", ["A", "D", "B", "flag.P"], None),
+        ("equal", ["B", "flag.P", "A", "D"], None),
+        ("in_line", ["B", "A", "flag.P"], None),
+        ("on_circle", ["B", "flag.P", "A"], None),
+    ],
+)
+def test_lines_whose_ends_coincide_are_refused(kind, points, value):
+    """They have no direction, and a length of zero none in which it grows."""
+    m = sketch()
+    m.add_link("flag", markers={"P": (0.6, 0.75)})
+    m.add_joint("W", "weld", ["flag", "rod"], point=(0.7, 0.8))
+    m.add_dimension("one", kind, points, *() if value is None else (value,))
+    for act in (m.fit_dimensions, m.compile):
+        with pytest.raises(bm.GraphError, match="stand at one place") as caught:
+            act()
+        (problem,) = caught.value.problems
+        assert problem.where == "dimensions.one.points"
+    assert [problem.where for problem in m.check()] == ["dimensions.one.points"]
+
+
 def test_dimensions_stand_in_the_document():
     m = dimensioned()
     again = bm.Linkage.from_json(m.to_json())

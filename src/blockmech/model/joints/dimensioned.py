@@ -177,11 +177,15 @@ class _Drawing:
         self.sides.setdefault(name, []).append(Side(path, pose.direction(weld.direction(1 + 0j))))
 
     def rows(self, positions: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-        """Dimension and residual."""
+        """Dimension and residual. Raises `GraphError` for a line whose ends coincide."""
         for name, dimension in self.dimensions.items():
             z = [positions[point] for point in dimension.points]
-            for residual in dimension.residuals(z, self.size):
-                yield name, residual
+            try:
+                with np.errstate(divide="raise", invalid="raise"):
+                    residuals = list(dimension.residuals(z, self.size))
+            except ArithmeticError:
+                raise GraphError(_coincidence(name, dimension)) from None
+            yield from ((name, residual) for residual in residuals)
 
     def positions(self, x: Floats) -> dict[str, complex]:
         """Positions [m] of the points, of unknowns (2n,) over the size."""
@@ -254,6 +258,13 @@ def _beside_the_whole(motions: Floats, x: Floats, anchors: Sequence[int]) -> Flo
     gauge = held[[slice(0, 0), slice(2, 3), slice(0, 2), slice(0, 3)][rigid]]
     free: Floats = np.linalg.svd(gauge @ motions.T)[2][rigid:] @ motions
     return free
+
+
+def _coincidence(name: str, dimension: Dimension) -> Problem:
+    """The problem of a dimension of a line whose ends stand at one place."""
+    where = path_text(("dimensions", name, "points"))
+    found = f"two of {listed(dimension.points)} stand at one place"
+    return Problem("wrong-value", where, found, "", f"draw them apart, or remove {name}")
 
 
 def _contradiction(
