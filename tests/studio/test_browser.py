@@ -176,6 +176,31 @@ def test_a_joint_of_blocks_is_dragged_in_the_picture(page, studio):
     assert f"move {name}" in hand.said()
 
 
+@pytest.mark.parametrize("cancel", ["Escape", "pointercancel"])
+def test_a_drag_that_is_cancelled_leaves_all_as_it_was(page, studio, cancel):
+    hand = Sheet(page, studio, {"example": "watt_sixbar"})
+    name = next(p["name"] for p in hand.state["drawing"]["pins"] if p["held"] and not p["ground"])
+    curves, form = page.locator(".path"), hand.form()
+    curves.first.wait_for(state="attached")
+
+    def picture():
+        paths = " ".join(curve.get_attribute("d") for curve in curves.all())
+        return [float(x) for x in re.findall(r"-?[0-9.]+", paths)], hand.pin(name)
+
+    before = picture()
+    hand.hold(name, 25, 15, steps=4)
+    assert picture() != before
+    if cancel == "Escape":
+        page.keyboard.press("Escape")
+    else:  # as of a touch that the browser takes for its own
+        hand.svg.dispatch_event("pointercancel")
+    page.wait_for_timeout(100)
+    for now, then in zip(picture(), before, strict=True):
+        assert now == pytest.approx(then, abs=1.5)  # px
+    page.mouse.up()
+    assert hand.form() == form
+
+
 def test_an_analysis_has_its_title_its_text_and_a_stop(page, studio):
     hand = Sheet(page, studio, {"example": "joints/ruiz_fourbar"})
     page.get_by_role("tab", name="Analyses").click()

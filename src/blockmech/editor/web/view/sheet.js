@@ -726,8 +726,15 @@ export function sheetView(parent) {
     else if (ours() && (tool === "Link" || !pins().length)) edit({ act: "pin", at: target(done.begun, event).at, on: done.link || null });
   }
 
+  /** What a hand holds goes back to where it was. */
+  function release() {
+    [drag, ghost] = [null, null];
+    typed.hidden = true;
+    if (store.live instanceof Live) store.live.reset();
+  }
+
   svg.addEventListener("pointerup", finish);
-  svg.addEventListener("pointercancel", () => { [drag, ghost] = [null, null]; typed.hidden = true; draw(); });
+  svg.addEventListener("pointercancel", () => { release(); draw(); });
   svg.addEventListener("wheel", (event) => {
     view = zoomed(view, Math.exp(-event.deltaY / 500), pixelIn(svg, event));
     draw();
@@ -797,7 +804,7 @@ export function sheetView(parent) {
     const { chosen } = store;
     if (name === "escape") {
       bubble.hidden = true;
-      if (drag) { [drag, ghost] = [null, null]; typed.hidden = true; if (store.live instanceof Live) store.live.reset(); }
+      if (drag) release();
       else if (tracing.holding) tracing.hold("");
       else if (store.tool) set({ tool: "" });
       else set({ chosen: [], link: "", part: [] });
