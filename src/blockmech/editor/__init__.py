@@ -9,7 +9,17 @@ from blockmech.ground.errors import needed
 
 if TYPE_CHECKING:
     from blockmech.builders import Graph, Linkage
-    from blockmech.editor.server import Framed
+
+
+class Framed:
+    """A frame with the page of a sheet, as a notebook shows it."""
+
+    def __init__(self, address: str, height: int) -> None:
+        self.address, self.height = address, height
+
+    def _repr_html_(self) -> str:
+        look = f"width:100%;height:{self.height}px;border:0"
+        return f'<iframe src="{self.address}" style="{look}" title="blockmech studio"></iframe>'
 
 
 def service() -> Any:
@@ -28,5 +38,4 @@ def studio(document: Graph | Linkage | None = None, height: int = 800) -> Framed
 
     >>> frame = bm.studio(g, height=600)
     """
-    frame: Framed = service().in_notebook(document, height)
-    return frame
+    return Framed(service().in_notebook(document), height)

@@ -485,21 +485,10 @@ def _prepare() -> None:
     gc.freeze()
 
 
-class Framed:
-    """A frame with the page of a sheet, as a notebook shows it."""
-
-    def __init__(self, address: str, height: int) -> None:
-        self.address, self.height = address, height
-
-    def _repr_html_(self) -> str:
-        look = f"width:100%;height:{self.height}px;border:0"
-        return f'<iframe src="{self.address}" style="{look}" title="blockmech studio"></iframe>'
-
-
-def in_notebook(document: Any, height: int) -> Framed:
-    """The page of a copy of a document; its server ends with the program."""
+def in_notebook(document: Any) -> str:
+    """The address of a copy of a document; its server ends with the program."""
     addresses: list[str] = []
     copy = Linkage() if document is None else document.snapshot()
     run = started(Path.cwd(), copy, 0, addresses.append, framed=True)
     Thread(target=run, daemon=True).start()
-    return Framed(addresses[0], height)
+    return addresses[0]
