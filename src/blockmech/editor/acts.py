@@ -23,6 +23,7 @@ from blockmech.editor.sketching import Form
 from blockmech.editor.turn import shown_motion
 from blockmech.figures.palette import ROW
 from blockmech.ground.errors import GraphError, listed, refused
+from blockmech.ground.names import numbered_name
 from blockmech.model.diagram import Wire
 from blockmech.model.joints.contents import FRAME
 from blockmech.typing import Arguments, Record
@@ -201,7 +202,7 @@ def _add(now: Revision, request: Request) -> Step:
         raise refused("kind", f"no block is called {kind!r}", "take one of the palette")
     form = edits.placed(_blocks(now), positions)
     right = max((x for x, _ in positions.values()), default=-10 * ROW)
-    name = edits.free_name(form, kind.rsplit(".", 1)[-1])
+    name = numbered_name(kind.rsplit(".", 1)[-1], form["blocks"])
     at = request.get("at") or (right + 14 * ROW, ROW)
     return Step(edits.added(form, kind, name, tuple(at)), f"{name} added")
 

@@ -14,6 +14,7 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.editor.fields import simplest, with_item
 from blockmech.figures.palette import ROW
 from blockmech.ground.errors import GraphError
+from blockmech.ground.names import numbered_name
 from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.typing import Data, Record
@@ -35,13 +36,6 @@ def ports_of(block: Any) -> list[str]:
     if isinstance(block, Moving):
         return [joint.name for joint in block.joints.values() if joint.outer]
     return list(block.terminals) if isinstance(block, Element) else []
-
-
-def free_name(form: Form, word: str) -> str:
-    """A name that no block has: ``rrr``, ``rrr_2`` ..."""
-    blocks = form["blocks"]
-    names = (word if k == 1 else f"{word}_{k}" for k in range(1, len(blocks) + 2))
-    return next(name for name in names if name not in blocks)
 
 
 def added(form: Form, kind: str, name: str, at: tuple[float, float]) -> Form:
@@ -93,7 +87,7 @@ def duplicated(form: Form, names: Iterable[str], positions: Positions) -> Form:
     """With a copy of each of some blocks beside it, not wired."""
     form = placed(form, positions)
     for name in names:
-        copy, (x, y) = free_name(form, name), positions[name]
+        copy, (x, y) = numbered_name(name, form["blocks"]), positions[name]
         form = with_item(form, ("blocks", copy), form["blocks"][name])
         form = placed(form, {copy: (x + 3 * ROW, y + 3 * ROW)})
     return form
