@@ -166,9 +166,9 @@ def test_what_is_seen_while_a_joint_of_blocks_is_dragged_is_what_is_committed(na
     home = {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
     handles = [pin["name"] for pin in drawing.of_blocks(motion)["pins"] if pin["held"]]
     for handle in handles[:: -(-len(handles) // HANDLES)]:
-        held, z = Hold.of(mechanism, handle, home)
-        new = z + 0.004 * size * complex(shake.uniform(-1, 1), shake.uniform(-1, 1))
-        form = dragged(now.form, held, 0, z, new).form
+        hold = Hold.of(mechanism, handle, home)
+        new = hold.z + 0.004 * size * complex(shake.uniform(-1, 1), shake.uniform(-1, 1))
+        form = dragged(now.form, hold.motion, 0, hold.z, new).form
         if form == now.form:
             continue  # which the act refuses
         functions = live(now, mechanism, (handle, home))

@@ -120,8 +120,8 @@ def _move(now: Revision, request: Request) -> Step:
 def _drag(now: Revision, request: Request) -> Step:
     """A joint of blocks put elsewhere in a pose; lengths follow."""
     name, new = request["name"], complex(*request["to"])
-    motion, old = Hold.of(now.mechanism, name, request["q"])
-    form = dragged(now.form, motion, 0, old, new).form
+    hold = Hold.of(now.mechanism, name, request["q"])
+    form = dragged(now.form, hold.motion, 0, hold.z, new).form
     if form == now.form:
         raise undraggable(name)
     return Step(form, f"move {name}")

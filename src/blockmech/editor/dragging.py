@@ -40,10 +40,11 @@ def handles_of(motion: Motion, sketch: Sketch) -> dict[str, Spot]:
 
 
 class Hold(NamedTuple):
-    """A joint that is taken hold of: a motion of one sample, and its place [m] in it."""
+    """A joint that is taken hold of: a motion of one sample, its place [m] in it, all handles."""
 
     motion: Motion
     z: complex
+    handles: dict[str, Spot]
 
     @classmethod
     def of(cls, mechanism: Compiled | None, name: str, coordinates: Mapping[str, Any]) -> Hold:
@@ -58,10 +59,10 @@ class Hold(NamedTuple):
         motion = moves_of_result(mechanism.run(at=at, on_gap="mark", **settings))
         if not motion.feasible.any():
             raise refused(name, "the mechanism does not close in this pose", "choose another pose")
-        spot = handles_of(motion, sketch_of(motion)).get(name)
-        if spot is None:
+        handles = handles_of(motion, sketch_of(motion))
+        if name not in handles:
             raise undraggable(name)
-        return cls(motion, complex(motion.at(*spot)[0]))
+        return cls(motion, complex(motion.at(*handles[name])[0]), handles)
 
 
 def undraggable(name: str) -> RequestError:

@@ -2,9 +2,10 @@
 
 Two functions of a document are traced and sent as a module of JavaScript. ``poses`` is the plan:
 from the numbers of the blocks and the coordinates of the drivers to the places of links.
-``numbers`` is the way from the places of pins in the drawing to these numbers: what `moved` makes
-of a form, the decomposition, and the formulas of the plan. Nothing is folded in, so that texts
-depend on the structure alone and are named by their hash.
+``numbers`` is the way to these numbers from the places of pins in the drawing (what `moved` makes
+of a form, the decomposition, and the formulas of the plan), or of blocks from the place of the
+joint that is held (what `dragged` makes of a form). Nothing is folded in, so that texts depend on
+the structure alone and are named by their hash.
 """
 
 from __future__ import annotations
@@ -20,10 +21,9 @@ import numpy as np
 
 from blockmech.builders import Graph, Linkage
 from blockmech.compiled import Compiled
-from blockmech.draw.sketch import sketch_of
 from blockmech.editor import sketching
 from blockmech.editor.document import Revision
-from blockmech.editor.dragging import Hold, dragged, handles_of
+from blockmech.editor.dragging import Hold, dragged
 from blockmech.editor.pins import pins_of, standing_at
 from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import Planar, leaves
@@ -251,7 +251,7 @@ def live(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | None = N
     """
     document = now.document
     fixed = document.dimensions if isinstance(document, Linkage) else hold is None
-    for drags in (not fixed, False):
+    for drags in (False,) if fixed else (True, False):
         with suppress(BlockmechError, Untraceable, ZeroDivisionError):
             if isinstance(document, Linkage):
                 return _live_linkage(document, mechanism, drags)
@@ -287,10 +287,9 @@ def _of_blocks(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | No
         return _small(Live(script, links, tuple(script.values), _module(script)))
     if s.followed:
         raise Untraceable("a branch that is continued through change points may lose them")
-    (motion, z), tape = Hold.of(now.mechanism, *hold), Tape()
+    (motion, z, handles), tape = Hold.of(now.mechanism, *hold), Tape()
     z = Recorded.of(Varied(z, np.array([1.0, 1j])), tape.input(0), tape.input(1))
     form, q, sides = dragged(now.form, motion, 0, complex(z), z)
-    handles = handles_of(motion, sketch_of(motion))
 
     def extras(design: Structure) -> Iterable[Any]:
         yield from (q[driver] for driver in mechanism.drivers)
@@ -354,11 +353,12 @@ def _following(
 ) -> Live | None:
     """The functions of a graph whose numbers follow the places of pins, and others with them."""
     followed = _numbers_that_vary(graph, data)
-    base = planned_near(type(mechanism)._from_graph(graph)._of_blocks, settled(followed))
+    settled_numbers = settled(followed)
+    base = planned_near(type(mechanism)._from_graph(graph)._of_blocks, settled_numbers)
     script, outputs = _script(base), _links_of(base.structure)
     links = {FRAME: -1, **{name: outputs[link] for name, link in names.items()}}
     added = list(extras(designed(base, followed)[0]))
-    traced, settled_numbers = {path: x.z for path, x in followed.items()}, settled(followed)
+    traced = {path: x.z for path, x in followed.items()}
     nodes, values = (
         [*leaves(script.plan.program.values(*designed(base, design))), *added]
         for design in (traced, settled_numbers)
