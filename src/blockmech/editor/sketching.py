@@ -182,8 +182,8 @@ def with_points(form: Form) -> Form:
 
     for name, dimension in form.get("dimensions", {}).items():
         now = [x if x in points else called(x) for x in dimension["points"]]
-        kept = None if None in now else {**dimension, "points": now}
-        form = dict(with_item(form, ("dimensions", name), kept))
+        item = None if None in now else {**dimension, "points": now}
+        form = dict(with_item(form, ("dimensions", name), item))
     return form
 
 

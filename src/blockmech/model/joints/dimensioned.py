@@ -263,8 +263,8 @@ def _beside_the_whole(motions: Floats, x: Floats, anchors: Sequence[int]) -> Flo
 def _coincidence(name: str, dimension: Dimension) -> Problem:
     """The problem of a dimension of a line whose ends stand at one place."""
     where = path_text(("dimensions", name, "points"))
-    found = f"two of {listed(dimension.points)} stand at one place"
-    return Problem("wrong-value", where, found, "", f"draw them apart, or remove {name}")
+    fault = f"two of {listed(dimension.points)} stand at one place"
+    return Problem("wrong-value", where, fault, "", f"draw them apart, or remove {name}")
 
 
 def _contradiction(
