@@ -8,6 +8,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.exchange.expressions import Formula, law_of
+from blockmech.exchange.parsing import xml_of
 from blockmech.ground.errors import FormatError, RequestError
 from tests.exchange.corpus import MACHINES, digits, joint, pmks_plus
 from tests.exchange.test_corpus import stamped
@@ -565,6 +566,10 @@ def test_a_gearbox_of_sdf_turns_by_its_ratio():
             '<robot name="r" xmlns:xacro="x"><xacro:property name="w" value="1"/></robot>',
             "xacro FILE > robot.urdf",
         ),
+        (
+            '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint><joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint></robot>',
+            "its joints and frames go round in a circle. a tree of links",
+        ),
         ('<sdf version="1.9"><world name="w"/></sdf>', "it has no model"),
         (
             '<sdf version="1.9"><model name="m"><link name="a"/><joint name="j" type="revolute"><parent>a</parent><child>q</child></joint></model></sdf>',
@@ -578,6 +583,46 @@ def test_robots_that_cannot_be_read(text, message, tmp_path):
     with pytest.raises(FormatError, match=message) as error:
         bm.read(path)
     assert len(error.value.problems) == 1
+
+
+def urdf(*joints, rest=""):
+    """A robot of pins, each a name, its two links and its place on the first."""
+    parts = [f'<link name="{link}"/>' for link in "abcd"]
+    parts += [
+        f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="0 0 1"/></joint>'
+        for name, parent, child, xyz in joints
+    ]
+    return f'<robot name="r">{"".join(parts)}{rest}</robot>'
+
+
+GAZEBO = """<gazebo><joint name="{}" type="revolute"><parent>a</parent><child>c</child>
+  <axis><xyz>0 0 1</xyz></axis></joint></gazebo>"""
+
+
+@pytest.mark.parametrize(
+    ("name", "numbered"), [("j", ["j", "j_2", "j_3"]), ("", ["frame_b", "b_c", "frame_c"])]
+)
+def test_joints_of_urdf_of_one_name_or_none_are_all_there(name, numbered):
+    text = urdf((name, "a", "b", "0 0 0"), (name, "b", "c", "1 0 0"), rest=GAZEBO.format(name))
+    joints = bm.read(text).to_data()["joints"]
+    assert list(joints) == numbered
+    assert [row["links"] for row in joints.values()] == [["frame", "b"], ["b", "c"], ["frame", "c"]]
+
+
+def test_a_joint_that_closes_a_loop_comes_behind_those_of_the_tree():
+    loop = """<loop_joint name="D" type="revolute"><link1 link="a" xyz="4 0 0"/>
+      <link2 link="d" xyz="1 -2 0"/><axis xyz="0 0 1"/></loop_joint>"""
+    tree = [("A", "a", "b", "0 0 0"), ("B", "b", "c", "0 1 0"), ("C", "c", "d", "3 1 0")]
+    data = bm.read(urdf(*tree, rest=loop)).to_data()
+    assert list(data["joints"]) == ["A", "B", "C", "D"]
+    assert [row["joint"] for row in data["drivers"].values()] == ["A"]
+
+
+def test_text_of_an_element_ends_where_another_begins_in_it():
+    root = xml_of("<a>1 <!-- of many -->2\n3<b>4</b> 5</a>", "text")
+    assert root.text == "1 2\n3"
+    assert root.get("b") == "4"
 
 
 def test_a_negative_mass_is_one_message():

@@ -1,10 +1,15 @@
 """Workbooks, MATLAB files and tables of a run: read back by the packages that others use."""
 
+from importlib import metadata
+
 import numpy as np
 import pytest
 
 import blockmech as bm
 from blockmech.cli import main
+from blockmech.exchange.formats import Formats
+from blockmech.exchange.tables import CSV, JSON
+from blockmech.ground.errors import RequestError
 from tests.gallery import mechanism
 
 WANT = ["crank.drive", "dyad.C.reaction", "dyad.i.angle"]
@@ -87,3 +92,25 @@ def test_a_missing_package_is_named_with_its_extra(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(bm.MissingEngineError, match=r'pip install "blockmech\[office\]"'):
         bm.write(mechanism("pump"), tmp_path / "a.xlsx")
+
+
+def test_a_package_adds_formats_and_replaces_none_that_is_built_in(monkeypatch):
+    modules = {"csv": "no_such_module:WRITER", "other": "blockmech.exchange.tables:JSON"}
+    points = [metadata.EntryPoint(key, x, "blockmech.writers") for key, x in modules.items()]
+    scans = []
+    monkeypatch.setattr(metadata, "entry_points", lambda group: scans.append(group) or points)
+    writers = Formats("blockmech.writers", {"csv": "blockmech.exchange.tables:CSV"})
+    assert writers.named("csv", "--to") is CSV
+    assert scans == []
+    assert list(writers) == ["csv", "other"]
+    assert dict(writers) == {"csv": CSV, "other": JSON}
+
+
+def test_what_cannot_be_imported_is_a_package_only_where_it_is_one(monkeypatch):
+    points = [metadata.EntryPoint("other", "no_such_module:WRITER", "blockmech.writers")]
+    monkeypatch.setattr(metadata, "entry_points", lambda group: points)
+    writers = Formats("blockmech.writers", {"csv": "no_such_module:WRITER"})
+    with pytest.raises(ModuleNotFoundError):
+        writers["csv"]
+    with pytest.raises(RequestError, match=r"broken-plugin.*repair or uninstall it"):
+        writers["other"]

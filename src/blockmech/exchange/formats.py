@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import IO, TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
@@ -125,16 +126,18 @@ class Formats(Generic[T], Mapping[str, T]):
         self._formats: dict[str, T] = {}
 
     @cached_property
-    def _points(self) -> dict[str, EntryPoint]:
-        from importlib.metadata import EntryPoint, entry_points
+    def _outside(self) -> dict[str, EntryPoint]:
+        """Formats of packages, by names that no built-in one has."""
+        from importlib.metadata import entry_points
 
-        builtin = (EntryPoint(name, x, self.group) for name, x in self._builtin.items())
-        outside = {point.name: point for point in entry_points(group=self.group)}
-        return {point.name: point for point in builtin} | outside
+        points = entry_points(group=self.group)
+        return {point.name: point for point in points if point.name not in self._builtin}
 
     def __getitem__(self, name: str) -> T:
+        if name not in self._formats and name in self._builtin:
+            self._formats[name] = resolve_name(self._builtin[name])
         if name not in self._formats:
-            point = self._points[name]
+            point = self._outside[name]
             try:
                 self._formats[name] = point.load()
             except Exception as error:
@@ -151,10 +154,10 @@ class Formats(Generic[T], Mapping[str, T]):
         raise refused(where, f'no format "{name}"', close_match(name, self), valid)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._points)
+        return iter((*self._builtin, *self._outside))
 
     def __len__(self) -> int:
-        return len(self._points)
+        return len(self._builtin) + len(self._outside)
 
 
 WRITERS: Formats[Writer] = Formats(

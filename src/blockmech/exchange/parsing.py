@@ -136,7 +136,7 @@ class _Reader:
 
     def __init__(self, where: str) -> None:
         self.where, self.count = where, 0
-        self.open = [Record("", {}, [], where)]
+        self.open: list[tuple[Record, list[str]]] = [(Record("", {}, [], where), [])]
         self.parser = expat.ParserCreate("utf-8")  # of a text, whatever its head says
         self.parser.StartElementHandler = self.start
         self.parser.EndElementHandler = self.end
@@ -153,17 +153,19 @@ class _Reader:
         fields = {key: text for key, text in attributes.items() if not key.startswith("xmlns")}
         label = f"{self.where}, {tag} {attributes.get('name', '')}".rstrip()
         record = Record(tag, fields, [], label)
-        self.open[-1].inner.append(record)
-        self.open.append(record)
+        self.open[-1][0].inner.append(record)
+        self.open.append((record, []))
 
     def data(self, text: str) -> None:
-        """A piece of text in an element."""
-        self.open[-1].text += text
+        """A piece of text in an element, which counts before the first one inside."""
+        record, pieces = self.open[-1]
+        if not record.inner:
+            pieces.append(text)
 
     def end(self, name: str) -> None:
         """An element ends."""
-        record = self.open.pop()
-        record.text = record.text.strip()
+        record, pieces = self.open.pop()
+        record.text = "".join(pieces).strip()
 
     def declared(self, name: str, *details: Any) -> None:
         """A document type: harmless by itself, but the place where entities are defined."""
@@ -183,7 +185,7 @@ def xml_of(text: str, where: str) -> Record:
         at = f"line {error.lineno}, column {error.offset + 1}"
         message = expat.errors.messages.get(error.code, "not well-formed")
         raise wrong(where, f"{at}: {message}", "XML") from None
-    return reader.open[0].inner[0]
+    return reader.open[0][0].inner[0]
 
 
 def record_of_json(raw: object, tag: str, where: str) -> Record:

@@ -29,7 +29,7 @@ from blockmech.exchange.spatial import (
     unit,
 )
 from blockmech.ground.errors import listed
-from blockmech.ground.names import free_name
+from blockmech.ground.names import free_name, numbered_name
 
 KINDS = {
     "revolute": "pin",
@@ -64,7 +64,7 @@ class _Robot:
         self.frame = {WORLD}
         self.axes_of_models = False  # whether axes are those of the model, as before SDF 1.5
         self.links: dict[str, Record] = {}
-        self.joints: dict[str, tuple[Record, str, str]] = {}  # with their scope, and where they are
+        self.joints: dict[str, tuple[Record, str]] = {}  # by where they are, with their scope
         self.bases: dict[str, tuple[Record, str, str]] = {}  # and what they stand on
 
     def named(self, text: str, scope: str) -> str:
@@ -93,7 +93,10 @@ class _Robot:
     def pose(self, name: str, depth: int = 0) -> Pose:
         """Where something is. Raises `FormatError` for what there is not, and for circles."""
         if name not in self.poses:
-            if name not in self.bases or depth > len(self.bases):
+            if depth > len(self.bases):
+                message = "its joints and frames go round in a circle"
+                raise wrong(self.where, message, "a tree of links")
+            if name not in self.bases:
                 valid = f"names: {listed([x for x in self.bases if '__model__' not in x])}"
                 raise wrong(self.where, f"no link, joint or frame {name[:40]}", valid)
             record, base, scope = self.bases[name]
@@ -115,8 +118,10 @@ class _Robot:
                 self.assembly.drawing.note(f"gravity acts on {name}, too")
             inertial = record.first("inertial")
             self._mass(inertial, _placed(inertial, self.pose(name)), body, mass)
-        for name, (record, scope, base) in self.joints.items():
-            self._joint(name, record, scope, self.pose(base), axis)
+        for base, (record, scope) in self.joints.items():
+            self._joint(record, scope, self.pose(base), axis)
+        for record in root.all("loop_joint"):
+            self._loop(record)
         for record in root.all("transmission", "ros2_control"):
             self._drive(record)
         self.assembly.gravity = np.array(gravity)
@@ -136,8 +141,8 @@ class _Robot:
         if link != FRAME and (mass or inertia.any()):
             self.assembly.masses[link].append(body)
 
-    def _joint(self, name: str, record: Record, scope: str, pose: Pose, default: str) -> None:
-        axis = record.first("axis")
+    def _joint(self, record: Record, scope: str, pose: Pose, default: str) -> None:
+        name, axis = self.named(record.get("name"), scope), record.first("axis")
         direction = unit(axis.numbers("xyz", 3, default), record.where)
         outer = axis.first("xyz").get("expressed_in")
         if self.axes_of_models or axis.get("use_parent_model_frame") in ("true", "1"):
@@ -153,6 +158,21 @@ class _Robot:
             leading = self.named(mimic.get("joint"), scope)
             law = (offset - factor * reference, factor)
             self.assembly.ratios.append(Ratio(f"mimic_{name}", leading, name, law))
+
+    def _loop(self, record: Record) -> None:
+        """Add the joint that closes a loop, between two places of two links."""
+        ends = [record.first("link1"), record.first("link2")]
+        first, second = (self.body(end.get("link")) for end in ends)
+        axis = record.first("axis")
+        turn = axes_along(unit(axis.numbers("xyz", 3, "1 0 0"), record.where))
+        pose, second_pose = (
+            self.pose(end.get("link"))
+            .at(end.numbers("xyz", 3, "0 0 0"), roll_pitch_yaw(end.numbers("rpy", 3, "0 0 0")))
+            .at((0, 0, 0), turn)
+            for end in ends
+        )
+        joint = Joint(record.get("name"), "", first, second, pose, second_pose)
+        self.join(joint, record, axis)
 
     def join(self, joint: Joint, record: Record, axis: Record) -> None:
         """Add a joint, whose axis has limits and dynamics in it or beside it."""
@@ -223,29 +243,16 @@ def read_urdf(text: str, where: str) -> Drawing:
             raise wrong(where, f"no link {listed(unknown)}", f"links: {listed(robot.links)}")
         if child in robot.bases:
             raise wrong(where, "a link is the child of two joints", "a tree; loops by loop_joint")
-        robot.joints[part.get("name")] = part, "", child
+        robot.joints[child] = part, ""
         robot.bases[child] = part, parent, ""
     robot.frame |= robot.links.keys() - robot.bases.keys()
     robot.poses |= {name: Pose() for name in robot.frame}
     for gazebo in root.all("gazebo"):
         gazebo.get("reference")
         for part in gazebo.all("joint"):
-            key = f"{part.get('name')} of gazebo"
-            robot.joints[part.get("name")] = part, "", key
+            key = numbered_name(f"{part.get('name')} of gazebo", robot.bases)
+            robot.joints[key] = part, ""
             robot.bases[key] = part, robot.ends(part)[1], ""
-    for record in root.all("loop_joint"):  # between two places of two links
-        ends = [record.first("link1"), record.first("link2")]
-        first, second = (robot.body(end.get("link")) for end in ends)
-        axis = record.first("axis")
-        turn = axes_along(unit(axis.numbers("xyz", 3, "1 0 0"), record.where))
-        pose, second_pose = (
-            robot.pose(end.get("link"))
-            .at(end.numbers("xyz", 3, "0 0 0"), roll_pitch_yaw(end.numbers("rpy", 3, "0 0 0")))
-            .at((0, 0, 0), turn)
-            for end in ends
-        )
-        joint = Joint(record.get("name"), "", first, second, pose, second_pose)
-        robot.join(joint, record, axis)
     return robot.project(root, 0.0, "1 0 0", [0.0, 0.0, -9.81])
 
 
@@ -279,7 +286,7 @@ def _enter(robot: _Robot, model: Record, scope: str, base: str) -> None:
             robot.frame.add(name)
     for joint in model.all("joint"):
         name = robot.named(joint.get("name"), scope)
-        robot.joints[name] = joint, scope, name
+        robot.joints[name] = joint, scope
         robot.bases[name] = joint, robot.ends(joint, scope)[1], scope
     for frame in model.all("frame"):
         frame.skip()  # nothing may stand on it
@@ -295,7 +302,7 @@ def _enter(robot: _Robot, model: Record, scope: str, base: str) -> None:
 def _hold(robot: _Robot) -> None:
     """Hold the first link of each mechanism that is not joined to the world."""
     joints = robot.joints.values()
-    ends = [set(map(robot.body, robot.ends(joint, scope))) for joint, scope, _ in joints]
+    ends = [set(map(robot.body, robot.ends(joint, scope))) for joint, scope in joints]
     grounded = {FRAME}
     for link in robot.links:
         while touching := [pair for pair in ends if pair & grounded and not pair <= grounded]:

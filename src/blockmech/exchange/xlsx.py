@@ -46,7 +46,7 @@ def workbook(result: Result) -> Any:
     charted = [j for j, c in enumerate(table, 1) if c.output in result][:PANELS]
     if result.n > 1 and charted:
         chart = _chart(openpyxl, sheet, result, charted)
-        sheet.add_chart(chart, sheet.cell(2, last + 2).coordinate)
+        sheet.add_chart(chart, f"{openpyxl.utils.get_column_letter(last + 2)}2")
     about = book.create_sheet("about")
     lines = [("mechanism", result.mechanism.name), ("samples", str(result.n)), ("units", "SI")]
     lines += [("note", text) for text in result.notes()]
