@@ -53,6 +53,20 @@ def test_a_caller_who_follows_the_progress_sees_no_bar(mechanism, cell):
     assert cell == []
 
 
+def test_motions_of_a_study_show_no_bars_of_their_own(mechanism, cell):
+    masses = {"crank.links.crank.mass": [0.5, 1.0]}
+    motion, calls = {"until": "time=0.1", "start": START}, []
+    mechanism.study(masses, want="motion.t_end", simulate=motion)
+    assert [x for x in cell if "designs" not in x] == [""]
+    del cell[:]
+    arguments = {"simulate": motion, "progress": lambda *state: calls.append(state)}
+    mechanism.study(masses, want="motion.t_end", **arguments)
+    assert calls
+    assert cell == []
+    mechanism.simulate("time=0.5", start=START)
+    assert cell[-1] == ""
+
+
 def test_a_call_that_is_over_at_once_shows_nothing(mechanism, cell, monkeypatch):
     monkeypatch.setattr(progress, "PATIENCE", 1e9)
     mechanism.simulate("time=0.5", start=START)

@@ -7,24 +7,34 @@ import html
 import sys
 import time
 from collections.abc import Callable
+from contextvars import ContextVar
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
 PATIENCE, REFRESH = 1.0, 0.2  # [s] before the bar is shown, and between two of its states
 
+FOLLOWED = ContextVar("followed", default=False)
+"""Whether somebody follows the progress of a call around this one."""
+
 
 def with_bar(function: F) -> F:
-    """A function whose ``progress`` is a bar in a notebook, unless a caller gives another."""
+    """A function whose ``progress`` is a bar in a notebook, unless a caller gives another.
+
+    Calls inside of it show none.
+    """
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-        if kwargs.get("progress") is not None or getattr(shell, "kernel", None) is None:
+        if FOLLOWED.get() or getattr(shell, "kernel", None) is None:
             return function(*args, **kwargs)
-        bar = Bar()
+        token, bar = FOLLOWED.set(True), Bar()
+        if kwargs.get("progress") is None:
+            kwargs["progress"] = bar
         try:
-            return function(*args, **{**kwargs, "progress": bar})
+            return function(*args, **kwargs)
         finally:
+            FOLLOWED.reset(token)
             bar.close()
 
     return cast(F, call)
