@@ -20,7 +20,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from blockmech.functions.series import EPS, Floats
+from blockmech.functions.series import Floats
+from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL, ROUNDING
 
 Indices: TypeAlias = NDArray[np.intp]

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.functions.series import EPS, Floats, Series, fit, nodes, panels
+from blockmech.functions.series import Floats, Series, fit, nodes, panels
+from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
 
 TURN = 2 * math.pi

@@ -16,8 +16,9 @@ import numpy as np
 from blockmech.analysis.peaks import Search
 from blockmech.analysis.scan import ASIDE, Span, runs, scan
 from blockmech.analysis.working_cycle import Cycle
-from blockmech.functions.series import EPS, Floats, panels
+from blockmech.functions.series import Floats, panels
 from blockmech.ground.errors import refused
+from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL
 from blockmech.result.failures import without_gaps
 

@@ -28,9 +28,10 @@ from blockmech.analysis.turning_points import ROUNDING, Signal, Turns, signal_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.compiled import Compiled
 from blockmech.design.efforts import with_efforts
-from blockmech.functions.series import EPS, Floats
+from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
+from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.studies.family import parameters, remade

@@ -54,8 +54,8 @@ def last_place(value: Callable[[float], float], inside: float, outside: float) -
         else:
             c, b, fc, fb = b, a, fb, fa
         a, fa = x, fx
-        least = 2 * EPS * max(abs(a), abs(b)) / abs(b - a)
-        if not least < 0.5:
+        margin = 2 * EPS * max(abs(a), abs(b)) / abs(b - a)
+        if not margin < 0.5:
             break
         t = 0.5
         if fa != fc != fb:
@@ -63,6 +63,6 @@ def last_place(value: Callable[[float], float], inside: float, outside: float) -
             if phi * phi < xi and (1 - phi) ** 2 < 1 - xi:
                 t = fa / (fb - fa) * fc / (fb - fc)
                 t += (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-        t = min(max(t, least), 1 - least)
+        t = min(max(t, margin), 1 - margin)
     holds, fails = (a, b) if fa >= 0 else (b, a)
     return bisect(lambda x: value(x) >= 0, holds, fails)

@@ -21,15 +21,14 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL
+from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL, HALVINGS
 
 Floats: TypeAlias = NDArray[np.float64]
 
-EPS = float(np.finfo(float).eps)
 NODES = 32  # of a panel: a quarter shows the end of its series; with 16 extrema lose a digit
 TOLERANCE = 450 * EPS  # tail of a panel that needs no halving
-LEVELS = round(-np.log2(EPS) / 2)  # halvings of a panel: a corner's place to the root of rounding
-MOST = 20 * LEVELS  # panels: a score of corners; what has no series anywhere is not halved for ever
+MOST = 20 * HALVINGS  # panels: a score of corners; what has no series is not halved for ever
 # Last quarter of the coefficients over the one before: of noise 1; of a corner, whose
 # coefficients fall like 1/k^2, (2/3)^2 = 0.44, and that is to be halved further. Nearer to the
 # corner: noise falls below two thirds by chance, and a panel of noise is halved for nothing.
@@ -183,7 +182,7 @@ def fit(
     n: int = NODES,
     tolerance: float = TOLERANCE,
     floor: float = 0.0,
-    levels: int = LEVELS,
+    levels: int = HALVINGS,
     most: int = MOST,
     divide: Callable[[Floats, Floats, Floats], Floats] | None = None,
 ) -> Series:
@@ -196,7 +195,7 @@ def fit(
     n : nodes of a panel
     tolerance : tail that is small enough, relative to the panel's largest coefficient
     floor : tail that is rounding, however small the panel's coefficients
-    levels : how often a panel may be halved
+    levels : how often a panel may be halved; a corner is then known to the root of rounding
     most : panels above which none is halved any more
     divide : middles (m,) of panels that do not end, places and values (m, n) there -> where to
         divide them instead
