@@ -18,7 +18,6 @@ from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turning_points import Turn, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.ground.errors import held, listed, refused, shown
-from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.typing import Data, FrictionMethod
