@@ -18,9 +18,12 @@ FRAMES = """() => {
 
 
 class Sheet:
-    """A sheet in the window. ``acts`` counts clicks, drags, presses and typed words."""
+    """A sheet in the window, shown once its ``sign`` is there.
 
-    def __init__(self, page, studio, source):
+    ``acts`` counts clicks, drags, presses and typed words.
+    """
+
+    def __init__(self, page, studio, source, sign="html[data-ready]"):
         self.page, self.acts = page, 0
         self.root = re.match(r"http://[^/]*", studio[0])[0]
         if not page.context.cookies():
@@ -29,7 +32,7 @@ class Sheet:
         assert reply.ok, reply.text()
         self.id = reply.json()["id"]
         page.goto(f"{self.root}/?sheet={self.id}")
-        page.locator("html[data-ready]").wait_for(state="attached")
+        page.locator(sign).first.wait_for(state="attached")
         self.svg = page.locator(".canvas svg").first
 
     @classmethod

@@ -37,10 +37,11 @@ from blockmech.model.joints.varied import Varied, settled, tangents
 from blockmech.model.parameters import number_at, parameters_of
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import Structure
+from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.studies.variation import designed, planned_near
 from blockmech.typing import Data, Record
 
-LARGEST = 300_000  # letters of a module; longer ones stay on the server, which then has the poses
+NUMBER = 20  # letters of a number in JSON
 KEPT = 64  # modules
 FAST = """const { sin, cos, atan2 } = Math;
 const hypot = (x, y) => Math.sqrt(x * x + y * y);
@@ -244,7 +245,9 @@ def module(name: str) -> str | None:
 
 
 def live(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | None = None) -> Live | None:
-    """The functions of a document; None where its plan is more than arithmetic, or too long.
+    """The functions of a document; None where its plan is more than arithmetic.
+
+    None also where they are longer than the poses of a motion, which are then sent instead.
 
     Of links and joints those of all pins at once, of blocks those of a joint that is held at
     coordinates of the drivers.
@@ -254,13 +257,14 @@ def live(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | None = N
     for drags in (False,) if fixed else (True, False):
         with suppress(BlockmechError, Untraceable, ZeroDivisionError):
             if isinstance(document, Linkage):
-                return _live_linkage(document, mechanism, drags)
+                return _live_linkage(now, mechanism, drags)
             return _of_blocks(now, mechanism, hold if drags else None)
     return None
 
 
-def _small(candidate: Live) -> Live | None:
-    return candidate if len(candidate.text) < LARGEST else None
+def _short(candidate: Live) -> Live | None:
+    poses = 3 * NUMBER * DEFAULT_SAMPLES * len(candidate.links)
+    return candidate if len(candidate.text) < poses else None
 
 
 def _script(mechanism: Compiled) -> Script:
@@ -284,7 +288,7 @@ def _of_blocks(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | No
     s, links = mechanism.structure, _links_of(mechanism.structure)
     if hold is None:
         script = _script(mechanism._of_blocks)
-        return _small(Live(script, links, tuple(script.values), _module(script)))
+        return _short(Live(script, links, tuple(script.values), _module(script)))
     if s.followed:
         raise Untraceable("a branch that is continued through change points may lose them")
     (motion, z, handles), tape = Hold.of(now.mechanism, *hold), Tape()
@@ -307,9 +311,10 @@ def _of_blocks(now: Revision, mechanism: Compiled, hold: tuple[str, Record] | No
     return functions and replace(functions, spots=spots)
 
 
-def _live_linkage(document: Linkage, mechanism: Compiled, drags: bool) -> Live | None:
+def _live_linkage(now: Revision, mechanism: Compiled, drags: bool) -> Live | None:
     """Of links and joints: links are named as there, and their frames are seats on blocks."""
-    tape, form, at = Tape(), document.to_data(), dict[str, int]()
+    tape, form, at = Tape(), now.form, dict[str, int]()
+    document: Any = now.document
     pins, varied = pins_of(form), dict[Any, Recorded]()
     for name in pins if drags else ():
         if name not in at:
@@ -368,7 +373,7 @@ def _following(
     text = _module(script) + (_numbers(tape, nodes) if follows else "")
     numbers_now = tuple(float(complex(x).real) for x in values)
     moved, constants = pins if follows else {}, tuple(tape.constants)
-    return _small(Live(script, links, numbers_now, text, moved, constants))
+    return _short(Live(script, links, numbers_now, text, moved, constants))
 
 
 def _module(script: Script) -> str:

@@ -130,7 +130,7 @@ class OpenSheet:
     def preview(self, body: Body) -> Answer:
         """The drawing that an act would make, and the functions that move it."""
         view = self._view_of(acted(self.sheet.now, body).form)
-        return {**view.data(), "live": _functions(view)}
+        return {**view.data, "live": _functions(view)}
 
     def live(self, body: Body) -> Answer | None:
         """The functions that move the mechanism.

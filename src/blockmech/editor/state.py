@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 from blockmech.builders import Linkage
@@ -39,8 +40,9 @@ class View:
             except BlockmechError as error:
                 self.said = str(error)
 
+    @cached_property
     def data(self) -> Data:
-        """The drawing with its motion and functions."""
+        """The drawing with its motion."""
         now, motion = self.now, self.motion
         links = isinstance(now.document, Linkage)
         picture: Data = {
@@ -83,7 +85,7 @@ def state_of(sheet: Sheet, view: View) -> Data:
         "outputs": [] if view.motion is None else list(view.motion.mechanism.outputs),
         "drives": drives_of(view.motion),
         "parameters": [] if now.mechanism is None else _numbers_of(now),
-        **view.data(),
+        **view.data,
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import inf, isfinite
 from typing import Any, TypeAlias, cast
@@ -62,16 +62,15 @@ def _unit_slip(mechanism: Any, block: str, drivers: Places) -> str:
     structure: Structure = mechanism.structure
     above = {n: b for n, b in structure.blocks.items() if n in structure.ancestors(block)}
     blocks: dict[str, Block] = {structure.frame: structure.fixed, **above}
-    tried = []
+    ranges = {name: _range(b) for name, b in blocks.items()}
+    spread, tried = _spread(ranges), []
     for name, original in blocks.items():
         if not (isinstance(original, Moving) and original.own_form):
             for factor, times in MILLI.items():
                 for lengths, scaled in _scaled(original, factor):
-                    spread = _spread({**blocks, name: scaled}.values())
-                    tried.append(
-                        (spread, f"{mechanism._block_name(name)}{lengths} {times}", name, scaled)
-                    )
-    alike = sorted((x for x in tried if x[0] < _spread(blocks.values())), key=lambda x: x[0])
+                    slip = f"{mechanism._block_name(name)}{lengths} {times}"
+                    tried.append((_spread({**ranges, name: _range(scaled)}), slip, name, scaled))
+    alike = sorted((x for x in tried if x[0] < spread), key=lambda x: x[0])
     followed = any(b.own_form for b in above.values())  # which takes longer
     for _, lengths, name, scaled in alike[: 1 if followed else MOST_TRIED]:
         if name == structure.frame:
@@ -109,11 +108,14 @@ def _markers(owner: Any, factor: float) -> Data:
     return {"markers": {k: m.model_copy(update={"at": Place(factor * m.at.z)}) for k, m in markers}}
 
 
-def _spread(blocks: Iterable[Block]) -> float:
-    """The largest length of some blocks and markers by the smallest that is none of zero."""
-    sizes: list[float] = []
-    for block in blocks:
-        placed = [m for _, m in block.all_markers.values() if isinstance(m, Marker)]
-        sizes += [abs(x) for x in _lengths(block).values()] + [abs(m.at.z) for m in placed]
-    sizes = [x for x in sizes if x]
-    return max(sizes, default=1.0) / min(sizes, default=1.0)
+def _range(block: Block) -> tuple[float, float]:
+    """The smallest length [m] of a block and its markers that is not zero, and the largest."""
+    placed = [abs(m.at.z) for _, m in block.all_markers.values() if isinstance(m, Marker)]
+    sizes = [x for x in (*map(abs, _lengths(block).values()), *placed) if x]
+    return min(sizes, default=inf), max(sizes, default=0.0)
+
+
+def _spread(ranges: Mapping[str, tuple[float, float]]) -> float:
+    """The largest length of some blocks by the smallest."""
+    smallest, largest = zip(*ranges.values(), strict=True)
+    return float(max(largest) / min(smallest))
