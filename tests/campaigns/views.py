@@ -63,7 +63,7 @@ def drawn(page: Page, studio: tuple[str, Path], folder: Path) -> None:
     page.locator(".answers img").wait_for(timeout=60000)
     shoot("analyses")
     hand = Sheet(page, studio, {"new": "joints"})
-    field = page.get_by_label("new pin at x, y", exact=True)
+    field = page.get_by_label("new pin at", exact=True)
     for position in ("300, 300", "400, 450", "550, 500", "700, 450"):
         hand.changed(lambda position=position: (field.fill(position), field.press("Enter")))
     tab("Synthesis")

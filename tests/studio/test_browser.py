@@ -74,8 +74,7 @@ def test_typed_lengths_are_taken_in_their_units(page, studio):
 def test_a_slider_crank_aimed_in_line_has_no_offset(page, studio):
     hand = Sheet(page, studio, DRAWN)
     hand.link(hand.at(0.3, 0.6), hand.at(0.35, 0.5))
-    x, y = hand.at(0.7, 0.6)
-    hand.link(hand.pin("B"), (x, y + 3))
+    hand.link(hand.pin("B"), (hand.at(0.7, 0.6)[0], hand.pin("A")[1] + 3))
     hand.click("A")
     hand.press("To the frame")
     hand.click("C")
@@ -314,7 +313,7 @@ def violations(page, view):
 
 def test_a_machine_is_drawn_by_the_keyboard_alone(page, studio):
     hand = Sheet(page, studio, DRAWN)
-    field = page.get_by_label("new pin at x, y", exact=True)
+    field = page.get_by_label("new pin at", exact=True)
     for place in ("0, 0", "20, 50", "150, 80", "200 mm, 0"):
         field.focus()
         page.keyboard.type(place)
@@ -326,6 +325,14 @@ def test_a_machine_is_drawn_by_the_keyboard_alone(page, studio):
     page.get_by_role("button", name="Link", exact=True).focus()
     hand.changed(lambda: page.keyboard.press("Enter"))
     assert len(hand.state["drawing"]["links"]) == 1
+
+
+def test_tools_take_two_lines_of_a_window_of_1280_px(page, studio):
+    page.set_viewport_size({"width": 1280, "height": 720})
+    Sheet(page, studio, {"example": "joints/excavator"})
+    for bar, lines in ((".bar", 1), (".tools:visible", 2)):
+        height = page.get_by_role("button", name="Save").bounding_box()["height"]
+        assert page.locator(bar).bounding_box()["height"] < (lines + 0.75) * height, bar
 
 
 def test_a_small_window_and_large_letters_cut_nothing(page, studio):

@@ -39,6 +39,8 @@ button(bar, "Export", () => exportAs(kind.input.value, (said) => say(said)));
 element(bar, "span", "space");
 const chosen = Object.entries(/** @type {Record<string, string[]>} */ (about.units)).map(([words, known], k) => {
   const own = field(bar, words, "select");
+  own.label.remove(); // so that the bar has one line at 1280 px
+  Object.assign(own.input, { title: words, ariaLabel: words });
   options(own.input, known.map((unit) => [unit, unit]), store.units[k]);
   own.input.addEventListener("change", () => {
     const units = chosen.map(({ input }) => input.value);

@@ -47,6 +47,9 @@ export function sheetView(parent) {
   const bubble = element(box, "div", "bubble wrong");
   const menu = element(box, "div", "menu");
   const guide = element(box, "ol", "guide");
+  const over = element(box, "div", "over");
+  const show = field(over, "show", "select");
+  const paths = button(over, "Paths", () => set({ paths: !store.paths }), "the paths of pins");
   menu.setAttribute("role", "menu");
   for (const words of GUIDE) element(guide, "li", "", words);
   for (const part of [typed, bubble, menu]) part.hidden = true;
@@ -63,7 +66,7 @@ export function sheetView(parent) {
   let at = {}; // poses of links as drawn now
   let known = ""; // the sheet that was drawn last
   let few = false; // whether it had no pin
-  const tracing = new Tracing(box, () => ({ view, svg, step: grid() }), draw);
+  const tracing = new Tracing(over, () => ({ view, svg, step: grid() }), draw);
 
   const drawing = () => ghost?.drawing ?? store.sheet?.drawing ?? null;
   const pins = () => drawing()?.pins ?? [];
@@ -89,15 +92,14 @@ export function sheetView(parent) {
   for (const name of ["Masses", "Copy", "Delete"]) buttons[name] = button(tools, name, () => press(name));
   const along = field(tools, `along [${angle()}]`, "input");
   const slot = field(tools, "slides on", "select");
-  const spotted = field(tools, "new pin at x, y", "input");
+  const spotted = field(tools, "new pin at", "input");
+  spotted.input.placeholder = "x, y";
   const redraw = button(tools, "Draw these blocks on as links and joints", () => edit({ act: "redraw" }).then((e) => e || set({ view: "drawing" })));
   const begin = button(tools, "Begin a drawing of links and joints", () => edit({ act: "begin" }).then((e) => e || set({ view: "drawing", tool: "Link" })));
-  const show = field(tools, "show", "select");
   options(show.input, ["", "velocities", "reactions", "friction circles"].map((x) => [x, x || "nothing more"]), "");
   show.input.addEventListener("change", arrowed);
   /** @type {{name: string, at: number[][], vector: number[][]}[]} */
   let arrows = [];
-  const paths = button(tools, "Paths", () => set({ paths: !store.paths }), "the paths of pins");
   buttons.Masses.title = "give every link that has none the mass of a bar";
   spotted.input.addEventListener("keydown", (event) => {
     if (event.key !== "Enter") return;
@@ -846,7 +848,7 @@ export function sheetView(parent) {
     paths.setAttribute("aria-pressed", String(store.paths));
     along.label.textContent = `along [${angle()}]`;
     const names = ["", "frame", ...(sheet?.drawing?.links ?? []).map((link) => link.name)];
-    options(slot.input, mine ? names.map((n) => [n, n || "what is below"]) : [], names.includes(slot.input.value) ? slot.input.value : "");
+    options(slot.input, mine ? names.map((n) => [n, n || "link below"]) : [], names.includes(slot.input.value) ? slot.input.value : "");
   });
   let [wide, high] = [0, 0];
   new ResizeObserver(() => { // what is in the middle stays there

@@ -10,16 +10,15 @@ import { button, element, put } from "../../../exchange/page/web/dom.js";
 
 export class Tracing {
   /**
-   * @param {HTMLElement} box
+   * @param {HTMLElement} bar
    * @param {() => {view: import("../../../exchange/page/web/geometry.js").View, svg: SVGSVGElement, step: number}} now @param {() => void} draw
    */
-  constructor(box, now, draw) {
+  constructor(bar, now, draw) {
     /** @type {Placed | null} */
     this.picture = null;
     this.holding = "";
     this.now = now;
     this.redraw = draw;
-    const bar = element(box, "div", "tracing");
     const file = element(bar, "input");
     Object.assign(file, { type: "file", hidden: true, accept: "image/*,.dxf" });
     file.addEventListener("change", () => { if (file.files?.[0]) this.load(file.files[0]); file.value = ""; });
