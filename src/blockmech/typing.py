@@ -11,14 +11,39 @@ from collections.abc import Callable, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
+import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import TypeVar
 
 Real: TypeAlias = Any
-"""A real number or a batch of them: float, or float array (...)."""
+"""A real number or a batch of them: float, or float array (...).
+
+Also what an engine computes with in its place: a dual number, a node of a trace, an affine form.
+"""
 
 Complex: TypeAlias = Any
 """A planar vector x + iy or a batch of them: complex, or `Planar` (...)."""
+
+Kernel: TypeAlias = Callable[..., Any]
+"""A function of numbers, vectors and records of them, bound to each engine's kind of number."""
+
+Nested: TypeAlias = Real | Complex | tuple["Nested", ...]
+"""What a kernel takes or answers: a number, a vector, or a tuple or record of such, nested."""
+
+Values: TypeAlias = tuple[Any, ...]
+"""Such values in a row: what a program computes, the state of a loop, parameters, a record."""
+
+Array: TypeAlias = NDArray[Any]
+"""Numbers of any precision, real or complex, or truth values; the shape is written beside it."""
+
+Floats: TypeAlias = NDArray[np.float64]
+"""Real numbers in double precision."""
+
+Vectors: TypeAlias = NDArray[np.complex128]
+"""Planar vectors x + iy in double precision."""
+
+Indices: TypeAlias = NDArray[np.intp]
+"""Where something stands in an array."""
 
 Reals: TypeAlias = Sequence[Real]
 """Real numbers, one for each pair, driver or row."""

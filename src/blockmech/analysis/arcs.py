@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from blockmech.analysis.closure import Closure
 from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, places, runs, scan
 from blockmech.functions.roots import last_place
-from blockmech.functions.series import Floats, fit
+from blockmech.functions.series import fit
 from blockmech.ground.tolerances import DOUBLE_ROOT
+from blockmech.typing import Floats
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])

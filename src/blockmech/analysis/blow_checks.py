@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.analysis.evidence import Residual
-from blockmech.analysis.free_bodies import Array, FreeBodies, unit_motions
+from blockmech.analysis.free_bodies import FreeBodies, unit_motions
 from blockmech.dynamics.pair_stops import stopped_pairs
 from blockmech.dynamics.roles import FREE
 from blockmech.model.structure import JointRef
 from blockmech.result.motion import Motion
+from blockmech.typing import Array
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

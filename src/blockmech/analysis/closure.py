@@ -14,7 +14,6 @@ from blockmech.analysis.scan import ASIDE, SEAM, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.functions.series import Floats
 from blockmech.ground.tolerances import BLUR
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, Structure
@@ -22,7 +21,7 @@ from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
 from blockmech.plan.values import Value
-from blockmech.typing import Data
+from blockmech.typing import Data, Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

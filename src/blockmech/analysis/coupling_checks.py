@@ -19,7 +19,7 @@ from numpy.polynomial import Polynomial as Series
 
 from blockmech.analysis.evidence import Evidence, Residual
 from blockmech.analysis.force_checks import bound_kernel
-from blockmech.analysis.free_bodies import Array, Body
+from blockmech.analysis.free_bodies import Body
 from blockmech.analysis.quadrature import Stretches
 from blockmech.couplings.belt import Belt
 from blockmech.couplings.cam import Cam
@@ -29,6 +29,7 @@ from blockmech.couplings.rack import Rack
 from blockmech.couplings.ratio import Ratio
 from blockmech.model.meshing import coupling_numbers
 from blockmech.model.structure import Follower
+from blockmech.typing import Array
 
 
 class Contact(NamedTuple):

@@ -24,11 +24,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.engines.binding import bind_functions
@@ -42,8 +41,8 @@ from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Plan
 from blockmech.result.samples import Samples
+from blockmech.typing import Floats
 
-Floats: TypeAlias = NDArray[np.float64]
 PANELS = 16  # of a motion to begin with
 RELATIVE, ABSOLUTE = 1e-11, 1e-13  # tolerances of the integration; the second of the size of z
 OCTAVES = 20  # above the deflection of steady slip, in which a periodic one is looked for

@@ -19,11 +19,11 @@ from blockmech.analysis.equilibrium import Equilibria, Equilibrium
 from blockmech.dynamics.charts import Chart, home_chart
 from blockmech.dynamics.request import Pairs
 from blockmech.dynamics.system import System
-from blockmech.functions.series import Floats
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.tolerances import BLUR, HALVINGS
 from blockmech.model.joints.layout import Poses
 from blockmech.model.structure import COORDINATE
+from blockmech.typing import Floats
 
 MOST = 32  # arcs that are looked at
 

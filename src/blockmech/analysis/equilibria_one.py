@@ -25,9 +25,10 @@ from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import tangents
 from blockmech.functions.roots import NEWTON_STEPS, SCANNED, bisect
-from blockmech.functions.series import Floats, Series, fit, panels
+from blockmech.functions.series import Series, fit, panels
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT, EQUAL
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -25,9 +25,9 @@ from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import Tangents, tangents
 from blockmech.functions.roots import NEWTON_STEPS
-from blockmech.functions.series import Floats
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

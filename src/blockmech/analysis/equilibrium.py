@@ -20,12 +20,11 @@ from blockmech.figures import palette as ink
 from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
-from blockmech.functions.series import Floats
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json, places, with_unit
 from blockmech.ground.tolerances import EQUAL
-from blockmech.typing import Data
+from blockmech.typing import Data, Floats
 
 Kind = Literal["stable", "unstable", "indifferent"]
 

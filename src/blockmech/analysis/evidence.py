@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.free_bodies import Array, Body, FreeBodies, Together, unit_motions
+from blockmech.analysis.free_bodies import Body, FreeBodies, Together, unit_motions
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import JointRef, LinkRef
+from blockmech.typing import Array
 
 if TYPE_CHECKING:
     from blockmech.result.result import Result

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.evidence import Evidence, Residual, plain, total
-from blockmech.analysis.free_bodies import Array
 from blockmech.couplings.contract import LossyCoupling
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import primitives
 from blockmech.ground.plane import EPS, REST_SHARE
 from blockmech.model.structure import JointRef
+from blockmech.typing import Array
 
 
 def links(e: Evidence) -> Iterator[Residual]:

@@ -14,21 +14,20 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.dynamics.pair_stops import lain_against
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.result.samples import Samples
+from blockmech.typing import Array
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.result.quality import Quality
     from blockmech.result.result import Result
 
-Array = NDArray[Any]
 Side = tuple[complex, complex]
 MOTION = ("p", "v", "a", "angle", "omega", "alpha")  # outputs of a link
 

@@ -28,11 +28,9 @@ from blockmech.result.columns import output_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Data
+from blockmech.typing import Data, Floats, Indices
 
-Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 CONTRACTION, COUNT, UNDECIDED, NO_POSE = PROOFS = (
     *("contraction", "count", "undecided", "no-assembly"),

@@ -45,7 +45,7 @@ from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Coordinates, Data, Numbers
+from blockmech.typing import Coordinates, Data, Floats, Indices, Numbers, Vectors
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -61,10 +61,7 @@ BOUND = bind_functions(
     {"newton": solvers.newton, "existence": existence, "load_norm": load_norm},
     primitives(np.float64),
 )
-Floats = NDArray[np.float64]
-Vectors = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 
 # -- the equations of the groups, by the force pass ----------------------------------------

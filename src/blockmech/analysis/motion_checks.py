@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.evidence import Evidence, Residual
-from blockmech.analysis.free_bodies import Array, Body
+from blockmech.analysis.free_bodies import Body
 from blockmech.analysis.quadrature import Stretches
 from blockmech.blocks.modes import FOLLOW
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.structure import JointRef, LinkRef
+from blockmech.typing import Array
 
 ACROSS = {"RRR": False, "RRP": True, "RPR": True, "RPP": False, "PRP": False}
 """Dyads, and whether their dead centre is where two directions are square to each other."""

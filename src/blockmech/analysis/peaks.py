@@ -20,11 +20,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from blockmech.functions.series import Floats
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL, ROUNDING
+from blockmech.typing import Floats, Indices
 
-Indices: TypeAlias = NDArray[np.intp]
 Truths: TypeAlias = NDArray[np.bool_]
 Function: TypeAlias = Callable[[Indices, Floats], Floats]
 """Numbers (k,) of functions, places (k, 8) -> their values (k, 8); NaN where there is none."""

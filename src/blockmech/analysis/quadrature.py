@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 
-from blockmech.analysis.free_bodies import Array
 from blockmech.ground.plane import EPS
+from blockmech.typing import Array
 
 NODES = 16  # of a stretch: exact for degree 29
 LAST = 4  # coefficients that tell what is left of a rate

@@ -15,9 +15,8 @@ from blockmech.engines.numpy import NumpyEngine, each_part
 from blockmech.ground.tolerances import EQUAL
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Arguments, Data
+from blockmech.typing import Arguments, Array, Data
 
-Array = NDArray[Any]
 DOUBLE = float(np.finfo(np.float64).eps)
 LONG = float(np.finfo(np.longdouble).eps)
 WIDER = LONG < DOUBLE

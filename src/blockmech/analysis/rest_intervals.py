@@ -14,8 +14,8 @@ import numpy as np
 from blockmech.analysis.scan import TURN, Span
 from blockmech.dynamics.system import System
 from blockmech.functions.roots import SCANNED
-from blockmech.functions.series import Floats
 from blockmech.ground.plane import EPS
+from blockmech.typing import Floats
 
 Effort = Callable[[Floats], Floats]
 

@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.functions.series import Floats, Series, fit, nodes, panels
+from blockmech.functions.series import Series, fit, nodes, panels
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
+from blockmech.typing import Floats
 
 TURN = 2 * math.pi
 # Turns are cut just before -90 degrees: arcs of symmetric mechanisms lie about 0 or pi, and what

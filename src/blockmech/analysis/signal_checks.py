@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term
-from blockmech.analysis.free_bodies import Array
 from blockmech.analysis.load_checks import table_of
 from blockmech.model.structure import JointRef, Structure
 from blockmech.signals.algebra import DeadZone, Gain, Product, Saturation, Sum
 from blockmech.signals.dynamic import BAND, DCMotor, Integrator, Pid, StateSpace, TransferFunction
 from blockmech.signals.sources import Constant, Table
+from blockmech.typing import Array
 
 
 def _sum(*terms: Array) -> Term:

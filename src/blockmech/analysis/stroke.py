@@ -24,12 +24,12 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turning_points import Turn, Turns, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
-from blockmech.functions.series import Floats, fit, panels
+from blockmech.functions.series import fit, panels
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, with_unit
 from blockmech.ground.tolerances import BLUR, EQUAL
-from blockmech.typing import Data, FrictionMethod
+from blockmech.typing import Data, Floats, FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -16,11 +16,12 @@ import numpy as np
 from blockmech.analysis.peaks import Search
 from blockmech.analysis.scan import ASIDE, Span, runs, scan
 from blockmech.analysis.working_cycle import Cycle
-from blockmech.functions.series import Floats, panels
+from blockmech.functions.series import panels
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL
 from blockmech.result.failures import without_gaps
+from blockmech.typing import Floats
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
 NOISY = 1e-4  # of its range, mean change near by above which a signal is rounding only

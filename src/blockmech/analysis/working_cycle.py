@@ -11,12 +11,11 @@ import numpy as np
 
 from blockmech.analysis.scan import NODES, TURN, runs
 from blockmech.functions.roots import SCANNED, bisect
-from blockmech.functions.series import Floats
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Arguments, Data
+from blockmech.typing import Arguments, Data, Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

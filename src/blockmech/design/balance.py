@@ -21,7 +21,6 @@ from blockmech.figures import palette as ink
 from blockmech.figures.curves import abscissa, values
 from blockmech.figures.paper import axis_label, legend_above, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS
@@ -33,7 +32,7 @@ from blockmech.studies.family import remade
 from blockmech.studies.objective import INFEASIBLE
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
-from blockmech.typing import Arguments, Coordinates, Data, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
 

@@ -29,7 +29,6 @@ from blockmech.figures import palette as ink
 from blockmech.figures.paper import panelled, scaled_unit
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import NEWTON_STEPS
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.plane import EPS
@@ -39,7 +38,7 @@ from blockmech.plan.plan import Plan
 from blockmech.result.samples import Samples
 from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.family import Family, parameters
-from blockmech.typing import Coordinates, FrictionMethod, Numbers, Quantity, Record
+from blockmech.typing import Coordinates, Floats, FrictionMethod, Numbers, Quantity, Record
 
 PANEL = 19.5 * ink.TEXT  # [pt] height of a picture
 

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 
 from blockmech.analysis.equilibrium import companion
 from blockmech.dynamics.tangents import tangents
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.report import DEGREES, Facts, Report
 from blockmech.result.result import Result
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -25,13 +25,13 @@ from blockmech.figures import palette as ink
 from blockmech.figures.paper import angle_scale, legend_above, panelled
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import SCANNED
-from blockmech.functions.series import Floats, Series, fit, panels
+from blockmech.functions.series import Series, fit, panels
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.ground.units import number_in_si
-from blockmech.typing import Quantity
+from blockmech.typing import Floats, Quantity
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a picture
 

@@ -41,7 +41,6 @@ from blockmech.engines.dual import slope, value
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS
@@ -56,7 +55,7 @@ from blockmech.studies.family import remade
 from blockmech.studies.objective import INFEASIBLE
 from blockmech.studies.sensitivity import size_of
 from blockmech.studies.variation import Variation, is_written_out, of_links
-from blockmech.typing import Arguments, Data, FrictionMethod
+from blockmech.typing import Arguments, Data, Floats, FrictionMethod
 
 PART = 512  # samples of a long record that are fitted first
 FULL = 8  # steps on all samples at most; after the first fit one or two are enough

@@ -36,7 +36,6 @@ from blockmech.figures.panels import log_ticks
 from blockmech.figures.paper import legend_above, panelled, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import NEWTON_STEPS
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import close_match, listed, needed, refused
 from blockmech.ground.plane import EPS
@@ -52,7 +51,7 @@ from blockmech.studies.derivatives_at import (
     states_of,
 )
 from blockmech.studies.differentiate import chosen_numbers
-from blockmech.typing import Coordinates, FrictionMethod
+from blockmech.typing import Coordinates, Floats, FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.functions.series import Floats
 from blockmech.ground.errors import Problem, RequestError, listed, refused
 from blockmech.result.samples import Samples
+from blockmech.typing import Floats
 
 HEAD = re.compile(r"(?P<name>[^\[\]]+?)\s*(?:\[(?P<unit>[^\]]*)\])?\s*")
 ANGLES = {"deg": math.pi / 180.0, "°": math.pi / 180.0, "mm": 1e-3}

@@ -28,7 +28,6 @@ from blockmech.analysis.turning_points import ROUNDING, Signal, Turns, signal_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.compiled import Compiled
 from blockmech.design.efforts import with_efforts
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS
@@ -36,7 +35,7 @@ from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.studies.family import parameters, remade
 from blockmech.studies.reductions import TEXT
-from blockmech.typing import Arguments, Coordinates, Data, FrictionMethod
+from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod
 
 STARTS = 5  # values of each of several drivers, between which ways to the wanted pose begin
 CLOSE = EPS ** (2 / 3)  # of a size: misfits and steps that count as none

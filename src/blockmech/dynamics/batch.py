@@ -50,8 +50,8 @@ from blockmech.engines.llvm import slots_of
 from blockmech.engines.stages import BOUND, HIGH, LOW, THIRD, TRY, WEIGHT, scheme
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
-from blockmech.result.motion import Floats, State
-from blockmech.typing import Real
+from blockmech.result.motion import State
+from blockmech.typing import Floats, Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.dense import value
-from blockmech.result.motion import Floats
-from blockmech.typing import Real
+from blockmech.typing import Floats, Real
 
 Bools: TypeAlias = NDArray[np.bool_]
 Counts: TypeAlias = NDArray[np.int64]

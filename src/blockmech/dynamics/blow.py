@@ -34,7 +34,8 @@ from blockmech.dynamics.contacts import (
 )
 from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.sticking import JointFriction
-from blockmech.result.motion import Floats, Impact
+from blockmech.result.motion import Impact
+from blockmech.typing import Floats
 
 STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load

@@ -24,7 +24,7 @@ from blockmech.dynamics.place_data import PlaceData, coordinate_at
 from blockmech.dynamics.programs import Sample, ScalarTerms
 from blockmech.dynamics.source import Source
 from blockmech.dynamics.system import System
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series: 8, as two tell its end; even: none at its middle
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side

@@ -24,11 +24,11 @@ from blockmech.model.naming import Names
 from blockmech.outputs.by_block import PARTS
 from blockmech.outputs.by_link import readings, wrapped
 from blockmech.plan.settings import friction_asked
-from blockmech.result.motion import Floats, Motion
+from blockmech.result.motion import Motion
 from blockmech.result.quality import Flag, Quality
 from blockmech.result.result import FREE
 from blockmech.result.samples import Samples
-from blockmech.typing import Data, FrictionMethod, M
+from blockmech.typing import Data, Floats, FrictionMethod, M
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -46,7 +46,8 @@ from blockmech.model.naming import LinkName, Names
 from blockmech.model.scene import Initial
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import COORDINATE, MarkerRef, Structure
-from blockmech.result.motion import Floats, Motion
+from blockmech.result.motion import Motion
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

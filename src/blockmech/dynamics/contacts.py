@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats
 
 SETTLED = 1e-9  # [-] by which a law or a place may be missed by what is solved for: rounding
 DEPENDENT = SETTLED / 10  # of the largest singular value of rows: below it they depend on others

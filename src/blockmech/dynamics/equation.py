@@ -26,10 +26,11 @@ from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
 from blockmech.dynamics.system import REPORTED, System
 from blockmech.engines.compiled_rates import CompiledRhs, CompiledStepper
 from blockmech.engines.stages import Method, dop853
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import Response, Vectors
+    from blockmech.dynamics.friction import Response
+    from blockmech.typing import Vectors
 
 LOOKED_AT = 64  # states of a step and more at which the relative rates of pairs are kept
 

@@ -20,7 +20,8 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.functions.series import GOLDEN
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Floats, Motion, State
+from blockmech.result.motion import Motion, State
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

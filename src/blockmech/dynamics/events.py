@@ -23,12 +23,13 @@ from blockmech.dynamics.rates import LEAST_INERTIA, NEAR, bearing
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
-from blockmech.result.motion import Event, Floats, Motion
-from blockmech.typing import Real
+from blockmech.result.motion import Event, Motion
+from blockmech.typing import Floats, Real
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import PairProgram, Vectors
+    from blockmech.dynamics.friction import PairProgram
     from blockmech.dynamics.system import System
+    from blockmech.typing import Vectors
 
 Value: TypeAlias = Callable[[Real, Floats], Real]
 

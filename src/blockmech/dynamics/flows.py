@@ -22,7 +22,8 @@ from blockmech.dynamics.singular import classify_obstacle
 from blockmech.dynamics.time import TimeIntegration, integrate
 from blockmech.ground.errors import RequestError
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Floats, Motion
+from blockmech.result.motion import Motion
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -23,10 +23,8 @@ from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Program
-from blockmech.result.motion import Floats
-from blockmech.typing import Data
+from blockmech.typing import Data, Floats, Vectors
 
-Vectors: TypeAlias = NDArray[np.complex128]
 Sides: TypeAlias = tuple[int, ...]
 Times: TypeAlias = float | Floats  # [s] one, or (n,)
 InnerStates: TypeAlias = Floats | None  # (..., n) of signals and laws; None: the initial ones

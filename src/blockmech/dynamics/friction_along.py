@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from blockmech.dynamics.contacts import DEPENDENT, Constraints
 from blockmech.dynamics.friction import Sides
 from blockmech.dynamics.sticking import JointFriction
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats, Indices
 
 States: TypeAlias = tuple[Floats, Floats, Floats, Floats]  # (n, k), (n, k), (n,), (n, states)
 Bools: TypeAlias = NDArray[np.bool_]
-Indices: TypeAlias = NDArray[np.intp]
 Against: TypeAlias = Callable[[Floats, Floats, Floats, Indices], Constraints]
 
 

@@ -39,10 +39,10 @@ from blockmech.ground.values import Vector
 from blockmech.passes.friction import input_joints
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
-from blockmech.result.motion import Event, Floats, Impact, Lying, Motion, State, Track
+from blockmech.result.motion import Event, Impact, Lying, Motion, State, Track
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Data
+from blockmech.typing import Data, Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

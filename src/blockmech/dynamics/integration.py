@@ -22,7 +22,8 @@ from blockmech.dynamics.singular import AHEAD, classify_obstacle
 from blockmech.dynamics.solvers import NO_PLAN, STEPPERS, AcceptedSteps, AdaptiveSolver, Solver
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Event, Floats
+from blockmech.result.motion import Event
+from blockmech.typing import Floats
 
 QUICKER = 8  # times as many states may a friction law with a state ask of machine code
 

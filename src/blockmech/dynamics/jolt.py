@@ -16,7 +16,8 @@ from blockmech.dynamics.contacts import SETTLED, STILL
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.roles import Roles
 from blockmech.ground.errors import refused
-from blockmech.result.motion import Floats, Impact
+from blockmech.result.motion import Impact
+from blockmech.typing import Floats
 
 
 def jolt_of(

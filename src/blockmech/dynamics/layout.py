@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.result.motion import Floats, Impact, State
+from blockmech.result.motion import Impact, State
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.roles import Roles

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.pair_stops import Counted
-from blockmech.result.motion import Floats, Motion, State
+from blockmech.result.motion import Motion, State
+from blockmech.typing import Floats
 
 MILESTONES = 9  # places over a leg between which turns are counted
 

@@ -26,7 +26,8 @@ from blockmech.dynamics.system import System
 from blockmech.dynamics.textbook import in_fixed_steps
 from blockmech.dynamics.time import integrate
 from blockmech.ground.errors import RequestError, listed, refused
-from blockmech.result.motion import Event, Floats, Motion, Status
+from blockmech.result.motion import Event, Motion, Status
+from blockmech.typing import Floats
 
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 

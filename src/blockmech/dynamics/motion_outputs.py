@@ -20,10 +20,10 @@ from blockmech.dynamics.system import System
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction
 from blockmech.plan.settings import friction_asked
-from blockmech.result.motion import Floats, Motion
+from blockmech.result.motion import Motion
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Data, FrictionMethod, M, Record
+from blockmech.typing import Data, Floats, FrictionMethod, M, Record
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

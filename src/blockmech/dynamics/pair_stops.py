@@ -21,7 +21,8 @@ from blockmech.model.structure import COORDINATE, JointRef
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Output
-from blockmech.result.motion import Floats, Lying
+from blockmech.result.motion import Lying
+from blockmech.typing import Floats
 
 Place: TypeAlias = tuple[Floats, Floats, Floats]  # q (k,), coordinates (p,), rows (p, k)
 SURE = 1.0  # [rad] by which an angle may differ from what its row foretells, over one way

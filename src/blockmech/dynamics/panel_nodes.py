@@ -19,13 +19,12 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
-from numpy.typing import NDArray
 
 from blockmech.engines.kinds import Reals
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
+from blockmech.typing import Floats
 
-Floats: TypeAlias = NDArray[np.float64]
 # Kinds of panels: a plain one, one that begins or ends with a standstill, or ends at a dead centre.
 PLAIN, FROM_REST, TO_REST, TO_LIMIT = range(4)
 COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more

@@ -34,7 +34,6 @@ from blockmech.dynamics.panel_nodes import (
     TIME_AT_END,
     TO_REST,
     WORK,
-    Floats,
     J,
     Nodes,
     basis,
@@ -42,6 +41,7 @@ from blockmech.dynamics.panel_nodes import (
 )
 from blockmech.dynamics.path_loops import DIGITS, ROOT, SMALLEST
 from blockmech.ground.plane import EPS
+from blockmech.typing import Floats
 
 Ints: TypeAlias = NDArray[np.intp]
 

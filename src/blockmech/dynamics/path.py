@@ -37,18 +37,7 @@ from blockmech.dynamics.estimate import (
     stopped,
     with_rounding,
 )
-from blockmech.dynamics.panel_nodes import (
-    CLOSE,
-    COARSE,
-    END,
-    FINE,
-    KIND,
-    PANEL,
-    SHORT,
-    TO_LIMIT,
-    Floats,
-    J,
-)
+from blockmech.dynamics.panel_nodes import CLOSE, COARSE, END, FINE, KIND, PANEL, SHORT, TO_LIMIT, J
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.path_loops import (
     FAILED,
@@ -69,6 +58,7 @@ from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart, second_run
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Motion, Still
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.panel_nodes import CLOSE, COARSE, FINE, MARGIN, TAU, Floats, J
+from blockmech.dynamics.panel_nodes import CLOSE, COARSE, FINE, MARGIN, TAU, J
 from blockmech.dynamics.path_loops import DIGITS
 from blockmech.dynamics.place_data import (
     NOTHING,
@@ -31,6 +31,7 @@ from blockmech.dynamics.place_data import (
     sampled,
 )
 from blockmech.ground.plane import EPS
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -18,7 +18,7 @@ from itertools import combinations
 import numpy as np
 
 from blockmech.dynamics.contacts import SETTLED
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats
 
 
 def _unit(rows: Floats) -> Floats:

@@ -20,7 +20,8 @@ from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Event, Floats, Motion, Slips, State, Still, Track
+from blockmech.result.motion import Event, Motion, Slips, State, Still, Track
+from blockmech.typing import Floats
 
 QUOTIENT = 1e-3  # step of fourth-order differences: its fourth power is their error, 1e-12
 NEUTRAL = QUOTIENT**2  # distance of a multiplier from 1 that is none: half of those digits

@@ -24,7 +24,6 @@ from blockmech.dynamics.panel_nodes import (
     SHORT,
     TAU,
     VALUES,
-    Floats,
     J,
     basis,
     node_places,
@@ -34,6 +33,7 @@ from blockmech.dynamics.panel_nodes import (
 )
 from blockmech.functions.series import tail
 from blockmech.ground.plane import EPS
+from blockmech.typing import Floats
 
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
 NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero

@@ -17,7 +17,7 @@ from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.passes import friction, reduction, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats
 
 
 class Sample(NamedTuple):

@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.panel_nodes import AT_ONCE, Floats
+from blockmech.dynamics.panel_nodes import AT_ONCE
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.track import FEW, RepeatedSegment
 from blockmech.functions.series import tail
+from blockmech.typing import Floats
 
 MOST_TURNS = 2 * AT_ONCE**2  # turns that gain energy, in a run: some seconds of work
 

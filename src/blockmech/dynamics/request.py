@@ -19,8 +19,16 @@ from blockmech.dynamics.source import Source
 from blockmech.ground.errors import RequestError, close_match, listed, refused
 from blockmech.ground.units import NoQuantity, in_si, number_in_si, quantity, unit_behind
 from blockmech.model.scene import Scene
-from blockmech.result.motion import Event, Floats, Motion, Still
-from blockmech.typing import FixedStep, FixedStepName, MotionMethod, MotionName, Numbers, Progress
+from blockmech.result.motion import Event, Motion, Still
+from blockmech.typing import (
+    FixedStep,
+    FixedStepName,
+    Floats,
+    MotionMethod,
+    MotionName,
+    Numbers,
+    Progress,
+)
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
 Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value

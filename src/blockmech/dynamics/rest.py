@@ -12,7 +12,8 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.place_data import NOTHING
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Floats, Motion
+from blockmech.result.motion import Motion
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -28,7 +28,7 @@ from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.units import number_in_si
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Locked, Role, Scene
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats
 
 FREE, PRESCRIBED, LOCKED = "free", "prescribed", "locked"
 END = 1e-9  # [s] after which a law is looked for beyond its last time

@@ -45,11 +45,12 @@ from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.ground.errors import listed
 from blockmech.ground.progress import with_bar
 from blockmech.plan.settings import friction_asked
-from blockmech.result.motion import Event, Floats, Motion, RolesFrom
+from blockmech.result.motion import Event, Motion, RolesFrom
 from blockmech.result.samples import Samples
 from blockmech.typing import (
     Arguments,
     EngineName,
+    Floats,
     FrictionMethod,
     M,
     MotionMethod,

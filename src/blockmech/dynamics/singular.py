@@ -11,7 +11,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.run import RunEnd
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.equation import Equation

@@ -23,7 +23,7 @@ from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
 from blockmech.engines.radau import iteration_tolerance, radau
 from blockmech.engines.stages import THIRD, dop853, halved
-from blockmech.result.motion import Floats
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.equation import Equation

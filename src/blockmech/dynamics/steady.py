@@ -55,7 +55,8 @@ from blockmech.dynamics.request import SimulationRequest, Until
 from blockmech.dynamics.rest import failed_start
 from blockmech.dynamics.time import integrate
 from blockmech.ground.errors import listed
-from blockmech.result.motion import Floats, Motion
+from blockmech.result.motion import Motion
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

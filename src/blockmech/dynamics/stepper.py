@@ -40,11 +40,10 @@ from blockmech.model.structure import JointRef
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction
 from blockmech.plan.settings import friction_asked
-from blockmech.result.motion import Floats
 from blockmech.result.samples import Samples
 from blockmech.signals.contract import HELD
 from blockmech.signals.sources import Input
-from blockmech.typing import EngineName, FrictionMethod
+from blockmech.typing import EngineName, Floats, FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -22,7 +22,8 @@ from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.sticking import WITHIN, JointFriction, Settled
 from blockmech.dynamics.system import System
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Event, Floats, Slips
+from blockmech.result.motion import Event, Slips
+from blockmech.typing import Floats
 
 SOON = 1e-6  # [s] after which a law that begins to move shows in which sense
 Known = set[tuple[str, int]]  # events at a place, by kind and index

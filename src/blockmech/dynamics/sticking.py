@@ -31,14 +31,13 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Constraints
-from blockmech.dynamics.friction import InnerStates, Instant, PairFriction, Response, Sides, Vectors
+from blockmech.dynamics.friction import InnerStates, Instant, PairFriction, Response, Sides
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
 from blockmech.friction.solvers import Solution
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Floats
 from blockmech.result.quality import left_undone
-from blockmech.typing import Complex, Edges, Reals
+from blockmech.typing import Complex, Edges, Floats, Reals, Vectors
 
 LOCATED = 1000 * SETTLED  # the same where an event was located on a dense output
 APART = 10 * LOCATED  # [-] accelerations that differ by more are two

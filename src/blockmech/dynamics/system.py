@@ -53,7 +53,8 @@ from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import JointRef
 from blockmech.plan.plan import Friction, Program
-from blockmech.result.motion import Cost, Floats
+from blockmech.result.motion import Cost
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.engines.compiled_rates import CompiledStepper

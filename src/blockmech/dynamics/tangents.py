@@ -29,8 +29,7 @@ from blockmech.engines.dual import Dual, value
 from blockmech.ground.errors import refused
 from blockmech.passes import reduction
 from blockmech.passes.homotopy import schedule
-from blockmech.result.motion import Floats
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Floats
 
 INPUTS = ("q", "qd", "qdd")
 

@@ -47,8 +47,9 @@ from blockmech.dynamics.stick_slip import Now, StickSlip, Transition
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Floats, Impact, Motion, RolesFrom, Slips, Still
+from blockmech.result.motion import Impact, Motion, RolesFrom, Slips, Still
 from blockmech.signals.contract import at_once
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -12,10 +12,11 @@ import numpy as np
 
 from blockmech.dynamics.compiled_path import PathCode
 from blockmech.dynamics.estimate import ROUNDING
-from blockmech.dynamics.panel_nodes import AT_ONCE, Floats
+from blockmech.dynamics.panel_nodes import AT_ONCE
 from blockmech.dynamics.panels import Panels
 from blockmech.dynamics.path_loops import HIGHEST, LOWEST, STEP
 from blockmech.result.motion import State
+from blockmech.typing import Floats
 
 FEW = 3  # times that are not kept, and turns that are looked at first
 

@@ -20,16 +20,15 @@ Source: LLVM Language Reference Manual.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
-from typing import Any
 
 from blockmech.engines.kinds import Reals
 from blockmech.engines.loops import text
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, by_depth, is_truth, needed
 from blockmech.engines.singular_values import Lanes, spread
-from blockmech.typing import Data
+from blockmech.typing import Data, Kernel, Real
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}
@@ -70,7 +69,7 @@ class Text:
         rows: Sequence[Node],
         summed: Sequence[Node] = (),
         cached: Sequence[Node] = (),
-        loops: Mapping[str, Callable[..., Any]] = MappingProxyType({}),
+        loops: Mapping[str, Kernel] = MappingProxyType({}),
     ) -> str:
         """The text of the module; ``rows`` are what is stored, in the order of ``out``.
 
@@ -263,10 +262,10 @@ class Text:
             lines.append(f"{name}.next = select {self.truths} {going}, {new}, {kind} {name}")
         return [*lines, f"%n{k}.next = add i64 %n{k}, 1", f"br label %test{k}", f"after{k}:"]
 
-    def _kind(self, x: Any) -> str:
+    def _kind(self, x: Real) -> str:
         return self.truths if is_truth(x) else self.reals
 
-    def _name(self, x: Any, truth: bool = False) -> str:
+    def _name(self, x: Real, truth: bool = False) -> str:
         """Name of a node, or a number as all lanes of a vector."""
         if isinstance(x, Node):
             return (

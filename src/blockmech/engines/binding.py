@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from types import FunctionType
 from typing import Any, ClassVar
 
-from blockmech.typing import Data, Record
+from blockmech.typing import Data, Kernel, Record, Values
 
 OWN = f"{__name__.partition('.')[0]}."  # the package's own modules do not change while it runs
 
@@ -33,7 +33,7 @@ class Binder:
         _, self._own = self._modules.setdefault(id(primitives), (primitives, {}))
         self._others: dict[str, Space] = {}
 
-    def __call__(self, function: Any) -> Any:
+    def __call__(self, function: Kernel) -> Any:
         if function.__name__ in self.primitives:
             return self.primitives[function.__name__]
         if not isinstance(function, FunctionType):
@@ -60,9 +60,7 @@ class Binder:
         return space
 
 
-def bind_functions(
-    functions: Mapping[str, Callable[..., Any]], primitives: Record
-) -> dict[str, Callable[..., Any]]:
+def bind_functions(functions: Mapping[str, Kernel], primitives: Record) -> dict[str, Kernel]:
     """Functions re-made so that they and what they call use these primitives."""
     binder = Binder(primitives)
     return {name: binder(f) for name, f in functions.items()}
@@ -82,7 +80,7 @@ def bind(
     primitives: Record,
     constants: Record,
     foreign: Callable[[Any], Any] = lambda function: function,
-) -> Callable[..., tuple[Any, ...]]:
+) -> Callable[..., Values]:
     """A `plan.plan.Program` as a function of its inputs and parameters, on one number type.
 
     ``foreign`` says what stands for a function that is no kernel.
@@ -93,5 +91,5 @@ def bind(
             bound[name] = foreign(f)
     space: Space = {**primitives, **constants, **bound}
     exec(program.code, space)
-    run: Callable[..., tuple[Any, ...]] = space["program"]
+    run: Callable[..., Values] = space["program"]
     return run

@@ -27,7 +27,6 @@ from blockmech.engines.stages import (
     TRIED,
     TRY,
     Arrays,
-    Floats,
     Integration,
     Method,
     Rhs,
@@ -39,6 +38,7 @@ from blockmech.engines.stages import (
 )
 from blockmech.engines.trace import FOLLOWED, Body, Trace
 from blockmech.plan.plan import Program
+from blockmech.typing import Floats, Reals
 
 KNOWN = 64  # states looked at last whose rows are kept
 
@@ -67,7 +67,7 @@ class CompiledRhs:
         trace = Trace(program, body, self.inputs)
         if trace.asked:
             raise Untraceable(FOLLOWED)
-        self.rows: list[Any] = [*trace.values]
+        self.rows: Reals = [*trace.values]
         self.program, self.numbers = program, row_of(program)
         self.place = self.numbers.ctypes.data
         self.fill, self.steps = self._code(self.method.lanes, self.method.steps)
@@ -284,11 +284,11 @@ class CompiledStepper:
         count, (h, _, tried, *_) = int(self._counts[lane]), self._control[lane].tolist()
         m, k, at = abs(count), lane * limit, lane * (limit + 1)
         states = self._t[at : at + m + 1], self._y[at : at + m + 1]
-        arrays: Any = *states, self._series[k : k + m], self._turns[k : k + m]
+        arrays = *states, self._series[k : k + m], self._turns[k : k + m]
         row: list[float] = self._rows[self._end if count < 0 else 0, :, lane].tolist()
         return Steps._make([*(x.copy() for x in arrays), h, int(tried), count < 0, row])
 
-    def at(self, t: float, y: Any) -> list[float]:
+    def at(self, t: float, y: Floats) -> list[float]:
         """What the program says of a state; many of an event ask for the same."""
         key = t, *y
         if key not in self._rows_of:

@@ -20,13 +20,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.engines import loops
 from blockmech.engines.kinds import Reals
 from blockmech.engines.llvm import machine_code
+from blockmech.typing import Floats
 
-Floats = NDArray[np.float64]
 # Of an array of one's own, in a third of the time that its attribute ``ctypes`` takes.
 PLACE: Any = (ctypes.c_char * 1).from_buffer
 
@@ -148,7 +147,7 @@ class Dense:
         """That of some steps."""
         return Dense(self.t[first:end], self.h[first:end], self.series[first:end])
 
-    def __call__(self, t: Any) -> Floats:
+    def __call__(self, t: float | Floats) -> Floats:
         """States (n, ...) at times (...): at one, or (p,)."""
         times, (m, _, n) = np.array(t, np.float64, order="C"), self.series.shape
         if (by := code()) is None:

@@ -10,11 +10,9 @@ functions).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.engines import linear
 from blockmech.engines import numpy as plain
@@ -24,12 +22,10 @@ from blockmech.engines.numpy import CHUNK, Planar, each_part
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.plane import EPS, REST_SHARE, cross, dot, primitives_of, times
 from blockmech.plan.plan import Program
-from blockmech.typing import Record
-
-Array = NDArray[Any]
+from blockmech.typing import Array, Kernel, Nested, Real, Reals, Record, Values
 
 
-def hyp(z: Planar) -> Any:
+def hyp(z: Planar) -> Real:
     """Length of a vector; of none, the length of what it becomes."""
     if not isinstance(z.real, Dual) and not isinstance(z.imag, Dual):
         return plain.hyp(z)
@@ -37,28 +33,28 @@ def hyp(z: Planar) -> Any:
     return Dual(y, TANGENTS[np.hypot](y, *map(value, parts(z)), *map(slope, parts(z))))
 
 
-def parts(z: Planar) -> tuple[Any, Any]:
+def parts(z: Planar) -> tuple[Real, Real]:
     """Components of a vector."""
     return z.real, z.imag
 
 
-def expi(t: Any) -> Planar:
+def expi(t: Real) -> Planar:
     """Unit vector at an angle."""
     return Planar(np.cos(t), np.sin(t))
 
 
-def exp(x: Any) -> Any:
+def exp(x: Real) -> Real:
     """Exponential, its own derivative."""
     y = np.exp(value(x))
     return Dual(y, y * slope(x)) if isinstance(x, Dual) else y
 
 
-def power(x: Any, y: Any) -> Any:
+def power(x: Real, y: Real) -> Real:
     """A number that is not negative to a power."""
     return np.power(where(value(x) >= 0.0, x, np.nan), y)
 
 
-def where(condition: Any, a: Any, b: Any) -> Any:
+def where(condition: Real, a: Real, b: Real) -> Real:
     """One or the other, sample by sample."""
     y = np.where(condition, value(a), value(b))
     if isinstance(a, Dual) or isinstance(b, Dual):
@@ -66,12 +62,12 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     return y
 
 
-def sign(x: Any) -> Any:
+def sign(x: Real) -> Real:
     """-1, 0 or +1, which does not change but for jumps."""
     return np.sign(value(x))
 
 
-def modulo(x: Any, period: Any) -> Any:
+def modulo(x: Real, period: Real) -> Real:
     """x less whole periods, whose number does not change but for jumps."""
     rest = plain.modulo(value(x), value(period))
     if not isinstance(x, Dual) and not isinstance(period, Dual):
@@ -79,7 +75,7 @@ def modulo(x: Any, period: Any) -> Any:
     return Dual(rest, slope(x) - np.round((value(x) - rest) / value(period)) * slope(period))
 
 
-def stacked(numbers: Any) -> Any:
+def stacked(numbers: Reals) -> Real:
     """Numbers as one array (k,), tangents (m, k)."""
     x = np.array([value(v) for v in numbers])
     if not any(isinstance(v, Dual) for v in numbers):
@@ -89,14 +85,14 @@ def stacked(numbers: Any) -> Any:
     return Dual(x, np.stack([np.broadcast_to(c.ravel(), (m,)) for c in columns], axis=-1))
 
 
-def piecewise(x: Any, knots: Any, rows: Any) -> Any:
+def piecewise(x: Real, knots: Reals, rows: Sequence[Reals]) -> Real:
     """A piecewise polynomial; at a knot, of the piece that x goes to."""
     at, last = np.asarray(values(knots)), len(knots) - 2
     inside = (at[0] <= value(x)) & (value(x) <= at[-1])
     k = np.clip(np.searchsorted(at, value(x), side="right") - 1, 0, last)
     starts, table = stacked(knots), [stacked(row) for row in rows]
 
-    def piece(k: Any, s: Any) -> Any:
+    def piece(k: Real, s: Real) -> Real:
         total = table[0][k]
         for row in table[1:]:
             total = total * s + row[k]
@@ -112,24 +108,24 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
     return Dual(result.x, np.where(corner & (offset.d < 0.0), slope(previous), result.d))
 
 
-def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+def repeat(step: Kernel, state: Values, cap: int, *data: Nested) -> Values:
     """The last state by value: what it solves is differentiated by `implicit`."""
     return plain.repeat(step, values(state), cap, *values(data))
 
 
-def implicit(step: Any, state: Any, *data: Any) -> Any:
+def implicit(step: Kernel, state: Values, *data: Nested) -> Nested:
     """The state with its tangents: one step from its values."""
     return step(values(state), *data)
 
 
-def each(function: Any, *x: Any) -> Any:
+def each(function: Callable[..., float], *x: Real) -> Array:
     """Refused where an argument has tangents: nobody knows the derivative of a function."""
     if any(np.any(slope(v)) for v in x):
         raise underivable(function)
     return plain.each(function, *map(value, x))
 
 
-def underivable(function: Any) -> RequestError:
+def underivable(function: Kernel) -> RequestError:
     """The error of a derivative by what a user's function is a function of."""
     law = getattr(function, "__self__", function)
     name = getattr(getattr(law, "call", law), "__name__", "function")
@@ -137,19 +133,19 @@ def underivable(function: Any) -> RequestError:
     return _no_derivative(name, message, "give the law as data: polynomial, table, fourier or dc")
 
 
-def each_by_difference(function: Any, *x: Any) -> Any:
+def each_by_difference(function: Callable[..., float], *x: Real) -> Dual | Array:
     """A user's function with its tangents by fourth-order differences, good to some 1e-12."""
     numbers = [np.asarray(value(v), float) for v in x]
     y = plain.each(function, *numbers)
     if not any(isinstance(v, Dual) for v in x):
         return y
-    total: Any = 0.0
+    total: Real = 0.0
     for i, v in enumerate(x):
         if not np.any(slope(v)):
             continue
         step = EPS ** (1 / 5) * np.maximum(1.0, np.abs(numbers[i]))
 
-        def moved(k: float, i: int = i, step: Any = step) -> Any:
+        def moved(k: float, i: int = i, step: Array = step) -> Array:
             return plain.each(function, *numbers[:i], numbers[i] + k * step, *numbers[i + 1 :])
 
         rise = moved(-2.0) - moved(2.0) + 8.0 * (moved(1.0) - moved(-1.0))
@@ -157,12 +153,12 @@ def each_by_difference(function: Any, *x: Any) -> Any:
     return Dual(y, total)
 
 
-def planar(x: Any, y: Any) -> Planar:
+def planar(x: Real, y: Real) -> Planar:
     """A planar vector from its components."""
     return Planar(x, y)
 
 
-def matrix(rows: Any) -> Any:
+def matrix(rows: Sequence[Reals]) -> Dual | Array:
     """Square matrices (..., N, N), tangents (m, ..., N, N)."""
     x = linear.matrix([[value(v) for v in row] for row in rows], np.float64)
     slopes = [slope(v) for row in rows for v in row if isinstance(v, Dual)]
@@ -175,7 +171,7 @@ def matrix(rows: Any) -> Any:
     return Dual(x, d)
 
 
-def solve(a: Any, right: Any) -> tuple[Any, ...]:
+def solve(a: Dual | Array, right: Reals) -> tuple[Dual | Array, ...]:
     """Solution of a x = right: a dx = d right - da x."""
     x = linear.solve(value(a), [value(v) for v in right])
     if not isinstance(a, Dual) and not any(isinstance(v, Dual) for v in right):
@@ -188,7 +184,7 @@ def solve(a: Any, right: Any) -> tuple[Any, ...]:
     return tuple(map(Dual, x, linear.solve(value(a), rest)))
 
 
-def solve_transposed(a: Any, right: Any) -> tuple[Any, ...]:
+def solve_transposed(a: Dual | Array, right: Reals) -> tuple[Dual | Array, ...]:
     """Solution of a^T x = right."""
     turned = np.swapaxes(value(a), -1, -2)
     if isinstance(a, Dual):
@@ -196,7 +192,7 @@ def solve_transposed(a: Any, right: Any) -> tuple[Any, ...]:
     return solve(turned, right)
 
 
-def spread(a: Any) -> Any:
+def spread(a: Dual | Array) -> Dual | Array:
     """Ratio of the smallest to the largest singular value, each with tangent u . da v."""
     y = linear.spread(value(a))
     if not isinstance(a, Dual):
@@ -221,7 +217,7 @@ CONSTANTS = {
 }
 
 
-def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
+def one_by_one(function: Callable[..., tuple[float, ...]], *x: Real) -> tuple[Dual, ...]:
     """A function of numbers that is linear where they change; refused where it is not."""
     at, d = np.array([value(v) for v in x]), [np.ravel(slope(v)) for v in x]
     y = np.array(function(*at))
@@ -230,7 +226,9 @@ def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
     return tuple(map(Dual, y, np.array(tangents).T[..., None]))
 
 
-def _linear(function: Any, at: Array, y: Array, direction: Array) -> Array:
+def _linear(
+    function: Callable[..., tuple[float, ...]], at: Array, y: Array, direction: Array
+) -> Array:
     """Change of a function y along a straight direction, if it is the same ahead and behind."""
     if not direction.any():
         return np.zeros_like(y)
@@ -276,7 +274,7 @@ class DualEngine:
         self.program = program
         self._program = bind(program, primitives, CONSTANTS, _by_value)
 
-    def run(self, inputs: Record, parameters: Sequence[Any], n: int, m: int) -> tuple[Any, ...]:
+    def run(self, inputs: Record, parameters: Values, n: int, m: int) -> Values:
         """Values of n samples with tangents (m, n): `Dual`, or `Planar` pairs of them.
 
         ``inputs`` are arrays or `Dual` (n,), ``parameters`` numbers or `Dual` with tangents
@@ -299,16 +297,16 @@ class DualEngine:
         return tuple(each_part(_joined, *columns) for columns in zip(*chunks, strict=True))
 
 
-def _by_value(function: Any) -> Any:
+def _by_value(function: Kernel) -> Kernel:
     """A function that is no kernel, such as a general group's path from home, asked by value."""
     return lambda *arguments: function(*values(arguments))
 
 
-def _double(x: Any) -> Any:
+def _double(x: Real) -> Real:
     return x if isinstance(x, Dual) else np.float64(x)
 
 
-def _of_samples(x: Any, m: int, n: int) -> Dual:
+def _of_samples(x: Real, m: int, n: int) -> Dual:
     """A value as a dual number of n samples."""
     return Dual(np.broadcast_to(value(x), (n,)), np.broadcast_to(slope(x), (m, n)))
 

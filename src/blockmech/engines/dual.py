@@ -18,6 +18,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from blockmech.engines.numpy import each_part
 from blockmech.ground.plane import EPS
+from blockmech.typing import Nested, Real
 
 
 class Dual(NDArrayOperatorsMixin):
@@ -29,11 +30,13 @@ class Dual(NDArrayOperatorsMixin):
 
     __slots__ = ("d", "x")
 
-    def __init__(self, x: Any, d: Any) -> None:
+    def __init__(self, x: Real, d: Real) -> None:
         self.x = x
         self.d = d
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *arguments: Any, **options: Any) -> Any:
+    def __array_ufunc__(
+        self, ufunc: np.ufunc, method: str, *arguments: Real, **options: Any
+    ) -> Any:
         if method != "__call__" or options:
             return NotImplemented
         x = [value(v) for v in arguments]
@@ -58,22 +61,22 @@ class Dual(NDArrayOperatorsMixin):
         return 0.0
 
 
-def value(x: Any) -> Any:
+def value(x: Real) -> Real:
     """A number without its tangents."""
     return x.x if isinstance(x, Dual) else x
 
 
-def slope(x: Any) -> Any:
+def slope(x: Real) -> Real:
     """The tangents of a number; zero of a constant."""
     return x.d if isinstance(x, Dual) else 0.0
 
 
-def values(nested: Any) -> Any:
+def values(nested: Nested) -> Any:
     """Nested tuples of numbers and vectors without their tangents."""
     return each_part(value, nested)
 
 
-def is_rounding(size: Any, tangents: Any) -> Any:
+def is_rounding(size: Real, tangents: Real) -> Real:
     """Whether a size (...) is below what rounding of the numbers makes of it.
 
     tangents : (m, ...) sizes of its changes
@@ -81,13 +84,15 @@ def is_rounding(size: Any, tangents: Any) -> Any:
     return size <= 4 * EPS * np.sum(tangents, axis=0)
 
 
-def _tied(a: Any, b: Any, da: Any, db: Any, first: Any, pick: Any) -> Any:
+def _tied(
+    a: Real, b: Real, da: Real, db: Real, first: Real, pick: Callable[[Real, Real], Real]
+) -> Real:
     """Tangents of the smaller or larger of two: at a tie, those of the one that goes ahead."""
     tie = is_rounding(np.abs(a - b), np.abs(da - db))
     return np.where(tie, pick(da, db), np.where(first, da, db))
 
 
-def _power(y: Any, a: Any, n: Any, da: Any, dn: Any) -> Any:
+def _power(y: Real, a: Real, n: Real, da: Real, dn: Real) -> Real:
     """Tangents of a power; of a plain exponent none, and of zero none by its exponent."""
     by_base = np.where(da == 0.0, 0.0, n * a ** (n - 1) * da)  # steep at zero, but it stays there
     if np.ndim(dn) == 0:
@@ -95,13 +100,13 @@ def _power(y: Any, a: Any, n: Any, da: Any, dn: Any) -> Any:
     return by_base + np.where(a > 0.0, y * np.log(np.where(a > 0.0, a, 1.0)), 0.0) * dn
 
 
-def _length(y: Any, a: Any, b: Any, da: Any, db: Any) -> Any:
+def _length(y: Real, a: Real, b: Real, da: Real, db: Real) -> Real:
     """Tangents of the length y of a vector; of none, the length of what it becomes."""
     grows = np.hypot(da, db)
     return np.where(is_rounding(y, grows), grows, (a * da + b * db) / y)
 
 
-TANGENTS: dict[Any, Callable[..., Any]] = {
+TANGENTS: dict[np.ufunc, Callable[..., Real]] = {
     np.positive: lambda y, a, da: da,
     np.negative: lambda y, a, da: -da,
     np.add: lambda y, a, b, da, db: da + db,

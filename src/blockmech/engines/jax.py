@@ -10,8 +10,9 @@ functions).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from functools import cache, partial
-from typing import Any
+from typing import Any, NoReturn
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +20,8 @@ import numpy as np
 from jax import lax
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
+from jax.tree_util import PyTreeDef
+from numpy.typing import DTypeLike
 
 from blockmech.engines import arrays
 from blockmech.engines.derivatives import underivable
@@ -27,7 +30,7 @@ from blockmech.engines.numpy import each as each_of
 from blockmech.engines.trace import answer_of, filled
 from blockmech.ground.plane import cross, dot, primitives_of
 from blockmech.plan.plan import Program
-from blockmech.typing import Record
+from blockmech.typing import Array, Kernel, Nested, Real, Reals, Record, Values
 
 jax.tree_util.register_pytree_node(
     Planar, lambda z: ((z.real, z.imag), None), lambda _, parts: Planar(*parts)
@@ -43,23 +46,23 @@ batching.defvectorized(guard)
 mlir.register_lowering(guard, lambda context, x: [x])
 
 
-def is_array(x: Any) -> bool:
+def is_array(x: object) -> bool:
     """Whether a leaf of a tree is a batch of numbers that may vary."""
     return isinstance(x, jax.Array | np.ndarray) and jnp.issubdtype(x.dtype, jnp.floating)
 
 
-def by_value(nested: Any) -> Any:
+def by_value(nested: Nested) -> Nested:
     """The same numbers, without their derivatives."""
     return jax.tree.map(lambda x: lax.stop_gradient(x) if is_array(x) else x, nested)
 
 
-def shape_of(nested: Any) -> tuple[int, ...]:
+def shape_of(nested: Nested) -> tuple[int, ...]:
     """The shape to which the batches in a tree broadcast."""
     batches = (x for x in jax.tree.leaves(nested) if isinstance(x, jax.Array | np.ndarray))
     return np.broadcast_shapes((), *map(np.shape, batches))
 
 
-def implicit(step: Any, state: Any, *data: Any) -> Any:
+def implicit(step: Kernel, state: Values, *data: Nested) -> Nested:
     """See `blockmech.ground.plane.implicit`: the step's derivative by the data is the state's.
 
     By the state itself it has none wherever the state solves the equations, so this holds for
@@ -70,14 +73,14 @@ def implicit(step: Any, state: Any, *data: Any) -> Any:
     of_state = [i for i in numbers if i < len(jax.tree.leaves(state))]
     k, shape = len(of_state), shape_of(parts)
 
-    def unflattened(x: Any) -> Any:
+    def unflattened(x: Sequence[jax.Array]) -> Nested:
         filled_ = dict(enumerate(parts)) | dict(zip(numbers, x, strict=True))
         return jax.tree.unflatten(form, filled_.values())
 
-    def rule(x: Any, changes: Any) -> Any:
+    def rule(x: Sequence[jax.Array], changes: Sequence[jax.Array]) -> tuple[Nested, Nested]:
         solution = solved(*x)
 
-        def stepped(*parameters: Any) -> Any:
+        def stepped(*parameters: jax.Array) -> tuple[jax.Array, ...]:
             state, data = unflattened((*solution, *parameters))
             new = jax.tree.leaves(step(state, *data))
             return tuple(jnp.broadcast_to(new[i], shape) for i in of_state)
@@ -91,29 +94,31 @@ def implicit(step: Any, state: Any, *data: Any) -> Any:
     return unflattened((*solved(*inputs), *inputs[k:]))[0]
 
 
-def uniform(step: Any, state: Any, data: Any, dtype: Any) -> tuple[list[Any], Any, Any]:
+def uniform(
+    step: Kernel, state: Values, data: Values, dtype: DTypeLike
+) -> tuple[list[jax.Array], Kernel, PyTreeDef]:
     """A loop's first state, its step and its form: of shapes and types that stay the same."""
     shape, form = shape_of((state, data)), jax.tree.structure(state)
 
-    def same(parts: Any) -> list[Any]:
+    def same(parts: Iterable[jax.Array]) -> list[jax.Array]:
         both = zip(parts, types, strict=True)
         return [jnp.broadcast_to(jnp.asarray(x, kind), shape) for x, kind in both]
 
     first = jax.tree.leaves(state)
     types = [bool if jnp.isdtype(jnp.result_type(x), "bool") else dtype for x in first]
 
-    def following(parts: Any) -> list[Any]:
+    def following(parts: Sequence[jax.Array]) -> list[jax.Array]:
         return same(jax.tree.leaves(step(jax.tree.unflatten(form, parts), *data)))
 
     return same(first), following, form
 
 
-def called(function: Any, x: Any, like: Any, dtype: Any) -> Any:
+def called(function: Kernel, x: Values, like: Nested, dtype: DTypeLike) -> Nested:
     """What a function of Python says, asked while the compiled program runs."""
     numbers, form = jax.tree.flatten(x)
     kind = jax.ShapeDtypeStruct(np.broadcast_shapes(*map(np.shape, numbers)), dtype)
 
-    def answer(*x: Any) -> Any:
+    def answer(*x: jax.Array) -> tuple[Array, ...]:
         doubles = [np.asarray(a, np.float64) for a in x]
         y = leaves(function(*jax.tree.unflatten(form, doubles)))
         return tuple(np.array(np.broadcast_to(column, doubles[0].shape), dtype) for column in y)
@@ -130,50 +135,50 @@ def primitives(dtype: Any) -> Record:
     standard = arrays.primitives(jnp, dtype)
     where = standard["where"]
 
-    def sqrt(x: Any) -> Any:
+    def sqrt(x: Real) -> Real:
         good = x > 0.0
         return where(good, jnp.sqrt(where(good, x, 1.0)), where(x == 0.0, 0.0, math.nan))
 
-    def hyp(z: Planar) -> Any:
+    def hyp(z: Planar) -> Real:
         return sqrt(z.real * z.real + z.imag * z.imag)
 
-    def hypot(x: Any, y: Any) -> Any:
+    def hypot(x: Real, y: Real) -> Real:
         return hyp(Planar(x, y))
 
-    def power(x: Any, y: Any) -> Any:
+    def power(x: Real, y: Real) -> Real:
         good = x > 0.0
         at_zero = jnp.power(where(x == 0.0, 0.0, math.nan), lax.stop_gradient(y))
         return where(good, jnp.power(where(good, x, 1.0), y), at_zero)
 
-    def angle(a: Planar, b: Planar) -> Any:
+    def angle(a: Planar, b: Planar) -> Real:
         y, x = cross(a, b) + 0.0, dot(a, b)
         none = (x == 0.0) & (y == 0.0)
         return where(none, 0.0, jnp.arctan2(y, where(none, 1.0, x)))
 
-    def piecewise(x: Any, knots: Any, rows: Any) -> Any:
+    def piecewise(x: Real, knots: Reals, rows: Sequence[Reals]) -> Real:
         return guard.bind(standard["piecewise"](x, knots, rows))
 
-    def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+    def repeat(step: Kernel, state: Values, cap: int, *data: Nested) -> Nested:
         state, data = by_value((state, data))
         first, following, form = uniform(step, state, data, dtype)
 
-        def stepped(at: Any) -> Any:
+        def stepped(at: tuple[int, list[jax.Array]]) -> tuple[int, list[jax.Array]]:
             new = following(at[1])
             return at[0] + 1, [jnp.where(at[1][-1], *x) for x in zip(new, at[1], strict=True)]
 
-        def going(at: Any) -> Any:
+        def going(at: tuple[int, list[jax.Array]]) -> Real:
             return (at[0] < cap) & jnp.any(at[1][-1])
 
         start = (0, first)
         _, last = stepped(start) if cap == 1 else lax.while_loop(going, stepped, start)
         return jax.tree.unflatten(form, last)
 
-    def times(step: Any, state: Any, count: int, *data: Any) -> Any:
+    def times(step: Kernel, state: Nested, count: int, *data: Nested) -> Nested:
         first, following, form = uniform(step, state, data, dtype)
         return jax.tree.unflatten(form, lax.fori_loop(0, count, lambda _, s: following(s), first))
 
-    def each(function: Any, *x: Any) -> Any:
-        def refuse(x: Any, changes: Any) -> Any:
+    def each(function: Kernel, *x: Real) -> Real:
+        def refuse(x: Sequence[Real], changes: Sequence[Real]) -> NoReturn:
             raise underivable(function)
 
         answer = jax.custom_jvp(lambda *x: called(partial(each_of, function), x, 0.0, dtype))
@@ -184,7 +189,7 @@ def primitives(dtype: Any) -> Record:
     return {**standard, **{f.__name__: f for f in functions}}
 
 
-def _of_design(x: Any) -> Record:
+def _of_design(x: jax.Array) -> Record:
     return primitives(jnp.result_type(x.dtype, float))  # of a truth value, the usual ones
 
 
@@ -197,27 +202,27 @@ class JaxEngine(arrays.ArrayEngine):
 
     name = "jax"
 
-    def __init__(self, program: Program, dtype: Any) -> None:
+    def __init__(self, program: Program, dtype: DTypeLike) -> None:
         super().__init__(program, jnp, jnp.dtype(dtype))
 
     def primitives(self) -> Record:
         """The primitives of the plane on these arrays."""
         return primitives(self.dtype)
 
-    def foreign(self, function: Any) -> Any:
+    def foreign(self, function: Kernel) -> Kernel:
         """The guess of a group's pose, asked by value."""
 
-        def answer(*x: Any) -> Any:
+        def answer(*x: Nested) -> Nested:
             return called(function, by_value(x), answer_of(function, x), self.dtype)
 
         return answer
 
-    def run(self, inputs: Record, parameters: tuple[Any, ...]) -> tuple[Any, ...]:
+    def run(self, inputs: Record, parameters: Values) -> Values:
         """See `arrays.ArrayEngine`; a gradient leaves out samples at which it is no number."""
         columns = {name: jnp.asarray(inputs[name]) for name in self.program.inputs}
         shape = shape_of(columns)
 
-        def guarded(x: Any) -> Any:
+        def guarded(x: Real) -> Real:
             return guard.bind(jnp.broadcast_to(x, shape)) if np.ndim(x) == 0 else x
 
         slots = jax.tree.map(guarded, self._slots(parameters))

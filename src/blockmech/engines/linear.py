@@ -6,16 +6,17 @@ its batch. In extended precision, which LAPACK does not know, elimination is wri
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from blockmech.typing import Array, Reals
+
 LAPACK = (np.float32, np.float64)
 
 
-def matrix(rows: Any, dtype: Any) -> Array:
+def matrix(rows: Sequence[Reals], dtype: Any) -> Array:
     """Rows of numbers or batches (...) as one array (..., N, N)."""
     filled = [
         (i, j, x)
@@ -30,7 +31,7 @@ def matrix(rows: Any, dtype: Any) -> Array:
     return matrix_
 
 
-def solve(a: Array, right: Any) -> tuple[Array, ...]:
+def solve(a: Array, right: Reals) -> tuple[Array, ...]:
     """Solutions of a x = right, N arrays (...); not finite where a matrix is singular."""
     shape = np.broadcast_shapes(a.shape[:-2], *(np.shape(x) for x in right))
     b = np.empty((*shape, len(right)), a.dtype)
@@ -40,7 +41,7 @@ def solve(a: Array, right: Any) -> tuple[Array, ...]:
     return tuple(solution)
 
 
-def solve_transposed(a: Array, right: Any) -> tuple[Array, ...]:
+def solve_transposed(a: Array, right: Reals) -> tuple[Array, ...]:
     """Solutions of a^T x = right."""
     return solve(np.swapaxes(a, -1, -2), right)
 

@@ -37,7 +37,7 @@ from blockmech.engines.trace import Trace, filled
 from blockmech.ground.errors import MissingEngineError
 from blockmech.ground.errors import needed as package
 from blockmech.plan.plan import Program
-from blockmech.typing import Record
+from blockmech.typing import Nested, Real, Reals, Record, Values
 
 Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, two seconds of compiling: others run longer programs
@@ -60,7 +60,7 @@ class Traced(NamedTuple):
     inputs: int
     rows: int
     shared: int
-    questions: tuple[tuple[Any, Any], ...]
+    questions: tuple[tuple[Any, Values], ...]
     constants: tuple[str, ...]
     values: str
 
@@ -71,8 +71,8 @@ class Code(NamedTuple):
     traced: Traced
     fill: Any
     constants: Array
-    read_sample: Callable[..., tuple[Any, ...]]
-    read_batch: Callable[..., tuple[Any, ...]]
+    read_sample: Callable[..., Values]
+    read_batch: Callable[..., Values]
 
 
 _CODES: dict[str | None, Code] = {}  # those of the last structures, by their keys
@@ -137,7 +137,7 @@ def _traced(program: Program) -> tuple[Traced, str]:
     return traced, assembly.Text().fill(inputs, rows, summed, shared)
 
 
-def _expression(value: Any, row: Mapping[Node | str, int]) -> str:
+def _expression(value: Nested, row: Mapping[Node | str, int]) -> str:
     """Values as an expression of the inputs ``x`` and the ``row`` of numbers and constants."""
     if isinstance(value, tuple):
         return f"({''.join(f'{_expression(x, row)}, ' for x in value)})"
@@ -148,7 +148,7 @@ def _expression(value: Any, row: Mapping[Node | str, int]) -> str:
     return f"x[{value.args[0]}]" if value.op == "input" else f"row[{row[value]}]"
 
 
-def _readers(values: str) -> tuple[Any, Any]:
+def _readers(values: str) -> tuple[Callable[..., Values], Callable[..., Values]]:
     """Values of one sample by its inputs ``x`` and ``row`` of numbers, and batches of many."""
     code = compile(f"lambda x, row: {values}", "<values>", "eval")
     return eval(code, {"vector": complex}), eval(code, {"vector": Planar})
@@ -176,7 +176,7 @@ class LlvmEngine:
         self._in_room = self._addresses(*range(first, self._out, LINE))
         self._alone = threading.Lock()
 
-    def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:
+    def one(self, inputs: Sequence[float]) -> Values:
         """Values of one sample: float or complex each, NaN or infinite where impossible."""
         inputs = self._answered(inputs) if self._asked else inputs
         k = LANES * len(inputs)
@@ -187,8 +187,8 @@ class LlvmEngine:
         return self.code.read_sample(inputs, row + self._constants)
 
     def _batch(
-        self, columns: list[Any], lanes: Array, total: float, shape: tuple[int, ...]
-    ) -> tuple[Any, ...]:
+        self, columns: list[Array], lanes: Array, total: float, shape: tuple[int, ...]
+    ) -> Values:
         """Values of a shape (n,) or (m, n), of inputs, numbers (rows, ...) and their sum."""
         constants = self.code.constants.reshape(-1, *(1 for _ in shape))
         fixed = np.broadcast_to(constants, (len(constants), *shape))
@@ -196,7 +196,7 @@ class LlvmEngine:
         values = self.code.read_batch(columns, row)
         return Whole(values) if math.isfinite(total + sum(self._constants)) else values
 
-    def _columns(self, inputs: Sequence[Any], n: int) -> list[Array]:
+    def _columns(self, inputs: Reals, n: int) -> list[Array]:
         """Columns (n,) of the inputs and of what is asked of them, which comes chunk by chunk."""
         columns = [np.ascontiguousarray(x, np.float64) for x in inputs]
         if not self._asked:
@@ -207,7 +207,7 @@ class LlvmEngine:
         ]
         return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
-    def _answered(self, inputs: Sequence[Any]) -> list[Any]:
+    def _answered(self, inputs: Reals) -> list[Real]:
         """Inputs, numbers or columns, and behind them what functions that are no kernels say."""
         values = [*inputs]
         for function, indices in self._asked:
@@ -215,7 +215,7 @@ class LlvmEngine:
             values += leaves(function(*filled(indices, argument)))
         return values
 
-    def run(self, inputs: Record, n: int) -> tuple[Any, ...]:
+    def run(self, inputs: Record, n: int) -> Values:
         """Values of n samples: Python numbers for one, real arrays (n,) or `Planar` pairs of
         them for more."""
         if n == 1:
@@ -223,11 +223,11 @@ class LlvmEngine:
         columns = [inputs[x] for x in self.program.inputs]
         return self._together(columns, n, self._numbers[None], (n,))
 
-    def numbers(self, values: tuple[Any, ...]) -> Array:
+    def numbers(self, values: Values) -> Array:
         """Numbers (m, k) of designs as the engine takes them, of those of `Program.values`."""
         return slots_of(values)
 
-    def run_designs(self, inputs: Mapping[str, NDArray[Any]], numbers: Array) -> tuple[Any, ...]:
+    def run_designs(self, inputs: Mapping[str, Array], numbers: Array) -> Values:
         """Values of m designs at n samples each, as batches (m, n).
 
         Inputs are (n,), or (m, n) where designs have samples of their own. A design's numbers are
@@ -240,8 +240,8 @@ class LlvmEngine:
         return self._together(columns, n, numbers, (len(numbers), n))
 
     def _together(
-        self, inputs: Sequence[NDArray[Any]], n: int, slots: Array, shape: tuple[int, ...]
-    ) -> tuple[Any, ...]:
+        self, inputs: Sequence[Array], n: int, slots: Array, shape: tuple[int, ...]
+    ) -> Values:
         """Values of a shape (n,) or (m, n) at n samples, each with the slots (m, k) of numbers.
 
         Inputs are (n,), or (m, n) where designs have samples of their own.
@@ -321,7 +321,7 @@ def row_of(program: Program) -> Array:
     return np.array([*leaves(tuple(program.parameters.values())), 0.0])
 
 
-def slots_of(values: tuple[Any, ...]) -> Array:
+def slots_of(values: Values) -> Array:
     """The numbers (m, k) of m designs in the order of a trace, as `row_of` has one's."""
     rows = [*leaves(values), 0.0]
     slots = np.empty((max(np.size(x) for x in rows), len(rows)))

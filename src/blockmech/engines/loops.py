@@ -72,12 +72,12 @@ from blockmech.engines.kinds import (
     parts_of,
 )
 from blockmech.engines.nodes import Untraceable
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Kernel
 
 TOGETHER = 16  # columns of a product: eight registers at least
 
 
-def text(**functions: Callable[..., Any]) -> str:
+def text(**functions: Kernel) -> str:
     """The text of functions, or partials of them, by their names in the module.
 
     Raises TypeError, with the line, for what is no part of the language, and `Untraceable` where
@@ -89,7 +89,7 @@ def text(**functions: Callable[..., Any]) -> str:
     return "\n".join([*module.declared, *module.parts])
 
 
-def signature(function: Callable[..., Any]) -> Any:
+def signature(function: Kernel) -> Any:
     """How ctypes calls a function, or a partial of one: arrays by their places."""
     target, bound = parts_of(function)
     hints = get_type_hints(target, include_extras=True)
@@ -111,7 +111,7 @@ class _Module:
         self.declared, self.parts = dict[str, None](), list[str]()
         self.known = dict[Any, Value]()
 
-    def add(self, function: Any, name: str = "") -> Value:
+    def add(self, function: Kernel, name: str = "") -> Value:
         """A function, and those that it calls; how it is called."""
         target, bound = parts_of(function)
         key = name, target, *bound.items()
@@ -125,7 +125,7 @@ class _Module:
 class _Translation:
     """One function under way."""
 
-    def __init__(self, module: _Module, function: Any, bound: Arguments, name: str) -> None:
+    def __init__(self, module: _Module, function: Kernel, bound: Arguments, name: str) -> None:
         code, self.module = function.__code__, module
         self.file, self.line = code.co_filename, code.co_firstlineno
         if self.line not in functions_by_line(self.file):

@@ -10,6 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
+import numpy as np
+
+from blockmech.typing import Real, Values
+
 PARAMETER, SAMPLE = 0, 1  # scopes: known before the samples, once a sample; loops count on
 
 TRUTHS = ("<", "<=", ">", ">=", "==", "is nan", "&", "|")  # operations that give truth values
@@ -44,7 +48,7 @@ class Node:
     __slots__ = ("args", "number", "op", "scope", "trace")
     __hash__ = object.__hash__
 
-    def __init__(self, trace: Any, op: str, args: tuple[Any, ...], scope: int) -> None:
+    def __init__(self, trace: Any, op: str, args: Values, scope: int) -> None:
         self.trace, self.op, self.args, self.scope = trace, op, args, scope
         self.number = len(trace.nodes)
         trace.nodes.append(self)
@@ -59,7 +63,7 @@ class Node:
     def __bool__(self) -> NoReturn:
         raise Untraceable("it branches on a number of the sample")
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *args: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Real, **options: Any) -> Any:
         return self.trace.ufunc(ufunc.__name__, *args)
 
     __add__, __radd__ = _both("+")
@@ -73,7 +77,7 @@ class Node:
     __neg__, __abs__ = _of_one("neg"), _of_one("abs")
 
 
-def is_truth(x: Any) -> bool:
+def is_truth(x: Real) -> bool:
     """Whether a node or number of the text is a truth value."""
     if not isinstance(x, Node):
         return isinstance(x, bool)
@@ -86,12 +90,12 @@ def is_truth(x: Any) -> bool:
 class Loop:
     """A `blockmech.ground.plane.repeat`: its state before, in, and after a step, and its cap."""
 
-    def __init__(self, trace: Any, cap: int, first: list[Any]) -> None:
+    def __init__(self, trace: Any, cap: int, first: list[Real]) -> None:
         trace.loops.append(self)
         self.scope = SAMPLE + len(trace.loops)
         self.cap, self.first = cap, first
         self.state = [Node(trace, "state", (self, i), self.scope) for i in range(len(first))]
-        self.following: list[Any] = []
+        self.following: list[Real] = []
 
 
 def of_inputs(nodes: Iterable[Node]) -> list[Node]:
@@ -104,7 +108,7 @@ def of_inputs(nodes: Iterable[Node]) -> list[Node]:
     return [node for node in nodes if node in alone and node.op in ("sin", "cos")]
 
 
-def needed(results: Iterable[Any]) -> list[Node]:
+def needed(results: Iterable[Real]) -> list[Node]:
     """The nodes that some nodes are made of, in order."""
     waiting, reached = [x for x in results if isinstance(x, Node)], set[Node]()
     while waiting:

@@ -10,12 +10,11 @@ also faster than complex arrays, because nothing is strided.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
@@ -29,7 +28,7 @@ from blockmech.ground.plane import (
     times,
 )
 from blockmech.plan.plan import Program
-from blockmech.typing import Data, Record
+from blockmech.typing import Array, Data, Kernel, Nested, Real, Reals, Record, Values
 
 PRECISIONS: Data = {
     "complex64": np.float32,
@@ -44,7 +43,7 @@ class Planar:
 
     __slots__ = ("imag", "real")
 
-    def __init__(self, real: Any, imag: Any) -> None:
+    def __init__(self, real: Real, imag: Real) -> None:
         self.real = real
         self.imag = imag
 
@@ -68,49 +67,49 @@ class Planar:
     def __rsub__(self, z: complex) -> Planar:
         return Planar(z.real - self.real, z.imag - self.imag)
 
-    def __abs__(self) -> Any:
+    def __abs__(self) -> Real:
         hypot = primitives_of(self).get("hypot", np.hypot)  # as Python has it of a complex number
         return hypot(self.real, self.imag)
 
 
-class Whole(tuple[Any, ...]):
+class Whole(Values):
     """Values that are finite numbers throughout, as the engine saw when it made them."""
 
     __slots__ = ()
 
 
-def mul(z: Planar, x: Any) -> Planar:
+def mul(z: Planar, x: Real) -> Planar:
     """Vector times real."""
     return Planar(z.real * x, z.imag * x)
 
 
-def imul(z: Planar, x: Any) -> Planar:
+def imul(z: Planar, x: Real) -> Planar:
     """Vector turned by +90 degrees, times real."""
     return Planar(-z.imag * x, z.real * x)
 
 
-def hyp(z: Planar) -> Any:
+def hyp(z: Planar) -> Real:
     """Length of a vector."""
     return np.sqrt(z.real * z.real + z.imag * z.imag)
 
 
-def power(x: Any, y: Any) -> Any:
+def power(x: Real, y: Real) -> Real:
     """A number that is not negative to a power."""
     return np.power(np.where(x >= 0.0, x, np.nan), y)
 
 
-def angle(a: Planar, b: Planar) -> Any:
+def angle(a: Planar, b: Planar) -> Real:
     """Angle from a to b, in (-pi, pi]."""
     return np.arctan2(cross(a, b) + 0.0, dot(a, b))
 
 
-def modulo(x: Any, period: Any) -> Any:
+def modulo(x: Real, period: Real) -> Real:
     """x less whole periods."""
     rest = np.fmod(x, period)
     return np.where(rest < 0.0, rest + period, rest)
 
 
-def piecewise(x: Any, knots: Any, rows: Any) -> Any:
+def piecewise(x: Real, knots: Reals, rows: Sequence[Reals]) -> Real:
     """A piecewise polynomial; see `blockmech.ground.plane.piecewise`.
 
     Tables of m designs have columns (k, m, 1), and are read one by one.
@@ -130,7 +129,7 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
     return np.where(inside, total, np.nan)
 
 
-def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+def repeat(step: Kernel, state: Values, cap: int, *data: Nested) -> Nested:
     """Step samples until each has stopped by itself; see `blockmech.ground.plane.repeat`.
 
     Those that go on do so apart from the others once they are few.
@@ -149,15 +148,15 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
     return state
 
 
-def _apart(step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
+def _apart(step: Kernel, state: Values, cap: int, data: Values) -> Nested:
     """The state after the steps of the samples that go on."""
     shape = np.broadcast_shapes(*map(np.shape, leaves((state, data))))
     rows = np.nonzero(np.broadcast_to(state[-1], shape))
 
-    def some(x: Any) -> Any:
+    def some(x: Real) -> Real:
         return x if np.ndim(x) == 0 else np.broadcast_to(x, shape)[rows]
 
-    def merge(new: Any, old: Any) -> Any:
+    def merge(new: Real, old: Real) -> Array:
         merged = np.array(np.broadcast_to(old, shape), np.result_type(new, old))
         merged[rows] = new
         return merged
@@ -166,7 +165,7 @@ def _apart(step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
     return each_part(merge, final, state)
 
 
-def each(function: Any, *x: Any) -> Any:
+def each(function: Callable[..., float], *x: Real) -> Array:
     """Ask a function sample by sample; see `blockmech.ground.plane.each`."""
     columns = np.broadcast_arrays(*x)
     rows = zip(*(map(float, column.ravel()) for column in columns), strict=True)
@@ -174,7 +173,7 @@ def each(function: Any, *x: Any) -> Any:
     return np.array(values, columns[0].dtype).reshape(columns[0].shape)
 
 
-def each_part(function: Any, *values: Any, vector: Any = Planar) -> Any:
+def each_part(function: Kernel, *values: Any, vector: Kernel = Planar) -> Any:
     """A nested tuple of batches with a function of each real batch in it; a ``vector`` of two.
 
     Of several nested tuples, a function of the batches that stand at the same place.
@@ -188,14 +187,14 @@ def each_part(function: Any, *values: Any, vector: Any = Planar) -> Any:
     return first if isinstance(first, bool) else function(*values)
 
 
-def leaves(value: Any) -> list[Any]:
+def leaves(value: Nested) -> list[Real]:
     """The real batches in a nested tuple of batches, those of a vector one after the other."""
     if isinstance(value, tuple):
         return [leaf for x in value for leaf in leaves(x)]
     return [value.real, value.imag] if isinstance(value, complex | Planar) else [value]
 
 
-def cast(value: Any, number: Any, column: Any) -> Any:
+def cast(value: Nested, number: Callable[[Real], Real], column: Callable[[Reals], Real]) -> Nested:
     """A parameter in an engine's numbers; the columns of a table are arrays."""
     if isinstance(value, tuple):
         parts = (cast(x, number, column) for x in value)
@@ -212,17 +211,17 @@ def cast(value: Any, number: Any, column: Any) -> Any:
 def primitives(dtype: Any) -> Data:
     """The primitives of the plane on arrays of one precision; see `blockmech.ground.plane`."""
 
-    def expi(t: Any) -> Planar:
+    def expi(t: Real) -> Planar:
         # Sine and cosine are taken in (at least) double before the cast.
         wide = np.asarray(t, dtype=np.promote_types(np.float64, dtype))
         return Planar(
             np.cos(wide).astype(dtype, copy=False), np.sin(wide).astype(dtype, copy=False)
         )
 
-    def planar(x: Any, y: Any) -> Planar:
+    def planar(x: Real, y: Real) -> Planar:
         return Planar(np.asarray(x, dtype), np.asarray(y, dtype))
 
-    def matrix(rows: Any) -> NDArray[Any]:
+    def matrix(rows: Sequence[Reals]) -> Array:
         return linear.matrix(rows, dtype)
 
     arrays = (mul, imul, hyp, power, angle, modulo, piecewise, repeat, each, expi, planar, matrix)
@@ -232,7 +231,7 @@ def primitives(dtype: Any) -> Data:
     return functions | {"EPS": float(np.finfo(dtype).eps)}
 
 
-def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
+def one_by_one(function: Callable[..., tuple[float, ...]], *x: Real) -> tuple[Array, ...]:
     """A function of numbers, design after design; see `blockmech.ground.plane`."""
     columns = np.broadcast_arrays(*x)
     rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
@@ -240,7 +239,7 @@ def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
     return tuple(column.reshape(columns[0].shape) for column in values.T)
 
 
-def _turned(t: Any) -> Planar:
+def _turned(t: Real) -> Planar:
     """Sine and cosine of the scalar engine: in a batch a design has the numbers it has alone."""
     return Planar(*one_by_one(lambda x: (math.cos(x), math.sin(x)), t))
 
@@ -274,18 +273,16 @@ class NumpyEngine:
         self._program = bind(program, primitives(self.dtype), self.constants)
         self.parameters = tuple(self._cast(v) for v in program.parameters.values())
 
-    def _cast(self, value: Any) -> Any:
-        def column(x: Any) -> Any:
+    def _cast(self, value: Nested) -> Nested:
+        def column(x: Reals) -> Array:
             return np.array(np.broadcast_arrays(*x), self.dtype)  # (k,), of designs (k, D, 1)
 
         return cast(value, self.dtype, column)
 
-    def run(
-        self, inputs: Mapping[str, NDArray[Any]], n: int, chunk: int = CHUNK
-    ) -> tuple[Any, ...]:
+    def run(self, inputs: Mapping[str, Array], n: int, chunk: int = CHUNK) -> Values:
         """Values of n samples: real arrays (n,) or `Planar` pairs of them."""
         columns = [self._rounded(name, inputs[name]) for name in self.program.inputs]
-        rooms: tuple[Any, ...] = ()
+        rooms: Values = ()
         with np.errstate(all="ignore"):
             for k in range(0, max(n, 1), chunk):
                 part = slice(k, min(k + chunk, n))
@@ -298,13 +295,11 @@ class NumpyEngine:
                         room[part] = value
         return rooms
 
-    def numbers(self, values: tuple[Any, ...]) -> tuple[Any, ...]:
+    def numbers(self, values: Values) -> Values:
         """Numbers of designs as the engine takes them, of those of `Program.values`."""
         return tuple(map(self._cast, values))
 
-    def run_designs(
-        self, inputs: Mapping[str, NDArray[Any]], numbers: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
+    def run_designs(self, inputs: Mapping[str, Array], numbers: Values) -> Values:
         """Values of m designs at n samples each, as batches that broadcast to (m, n).
 
         ``numbers`` are those of designs, as columns (m, 1); inputs are (n,) or (m, n). A design's
@@ -314,22 +309,22 @@ class NumpyEngine:
         with np.errstate(all="ignore"):
             return self._program(*columns, numbers)
 
-    def _rooms(self, values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
+    def _rooms(self, values: Values, n: int) -> Values:
         """Room for n samples of each value; columns of one block, whose memory is used again."""
 
-        def plain(x: Any) -> bool:
+        def plain(x: Real) -> bool:
             return np.ndim(x) == 1 and x.dtype == self.dtype
 
         block = iter(np.empty((sum(map(plain, leaves(values))), n), self.dtype))
         return tuple(each_part(lambda x: next(block) if plain(x) else _column(x, n, True), values))
 
-    def _rounded(self, name: str, column: Any) -> NDArray[Any]:
-        array: NDArray[Any] = np.asarray(column)  # one pose comes as a list
+    def _rounded(self, name: str, column: Reals | Array) -> Array:
+        array: Array = np.asarray(column)  # one pose comes as a list
         # Angles stay in double until sine and cosine are taken.
         return array if name in self.program.angles else array.astype(self.dtype, copy=False)
 
 
-def _column(x: Any, n: int, room: bool = False) -> Any:
+def _column(x: Real, n: int, room: bool = False) -> Array:
     """A batch (n, ...) of a value, or room for one; a constant needs none."""
     if np.ndim(x) == 0:
         return np.broadcast_to(x, (n,))

@@ -34,13 +34,12 @@ from runpy import run_path
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.engines.assembly import piece
 from blockmech.engines.kinds import ROW, Counts, Reals
 from blockmech.ground.plane import EPS
+from blockmech.typing import Floats
 
-Floats = NDArray[np.float64]
 LANES = 2  # runs of a motion side by side: the second takes half the steps of the first
 THIRD = 0.01  # weight of the estimate of order 3 where the rates are smooth
 SHORTEST = 1e-99  # [s] a step at time 0 that is tried again and again

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple, NoReturn
 
 from blockmech.engines.binding import bind
 from blockmech.engines.nodes import PARAMETER, SAMPLE, AsksPython, Loop, Node, Untraceable
@@ -22,18 +22,18 @@ from blockmech.engines.numpy import Planar, imul, leaves, mul
 from blockmech.engines.numpy import each as each_of
 from blockmech.ground.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
 from blockmech.plan.plan import Program
-from blockmech.typing import Data
+from blockmech.typing import Data, Kernel, Nested, Real, Reals, Values
 
 CONSTANTS = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0)}
-Body = Callable[..., tuple[Any, ...]]
+Body = Callable[..., Values]
 FOLLOWED = "it follows a group without closed form from its home"
 
 
 class Question(NamedTuple):
     """A function that is no kernel, and its arguments: indices among the inputs."""
 
-    function: Callable[..., Any]
-    indices: tuple[Any, ...]
+    function: Kernel
+    indices: Values
 
 
 class Trace:
@@ -57,7 +57,7 @@ class Trace:
         self.asked: list[Question] = []
         self.nodes: list[Node] = []
         self.loops: list[Loop] = []
-        self._made: dict[tuple[Any, ...], Node] = {}
+        self._made: dict[tuple[Hashable, ...], Node] = {}
         self._open = False  # whether a loop is being traced
         count = len(program.inputs) if body is None else inputs
         leafs = [self._leaf("input", i, SAMPLE) for i in range(count)]
@@ -71,15 +71,15 @@ class Trace:
         constants = {**CONSTANTS, "REST": max(REST_SHARE, eps**0.75)}
         bound = bind(program, _primitives(eps), constants, self._foreign)
 
-        def run(*x: Any) -> tuple[Any, ...]:
+        def run(*x: Node) -> Values:
             return bound(*x, slots)
 
         try:
-            self.values: tuple[Any, ...] = run(*leafs) if body is None else body(run, *leafs)
+            self.values: Values = run(*leafs) if body is None else body(run, *leafs)
         except (TypeError, AttributeError) as error:  # what a number can that a node cannot
             raise Untraceable(f"a kernel is more than the primitives ({error})") from error
 
-    def node(self, op: str, *args: Any) -> Node:
+    def node(self, op: str, *args: Real | Loop) -> Node:
         """The operation on these arguments, nodes or numbers."""
         key = (op, *(x.number if isinstance(x, Node) else (repr(x),) for x in args))
         if key not in self._made:
@@ -92,19 +92,19 @@ class Trace:
         """Number of inputs that are answers."""
         return self._inputs - self._given
 
-    def ufunc(self, name: str, *args: Any) -> Any:
+    def ufunc(self, name: str, *args: Real) -> NoReturn:
         """A function of NumPy that is asked of nodes: no kernel does, readings of outputs may."""
         raise Untraceable(f"a kernel asks NumPy's {name}")
 
-    def _foreign(self, function: Any) -> Any:
+    def _foreign(self, function: Kernel) -> Kernel:
         """What stands for a function that is no kernel while a program is traced."""
 
-        def answer(*arguments: Any) -> Any:
+        def answer(*arguments: Nested) -> Nested:
             return self.answer(function, arguments, answer_of(function, arguments))
 
         return answer
 
-    def answer(self, function: Any, arguments: tuple[Any, ...], like: Any) -> Any:
+    def answer(self, function: Kernel, arguments: Values, like: Nested) -> Nested:
         """What a function of inputs alone says: inputs of their own, worked out beforehand.
 
         ``like`` is an answer of it, which tells of what parts it is made.
@@ -124,7 +124,7 @@ class Trace:
     def _leaf(self, op: str, index: int, scope: int) -> Node:
         return Node(self, op, (index,), scope)
 
-    def loop(self, step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
+    def loop(self, step: Kernel, state: Values, cap: int, data: Values) -> Nested:
         """The state after a loop: nodes "after" of it."""
         if self._open:
             raise Untraceable("a loop in a loop")
@@ -137,7 +137,7 @@ class Trace:
         return filled(state, lambda: next(after))
 
 
-def filled(value: Any, fresh: Callable[[], Any], pair: Callable[..., Any] = Planar) -> Any:
+def filled(value: Nested, fresh: Callable[[], Real], pair: Kernel = Planar) -> Nested:
     """A nested tuple with fresh numbers in the place of its own, and pairs of them as vectors."""
     if isinstance(value, tuple):
         parts = [filled(x, fresh, pair) for x in value]
@@ -145,7 +145,7 @@ def filled(value: Any, fresh: Callable[[], Any], pair: Callable[..., Any] = Plan
     return pair(fresh(), fresh()) if isinstance(value, complex | Planar) else fresh()
 
 
-def answer_of(function: Any, arguments: tuple[Any, ...]) -> Any:
+def answer_of(function: Kernel, arguments: Values) -> Nested:
     """An answer of a function that is no kernel, to tell the form of all of them."""
     return getattr(function, "answer", None) or function(*filled(arguments, float))
 
@@ -153,14 +153,14 @@ def answer_of(function: Any, arguments: tuple[Any, ...]) -> Any:
 # -- the primitives of the plane ---------------------------------------------------
 
 
-def _trace_of(*values: Any) -> Trace | None:
+def _trace_of(*values: Nested) -> Trace | None:
     return next((x.trace for x in leaves(values) if isinstance(x, Node)), None)
 
 
-def _flat(name: str, function: Callable[..., float]) -> Callable[..., Any]:
+def _flat(name: str, function: Callable[..., float]) -> Callable[..., Real]:
     """A function that is one operation; of plain numbers, a plain number."""
 
-    def operation(*x: Any) -> Any:
+    def operation(*x: Real) -> Real:
         trace = _trace_of(x)
         return function(*x) if trace is None else trace.node(name, *x)
 
@@ -173,55 +173,55 @@ _cos, _sin, _atan2 = _flat("cos", math.cos), _flat("sin", math.sin), _flat("atan
 _remainder, _is_nan = _flat("fmod", math.fmod), _flat("is nan", math.isnan)
 
 
-def where(condition: Any, a: Any, b: Any) -> Any:
+def where(condition: Real, a: Real, b: Real) -> Real:
     """See `blockmech.ground.plane.where`, and so on."""
     if not isinstance(condition, Node):
         return a if condition else b
     return condition.trace.node("where", condition, a, b)
 
 
-def sign(x: Any) -> Any:
+def sign(x: Real) -> Real:
     """-1, 0 or 1 in the sign of a number; NaN for NaN."""
     return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))
 
 
-def power(x: Any, y: Any) -> Any:
+def power(x: Real, y: Real) -> Real:
     """A number that is not negative to a power."""
     return _pow(where(x >= 0.0, x, math.nan), y)
 
 
-def minimum(a: Any, b: Any) -> Any:
+def minimum(a: Real, b: Real) -> Real:
     """The smaller of two numbers; NaN where one of them is."""
     return where((a < b) | _is_nan(a), a, b)
 
 
-def maximum(a: Any, b: Any) -> Any:
+def maximum(a: Real, b: Real) -> Real:
     """The larger of two numbers; NaN where one of them is."""
     return where((a > b) | _is_nan(a), a, b)
 
 
-def modulo(x: Any, period: Any) -> Any:
+def modulo(x: Real, period: Real) -> Real:
     """The rest of x in [0, period)."""
     rest = _remainder(x, period)
     return where(rest < 0.0, rest + period, rest)
 
 
-def expi(t: Any) -> Planar:
+def expi(t: Real) -> Planar:
     """exp(i t), from cosine and sine."""
     return Planar(_cos(t), _sin(t))
 
 
-def hyp(z: Planar) -> Any:
+def hyp(z: Planar) -> Real:
     """The length of a vector."""
     return sqrt(z.real * z.real + z.imag * z.imag)
 
 
-def angle(a: Planar, b: Planar) -> Any:
+def angle(a: Planar, b: Planar) -> Real:
     """The angle from a to b, in (-pi, pi]."""
     return _atan2(cross(a, b) + 0.0, dot(a, b))
 
 
-def piecewise(x: Any, knots: Any, rows: Any) -> Any:
+def piecewise(x: Real, knots: Reals, rows: Sequence[Reals]) -> Real:
     """The piece is looked up; its coefficients are parameters one after the other."""
     trace = _trace_of(x, knots)
     assert trace is not None  # the knots are parameters
@@ -234,7 +234,7 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
     return where(inside, total, math.nan)
 
 
-def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+def repeat(step: Kernel, state: Values, cap: int, *data: Nested) -> Nested:
     """A loop of the trace, or of plain numbers a plain one."""
     trace = _trace_of(state, data)
     if trace is None:
@@ -242,7 +242,7 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
     return trace.loop(step, state, cap, data)
 
 
-def times(step: Any, state: Any, count: int, *data: Any) -> Any:
+def times(step: Kernel, state: Values, count: int, *data: Nested) -> Nested:
     """A loop that no sample leaves before its end."""
     if _trace_of(state, data) is None:
         return SCALAR_PRIMITIVES["times"](step, state, count, *data)
@@ -250,18 +250,18 @@ def times(step: Any, state: Any, count: int, *data: Any) -> Any:
     return after
 
 
-def each(function: Any, *x: Any) -> Any:
+def each(function: Callable[..., float], *x: Real) -> Real:
     """A function of Python: of inputs alone it is asked beforehand."""
     trace = _trace_of(x)
     return function(*x) if trace is None else trace.answer(partial(each_of, function), x, 0.0)
 
 
-def matrix(rows: Any) -> Any:
+def matrix(rows: Iterable[Reals]) -> tuple[Reals, ...]:
     """A matrix is its rows."""
     return tuple(map(tuple, rows))
 
 
-def solve(a: Any, right: Any) -> tuple[Any, ...]:
+def solve(a: Sequence[Reals], right: Reals) -> tuple[Real, ...]:
     """Gaussian elimination in flat operations, without those on zeros of the matrix's pattern.
 
     Entries of 1 and -1 are pivots before all others, those first that fill in least: most of what
@@ -272,7 +272,7 @@ def solve(a: Any, right: Any) -> tuple[Any, ...]:
     for Sparse Matrices, 2017, 7.2 (Markowitz's rule).
     """
     rows = [[*row, x] for row, x in zip(a, right, strict=True)]
-    columns, pivots = list(range(len(rows))), list[tuple[int, list[Any]]]()
+    columns, pivots = list(range(len(rows))), list[tuple[int, list[Real]]]()
     while columns:
         column, pivot, rows = _pivot(rows, columns)
         columns.remove(column)
@@ -283,7 +283,7 @@ def solve(a: Any, right: Any) -> tuple[Any, ...]:
                 factor = row[column] / pivot[column]
                 for k in filled_columns:
                     row[k] = row[k] - factor * pivot[k]
-    solution: list[Any] = [0.0] * len(pivots)
+    solution: list[Real] = [0.0] * len(pivots)
     for n, (column, pivot) in enumerate(reversed(pivots)):
         total = pivot[-1]
         for later, _ in pivots[len(pivots) - n :]:
@@ -293,7 +293,7 @@ def solve(a: Any, right: Any) -> tuple[Any, ...]:
     return tuple(solution)
 
 
-def _pivot(rows: list[list[Any]], columns: list[int]) -> tuple[int, list[Any], list[list[Any]]]:
+def _pivot(rows: list[list[Real]], columns: list[int]) -> tuple[int, list[Real], list[list[Real]]]:
     """The column to eliminate next, its row, and all other rows."""
     wide = [sum(not _is_zero(row[k]) for k in columns) for row in rows]
     high = {k: sum(not _is_zero(row[k]) for row in rows) for k in columns}
@@ -321,17 +321,17 @@ def _pivot(rows: list[list[Any]], columns: list[int]) -> tuple[int, list[Any], l
     return column, pivot, remaining
 
 
-def _is_zero(x: Any) -> bool:
+def _is_zero(x: Real) -> bool:
     """Whether an entry is zero by the matrix's pattern."""
     return isinstance(x, float) and x == 0.0
 
 
-def solve_transposed(a: Any, right: Any) -> tuple[Any, ...]:
+def solve_transposed(a: Sequence[Reals], right: Reals) -> tuple[Real, ...]:
     """See `blockmech.ground.plane.solve_transposed`."""
     return solve(tuple(zip(*a, strict=True)), right)
 
 
-def spread(a: Any) -> Any:
+def spread(a: Sequence[Reals]) -> Real:
     """See `blockmech.ground.plane.spread`."""
     entries = [x for column in zip(*a, strict=True) for x in column]
     trace = _trace_of(tuple(entries))

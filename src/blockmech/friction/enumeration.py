@@ -27,16 +27,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR
-
-Floats: TypeAlias = NDArray[np.float64]
-Vectors: TypeAlias = NDArray[np.complex128]
+from blockmech.typing import Floats, Vectors
 
 CONTACTS = {0: (0j,), 2: (1 + 0j, -1 + 0j), 4: (1 + 0j, -1 + 0j, 1j, -1j)}
 """Contacts of a pair, 0 of a pin -> the directions in which it may be pressed."""

@@ -15,7 +15,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import TypeAlias
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -23,8 +22,7 @@ from numpy.typing import NDArray
 
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL, HALVINGS
-
-Floats: TypeAlias = NDArray[np.float64]
+from blockmech.typing import Floats
 
 NODES = 32  # of a panel: a quarter shows the end of its series; with 16 extrema lose a digit
 TOLERANCE = 450 * EPS  # tail of a panel that needs no halving

@@ -46,7 +46,8 @@ from blockmech.modes.closing import (
     solved,
 )
 from blockmech.modes.report import DEAD, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
-from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
+from blockmech.modes.triad import Placed, Support, Triad, placed
+from blockmech.typing import Floats
 
 Outer: TypeAlias = Callable[[Floats], Sequence[Support]]
 TriadAt: TypeAlias = Callable[[Floats], Triad]

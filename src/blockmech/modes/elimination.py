@@ -33,7 +33,8 @@ import numpy as np
 
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS, cross, dot
-from blockmech.modes.triad import Floats, Placed, Vectors
+from blockmech.modes.triad import Placed
+from blockmech.typing import Floats, Vectors
 
 CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16)  # 7 samples are needed, more halve rounding
 NEGLIGIBLE = 32 * EPS  # of the largest coefficient: a leading one below it is rounding

@@ -26,14 +26,11 @@ from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.plane import cross, dot
-from blockmech.typing import Guide
+from blockmech.typing import Floats, Guide, Vectors
 
 LegKind: TypeAlias = Literal["RR", "RP", "PR"]
-Floats: TypeAlias = NDArray[np.float64]
-Vectors: TypeAlias = NDArray[np.complex128]
 Support: TypeAlias = Any
 """Where an earlier link holds a leg: a pivot [m], or a `Guide` (leg PR); or (n,) of them."""
 

@@ -21,7 +21,7 @@ import numpy as np
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.functions.roots import SCANNED
-from blockmech.functions.series import GOLDEN, NODES, Floats, Series, fit, panels
+from blockmech.functions.series import GOLDEN, NODES, Series, fit, panels
 from blockmech.ground.errors import GraphError, Problem
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.scene import Scene
@@ -29,6 +29,7 @@ from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction, Schedule
+from blockmech.typing import Floats
 
 SEAM = -math.pi / 2  # where the scan of a turn begins
 # Spacings on either side that a series covers. From further away larger misses look like rounding:

@@ -8,15 +8,13 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json
-from blockmech.typing import Data
+from blockmech.typing import Data, Floats
 
-Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "unfinished", "failed"]
 
 FACT_UNITS: Mapping[str, str] = {

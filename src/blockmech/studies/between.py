@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.analysis.peaks import Function, Peaks, Search
 from blockmech.analysis.working_cycle import Cycle, cycle_through
@@ -24,8 +23,8 @@ from blockmech.ground.errors import RequestError
 from blockmech.plan.plan import Plan
 from blockmech.result.samples import Samples, make_samples
 from blockmech.studies.reductions import EXTREMES, SIMPLE, Wanted
+from blockmech.typing import Array
 
-Array = NDArray[Any]
 NEAR_LIMIT = 0.02  # margin [-] below which outputs may have peaks narrower than usual spacings
 
 

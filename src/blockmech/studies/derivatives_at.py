@@ -19,7 +19,6 @@ from blockmech.compiled import Compiled
 from blockmech.dynamics.source import margins
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, slope, value
-from blockmech.functions.series import Floats
 from blockmech.ground.errors import refused
 from blockmech.model.parameters import Parameter
 from blockmech.passes import forces, reduction, signals
@@ -27,7 +26,7 @@ from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
 from blockmech.signals.contract import HELD
 from blockmech.studies.variation import Variation
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Floats
 
 MOTION = ("q", "qd", "qdd")
 

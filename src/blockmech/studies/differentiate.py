@@ -19,7 +19,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.analysis.deflections import Course
 from blockmech.analysis.ranges import cycle_of
@@ -51,9 +50,8 @@ from blockmech.studies.rests import rest_slopes
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.variation import GIVEN, Variation, moves_drivers
-from blockmech.typing import Arguments, Coordinates, Data, FrictionMethod, Numbers, OnGap
+from blockmech.typing import Arguments, Array, Coordinates, Data, FrictionMethod, Numbers, OnGap
 
-Array = NDArray[Any]
 STEP = (16 * ROUNDING) ** 0.25  # of a number, for differences of courses
 CENTRAL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
 INPUTS = {"q": "q", "rate": "qd", "acceleration": "qdd"}  # output of a driver -> program input

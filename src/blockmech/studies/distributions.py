@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.errors import refused
 from blockmech.ground.values import is_number
+from blockmech.typing import Floats
 
 __all__ = ["Normal", "Sample", "Uniform"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.compiled import CONTRACTION, Compiled
 from blockmech.engines.enclosed.engine import EnclosedEngine
@@ -33,9 +32,8 @@ from blockmech.studies.variation import (
     of_links,
     planned_near,
 )
-from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Array, Coordinates, FrictionMethod, Numbers
 
-Array = NDArray[Any]
 PROVED = "proved"
 
 

@@ -340,7 +340,7 @@ def _engine(program: Program, library: str | ModuleType, precision: str | None) 
 
         return JaxEngine(program, kind)
     xp = np if library == "numpy" else library
-    if not hasattr(xp, "isdtype"):
+    if isinstance(xp, str) or not hasattr(xp, "isdtype"):
         valid = "jax, numpy, or a namespace of the array API standard"
         raise refused("library", f"{library!r:.60} is none", "", valid, code="unknown-engine")
     return ArrayEngine(program, xp, getattr(xp, kind))

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.batch import choose_rates, moved
@@ -49,9 +48,8 @@ from blockmech.studies.reductions import (
 from blockmech.studies.rows import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Rows
 from blockmech.studies.runner import Runner
 from blockmech.studies.swings import FirstSwings
-from blockmech.typing import Arguments, Data, Record
+from blockmech.typing import Arguments, Array, Data, Record
 
-Array = NDArray[Any]
 FEW = 16  # designs between two words of progress, and for which nothing is compiled
 TOGETHER = 256  # designs that move side by side: their steps stay in some megabytes
 WITHIN = 0.02  # of its change, within which an output has settled

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
@@ -23,9 +22,8 @@ from blockmech.studies.motions import MotionRunner, runner_of
 from blockmech.studies.reductions import WHOLE
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import as_sequence
-from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Array, Coordinates, FrictionMethod, Numbers
 
-Array = NDArray[Any]
 INFEASIBLE = 1e9  # times the size of what is minimized: a design that cannot be
 STEP = ROUNDING**0.25  # of a number, for differences of motions
 

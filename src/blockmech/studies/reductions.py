@@ -19,7 +19,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.ground.plane import REST_SHARE
@@ -27,8 +26,8 @@ from blockmech.outputs.by_block import Catalogue
 from blockmech.plan.plan import Output
 from blockmech.result.samples import Samples
 from blockmech.studies.sampling import as_sequence
+from blockmech.typing import Array
 
-Array = NDArray[Any]
 TEXT = re.compile(r"(?P<how>\w+)\s*\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
 AT = re.compile(r"(?P<how>\w+)\(\s*(?P<at>[^()]+)\s*\)")
 WHOLE, POSES, STROKE, REST = "value", "poses", "stroke", "rest"

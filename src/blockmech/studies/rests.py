@@ -17,14 +17,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.functions.series import Floats
 from blockmech.ground.errors import refused
 from blockmech.result.samples import Samples
-from blockmech.typing import Data
-
-Array = NDArray[Any]
+from blockmech.typing import Array, Data, Floats
 
 
 class Rest(NamedTuple):

@@ -16,15 +16,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath, cannot_write, folder, writing
 from blockmech.result.quality import WORDS
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.sampling import Designs
+from blockmech.typing import Array
 
-Array = NDArray[Any]
 Span = tuple[int, int]  # the first design of some, and the first one behind them
 SUFFIX = ".parquet"
 DIGEST = b"digest"  # key of a table's metadata

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
@@ -41,9 +40,8 @@ from blockmech.studies.reductions import EXTREMES, POSES, REST, STROKE, WHOLE, W
 from blockmech.studies.rests import rest_value
 from blockmech.studies.rows import COARSE, REASONS, Rows, Span
 from blockmech.studies.sampling import Designs
-from blockmech.typing import Arguments, Data
+from blockmech.typing import Arguments, Array, Data
 
-Array = NDArray[Any]
 PART = 2**20  # samples of designs that are handed out at a time
 
 

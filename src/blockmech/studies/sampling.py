@@ -20,8 +20,8 @@ import numpy as np
 
 from blockmech.ground.errors import Problem, RequestError, as_names, listed, refused
 from blockmech.ground.values import is_count
-from blockmech.studies.distributions import Distribution, Floats, Sample
-from blockmech.typing import Record
+from blockmech.studies.distributions import Distribution, Sample
+from blockmech.typing import Floats, Record
 
 Sampling = Literal["grid", "paired", "latin", "sobol", "random"]
 OF_ARRAYS, OF_DISTRIBUTIONS = ("grid", "paired"), ("latin", "sobol", "random")

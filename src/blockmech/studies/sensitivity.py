@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.figures import palette as ink
 from blockmech.figures.bars import THICK
@@ -24,9 +23,8 @@ from blockmech.result.columns import driver_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted, flag_lines
 from blockmech.result.result import Result
 from blockmech.studies.reductions import POSES, Wanted, components
-from blockmech.typing import Arguments, Data
+from blockmech.typing import Arguments, Array, Data
 
-Array = NDArray[Any]
 PERCENT = 0.01  # of a number's size: the change by which numbers are ranked
 
 

@@ -31,7 +31,6 @@ from blockmech.dynamics.panel_nodes import (
     PLAIN,
     TAU,
     VALUES,
-    Floats,
     J,
     Nodes,
     Row,
@@ -71,6 +70,7 @@ from blockmech.engines.compiled_rates import CompiledRhs
 from blockmech.engines.kinds import Counts, Reals
 from blockmech.engines.llvm import addresses_of, machine_code, slots_of
 from blockmech.engines.stages import Fill
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import axis_label, panelled, scaled_unit, shown_name
@@ -25,12 +24,11 @@ from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
 from blockmech.studies.sampling import Designs
-from blockmech.typing import Data
+from blockmech.typing import Array, Data
 
 if TYPE_CHECKING:
     from blockmech.studies.runner import Runner
 
-Array = NDArray[Any]
 T = TypeVar("T")
 PANEL = 14.0 * ink.TEXT  # [pt] height of a panel of a picture
 CELL = 11.0 * ink.TEXT  # [pt] size of a cell of a matrix

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.figures import palette as ink
@@ -38,9 +37,8 @@ from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, designs
 from blockmech.studies.sensitivity import Sensitivity
 from blockmech.studies.workers import Work
-from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
+from blockmech.typing import Array, Coordinates, FrictionMethod, Numbers, Progress
 
-Array = NDArray[Any]
 PANEL = 11.0 * ink.TEXT  # [pt] height of a panel of a picture
 
 

@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from blockmech.builders import Graph
-from blockmech.functions.series import Floats
 from blockmech.ground.report import DEGREES, Facts, Report
 from blockmech.ground.tolerances import EQUAL
 from blockmech.model.versions import VERSION
 from blockmech.result.exported import aligned
 from blockmech.synthesis.fourbar import SHAPE, coupler_point
 from blockmech.synthesis.search import Task, search
-from blockmech.typing import Progress
+from blockmech.typing import Floats, Progress
 
 ALIKE = 1e-4  # two designs are one
 

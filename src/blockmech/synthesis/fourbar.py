@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.functions.series import Floats
+from blockmech.typing import Floats
 
 Points = NDArray[np.complex128]
 SHAPE = 6

@@ -18,14 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.progress import with_bar
 from blockmech.synthesis.designs import Design, Synthesis, fourbar, proposed
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point
 from blockmech.synthesis.search import STARTS, Task, monotonic
-from blockmech.typing import Progress
+from blockmech.typing import Floats, Progress
 
 
 @with_bar

@@ -28,7 +28,6 @@ from blockmech.builders import Graph
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope, value
 from blockmech.functions.roots import SCANNED
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.files import AnyPath, writing
@@ -43,7 +42,7 @@ from blockmech.synthesis.designs import Design
 from blockmech.synthesis.fourbar import Points
 from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar, size_of
 from blockmech.synthesis.structures import Structure, blank, structures
-from blockmech.typing import Data, Progress
+from blockmech.typing import Data, Floats, Progress
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism

@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.progress import with_bar
@@ -39,7 +38,7 @@ from blockmech.synthesis.designs import (
 )
 from blockmech.synthesis.fourbar import SHAPE, Points, angles_and_point, coupler_point
 from blockmech.synthesis.search import STARTS, Task
-from blockmech.typing import Progress
+from blockmech.typing import Floats, Progress
 
 TRIED = 32  # conditions that are drawn where positions are lacking
 CLOSE = DOUBLE_ROOT  # relative: misfit of a pin's conditions, and two pins that are one

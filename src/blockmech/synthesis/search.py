@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.functions.series import Floats
 from blockmech.ground.errors import refused
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.synthesis.fourbar import (
@@ -31,7 +30,7 @@ from blockmech.synthesis.fourbar import (
     margin,
     pose,
 )
-from blockmech.typing import Progress
+from blockmech.typing import Floats, Progress
 
 STARTS = 2**14  # shapes that are tried
 REFINED = 256  # of them are refined

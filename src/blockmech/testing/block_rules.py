@@ -27,7 +27,6 @@ from blockmech.testing.rig import (
 )
 from blockmech.testing.rules import (
     DERIVATIVE,
-    Array,
     Checks,
     ConformanceError,
     Leaves,
@@ -41,7 +40,7 @@ from blockmech.testing.rules import (
     spoilt,
     vectors,
 )
-from blockmech.typing import LinkAcceleration, LinkPosition, LinkVelocity, Load, Slide
+from blockmech.typing import Array, LinkAcceleration, LinkPosition, LinkVelocity, Load, Slide
 
 SAMPLES = 24  # random motions: a rule broken at one in four is missed once in a thousand
 X, Y = 0.7, -1.3  # factors of a linear combination

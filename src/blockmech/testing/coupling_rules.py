@@ -22,7 +22,8 @@ from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.model.meshing import coupling_numbers, sides
 from blockmech.model.structure import Structure
-from blockmech.testing.rules import DERIVATIVE, TIMES, Array, Checks, derivative
+from blockmech.testing.rules import DERIVATIVE, TIMES, Checks, derivative
+from blockmech.typing import Array
 
 COORDINATE = ("second.q", "second.rate", "second.acceleration")
 

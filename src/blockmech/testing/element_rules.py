@@ -18,7 +18,8 @@ from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.testing.rig import add_turntable
-from blockmech.testing.rules import DERIVATIVE, TIMES, Array, Checks, derivative
+from blockmech.testing.rules import DERIVATIVE, TIMES, Checks, derivative
+from blockmech.typing import Array
 
 
 class ElementRules(Checks):

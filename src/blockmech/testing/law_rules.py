@@ -20,7 +20,8 @@ from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
-from blockmech.testing.rules import TIMES, Array, Checks
+from blockmech.testing.rules import TIMES, Checks
+from blockmech.typing import Array
 
 SPEEDS = np.array([0.0, *np.logspace(-6, 3, 37)])  # [rad/s or m/s]
 

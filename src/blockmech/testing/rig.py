@@ -24,8 +24,8 @@ from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.loads.applied import Couple, Force
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
-from blockmech.testing.rules import Array, planar, vectors
-from blockmech.typing import Data, Guide, LinkAcceleration, LinkVelocity, Load
+from blockmech.testing.rules import planar, vectors
+from blockmech.typing import Array, Data, Guide, LinkAcceleration, LinkVelocity, Load
 
 STAGES = {"position": 0, "velocity": 1, "acceleration": 2, "reactions": 1}
 """Each kernel, and how many of its arguments come from earlier kernels."""

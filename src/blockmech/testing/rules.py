@@ -15,9 +15,8 @@ from blockmech.engines.trace import Trace
 from blockmech.ground.report import DEGREES, Report
 from blockmech.ground.tolerances import EQUAL, ROUNDING
 from blockmech.plan.plan import Program
-from blockmech.typing import Data, Record
+from blockmech.typing import Array, Data, Record
 
-Array = NDArray[Any]
 Leaves = Mapping[str, Array]
 
 ROUNDED = 8 * ROUNDING  # [-] of the largest term: some 100 operations, margins down to 1e-4

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.engines.enclosed.forms import Array, Doubt, Enclosed, Form, either, form, sign
+from blockmech.engines.enclosed.forms import Doubt, Enclosed, Form, either, form, sign
 from blockmech.engines.enclosed.forms import arctangent as angle_of
 from blockmech.engines.enclosed.forms import maximum as larger
 from blockmech.engines.enclosed.rounding import ROUNDED_UP, TINY
 from blockmech.ground.plane import EPS
+from blockmech.typing import Array, Real
 
 
 class Dual(Enclosed):
@@ -21,7 +22,7 @@ class Dual(Enclosed):
     __array_ufunc__ = None
     __hash__ = None  # type: ignore[assignment]
 
-    def __init__(self, x: Form, d: Any = 0.0, r: Any = 0.0) -> None:
+    def __init__(self, x: Form, d: Array | float = 0.0, r: Array | float = 0.0) -> None:
         self.x, self.d, self.r = x, np.asarray(d, float), np.asarray(r, float)
 
     @property
@@ -29,11 +30,11 @@ class Dual(Enclosed):
         """The number of the planned design."""
         return self.x.at
 
-    def chain(self, y: Form, slope: Any) -> Dual:
+    def chain(self, y: Form, slope: Form | float) -> Dual:
         """A function of it: value and slope."""
         return Dual(y, *scaled(form(slope), self.d, self.r))
 
-    def __add__(self, term: Any) -> Dual:
+    def __add__(self, term: Real) -> Dual:
         b = dual(term)
         d = self.d + b.d
         return Dual(self.x + b.x, d, (self.r + b.r + EPS * abs(d)) * ROUNDED_UP)
@@ -41,7 +42,7 @@ class Dual(Enclosed):
     def __neg__(self) -> Dual:
         return Dual(-self.x, -self.d, self.r)
 
-    def __mul__(self, factor: Any) -> Dual:
+    def __mul__(self, factor: Real) -> Dual:
         b = dual(factor)
         y = self.chain(self.x, b.x) + b.chain(self.x, self.x)
         return Dual(self.x * b.x, y.d, y.r)
@@ -49,10 +50,10 @@ class Dual(Enclosed):
     def __abs__(self) -> Dual:
         return self.chain(abs(self.x), sign(self.x))
 
-    def __lt__(self, limit: Any) -> Any:
+    def __lt__(self, limit: Real) -> Real:
         return self.x < dual(limit).x
 
-    def __le__(self, limit: Any) -> Any:
+    def __le__(self, limit: Real) -> Real:
         return self.x <= dual(limit).x
 
     def __eq__(self, x: Any) -> Any:
@@ -74,7 +75,7 @@ class Dual(Enclosed):
         return self.chain(cos, -sin), self.chain(sin, cos)
 
 
-def dual(x: Any) -> Dual:
+def dual(x: Dual | Form | float) -> Dual:
     """A number with derivatives; those of a constant are zero."""
     return x if isinstance(x, Dual) else Dual(form(x))
 

@@ -7,7 +7,6 @@ Loops run on the numbers of the planned design; what they end at is proved by
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -40,23 +39,25 @@ from blockmech.ground.plane import (
     times,
 )
 from blockmech.plan.plan import Program
-from blockmech.typing import Data, Record
+from blockmech.typing import Data, Kernel, Nested, Record, Values
 
 
-def each(function: Any, *x: Any) -> Any:
+def each(function: Callable[..., float], *x: Form | float) -> Form:
     """A function of Python, of which nothing is known but its value at a number."""
     (value,) = one_by_one(lambda *numbers: (function(*numbers),), *x)
     return form(value)
 
 
-def one_by_one(function: Callable[..., tuple[float, ...]], *x: Any) -> tuple[Any, ...]:
+def one_by_one(
+    function: Callable[..., tuple[float, ...]], *x: Form | float
+) -> tuple[Form | float, ...]:
     """A function of numbers, of which nothing is known where they vary."""
     numbers = [form(v) for v in x]
     values = function(*map(planned, numbers))
     return values if all(v.exact for v in numbers) else tuple(map(unknown, values))
 
 
-def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+def repeat(step: Kernel, state: Values, cap: int, *data: Nested) -> Nested:
     """The state at which the planned design ends: numbers, of which nothing is proved yet."""
     if not planned(state[-1]):
         return state
@@ -78,7 +79,7 @@ PRIMITIVES: Data = {
 """The primitives of the plane on forms."""
 
 
-def scale(a: Any, b: Any) -> float:
+def scale(a: Form | float, b: Form | float) -> float:
     """The larger length, of the planned design: a scale does not vary."""
     return float(max(planned(a), planned(b)))
 
@@ -98,12 +99,12 @@ class EnclosedEngine:
         constants = {"ZERO": forms_of(0j), "ONE": forms_of(1 + 0j), "REST": REST_SHARE}
         self._program = bind(program, PRIMITIVES, constants, _at_planned)
 
-    def one(self, inputs: Sequence[Any], parameters: Sequence[Any]) -> tuple[Any, ...]:
+    def one(self, inputs: Sequence[Form | float], parameters: Values) -> Values:
         """Values of one sample, forms or `Planar` pairs of them."""
         with np.errstate(all="ignore"):  # what is not finite has no bounds
             return self._program(*map(form, inputs), tuple(map(forms_of, parameters)))
 
 
-def _at_planned(function: Any) -> Any:
+def _at_planned(function: Kernel) -> Kernel:
     """A function that is no kernel, such as a group's path from home, of the planned design."""
     return lambda *arguments: function(*planned(arguments))

@@ -12,11 +12,10 @@ from __future__ import annotations
 import math
 import operator
 import threading
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.engines.enclosed.rounding import (
     PI,
@@ -30,8 +29,8 @@ from blockmech.engines.enclosed.rounding import (
 )
 from blockmech.engines.numpy import each_part
 from blockmech.ground.plane import EPS, NAN, SCALAR_PRIMITIVES
+from blockmech.typing import Array, Nested, Real
 
-Array = NDArray[Any]
 EXACT = np.zeros(0)  # coefficients of a number that is exact
 
 
@@ -49,13 +48,13 @@ class Doubt:
 
     __slots__ = ("at",)
 
-    def __init__(self, at: Any) -> None:
+    def __init__(self, at: object) -> None:
         self.at = bool(at)
 
-    def __and__(self, term: Any) -> Any:
+    def __and__(self, term: bool | Doubt) -> bool | Doubt:
         return term is not False and Doubt(self.at and planned(term))
 
-    def __or__(self, term: Any) -> Any:
+    def __or__(self, term: bool | Doubt) -> bool | Doubt:
         return True if term is True else Doubt(self.at or planned(term))
 
     __rand__, __ror__ = __and__, __or__
@@ -68,33 +67,33 @@ class Enclosed:
     imag = 0.0  # as of any real number
 
     @property
-    def real(self) -> Any:
+    def real(self) -> Self:
         """Itself: no component of a vector."""
         return self
 
-    def __radd__(self: Any, term: Any) -> Any:
+    def __radd__(self: Real, term: Real) -> Real:
         return self + term
 
-    def __sub__(self: Any, term: Any) -> Any:
+    def __sub__(self: Real, term: Real) -> Real:
         return self + -term
 
-    def __rsub__(self: Any, term: Any) -> Any:
+    def __rsub__(self: Real, term: Real) -> Real:
         return -self + term
 
-    def __rmul__(self: Any, factor: Any) -> Any:
+    def __rmul__(self: Real, factor: Real) -> Real:
         return self * factor
 
-    def __truediv__(self: Any, divisor: Any) -> Any:
-        enclosed: Any = divisor if isinstance(divisor, Enclosed) else form(divisor)
+    def __truediv__(self: Real, divisor: Real) -> Real:
+        enclosed: Real = divisor if isinstance(divisor, Enclosed) else form(divisor)
         return self * enclosed.inverse()
 
-    def __rtruediv__(self: Any, dividend: Any) -> Any:
+    def __rtruediv__(self: Real, dividend: Real) -> Real:
         return self.inverse() * dividend
 
-    def __gt__(self: Any, limit: Any) -> Any:
+    def __gt__(self: Real, limit: Real) -> Real:
         return -self < -limit
 
-    def __ge__(self: Any, limit: Any) -> Any:
+    def __ge__(self: Real, limit: Real) -> Real:
         return -self <= -limit
 
 
@@ -121,7 +120,7 @@ class Form(Enclosed):
                 low = high = c
         self.low, self.high = low, high
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *arguments: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *arguments: Form | float) -> Real:
         if method != "__call__" or ufunc not in FUNCTIONS:
             return NotImplemented
         return FUNCTIONS[ufunc](*map(form, arguments))
@@ -146,13 +145,13 @@ class Form(Enclosed):
             return affine(self.at, self.c, [(1.0, self.d)], error)
         return Form(self.at, below(self.low - error), above(self.high + error))
 
-    def __add__(self, term: Any) -> Any:
+    def __add__(self, term: Real) -> Real:
         return self._sum(_term(term), 1.0)
 
-    def __sub__(self, term: Any) -> Any:
+    def __sub__(self, term: Real) -> Real:
         return self._sum(_term(term), -1.0)
 
-    def _sum(self, b: Any, side: float) -> Any:
+    def _sum(self, b: Real, side: float) -> Real:
         if b is NotImplemented:
             return b
         if b.exact and b.c == 0.0:
@@ -173,7 +172,7 @@ class Form(Enclosed):
         d = None if self.d is None else -self.d
         return Form(-self.at, -self.high, -self.low, -self.c, d)
 
-    def __mul__(self, factor: Any) -> Any:
+    def __mul__(self, factor: Real) -> Real:
         if (b := _term(factor)) is NotImplemented:
             return NotImplemented
         for x, y in ((self, b), (b, self)):
@@ -204,11 +203,11 @@ class Form(Enclosed):
             self.absolute = -self if straight else between(abs(self.at), 0.0, self.magnitude)
         return self.absolute
 
-    def __lt__(self, limit: Any) -> Any:
+    def __lt__(self, limit: Real) -> bool | Doubt:
         b = form(limit)
         return True if self.high < b.low else self.low < b.high and Doubt(self.at < b.at)
 
-    def __le__(self, limit: Any) -> Any:
+    def __le__(self, limit: Real) -> bool | Doubt:
         b = form(limit)
         return True if self.high <= b.low else self.low <= b.high and Doubt(self.at <= b.at)
 
@@ -297,7 +296,12 @@ class Form(Enclosed):
 
 
 def affine(
-    at: float, c: float, terms: Any, error: float, low: float = -math.inf, high: float = math.inf
+    at: float,
+    c: float,
+    terms: Sequence[tuple[float, Array]],
+    error: float,
+    low: float = -math.inf,
+    high: float = math.inf,
 ) -> Form:
     """c and factors times coefficients, with a new symbol for their error."""
     error *= ROUNDED_UP
@@ -314,7 +318,7 @@ def affine(
     return Form(at, low, high, c, coefficients)
 
 
-def form(x: Any) -> Form:
+def form(x: Form | float) -> Form:
     """A number as a form."""
     if isinstance(x, Form):
         return x
@@ -322,7 +326,7 @@ def form(x: Any) -> Form:
     return Form(x, x, x, x, EXACT) if math.isfinite(x) else unknown(x)
 
 
-def _term(x: Any) -> Any:
+def _term(x: Real) -> Real:
     """A number as a form; other kinds of enclosed numbers work with forms themselves."""
     return NotImplemented if isinstance(x, Enclosed) and not isinstance(x, Form) else form(x)
 
@@ -345,12 +349,12 @@ def between(at: float, low: float, high: float) -> Form:
     return affine(at, c, [], above(max(high - c, c - low)) + TINY, low, high)
 
 
-def planned(x: Any) -> Any:
+def planned(x: Nested) -> Any:
     """Numbers or truth values, in nested tuples, at the planned design."""
     return each_part(lambda number: getattr(number, "at", number), x, vector=complex)
 
 
-def forms_of(x: Any) -> Any:
+def forms_of(x: Nested) -> Nested:
     """Nested tuples of numbers as forms."""
     return each_part(lambda y: y if isinstance(y, str | Enclosed | Doubt | None) else form(y), x)
 
@@ -358,7 +362,7 @@ def forms_of(x: Any) -> Any:
 # -- functions of forms ------------------------------------------------------------------
 
 
-def either(doubt: Doubt, a: Any, b: Any) -> Form:
+def either(doubt: Doubt, a: Form | float, b: Form | float) -> Form:
     """A number that is a or b; of an infeasible branch, which margins report, the feasible."""
     at = planned(a) if doubt.at else planned(b)
     if any(isinstance(x, float) and x != x for x in (a, b)):
@@ -371,7 +375,7 @@ def either(doubt: Doubt, a: Any, b: Any) -> Form:
     return affine(at, middle.c, [(1.0, middle.d)], apart.magnitude, low, high)
 
 
-def sign(x: Any) -> Form:
+def sign(x: Form | float) -> Form:
     """-1, 0 or 1."""
     x = form(x)
     if x.exact or x.low > 0.0 or x.high < 0.0:
@@ -379,7 +383,7 @@ def sign(x: Any) -> Form:
     return between(math.copysign(1.0, x.at), -1.0, 1.0)
 
 
-def maximum(x: Any, y: Any) -> Form:
+def maximum(x: Form | float, y: Form | float) -> Form:
     """The larger of two numbers; it is continuous."""
     a, b = form(x), form(y)
     first = a > b
@@ -417,7 +421,7 @@ def _rint(x: Form) -> Form:
     return Form(np.rint(x.at), float(np.rint(x.low)), float(np.rint(x.high)))
 
 
-FUNCTIONS: dict[Any, Callable[..., Any]] = {
+FUNCTIONS: dict[np.ufunc, Callable[..., Form]] = {
     np.add: operator.add,
     np.subtract: operator.sub,
     np.multiply: operator.mul,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
+from collections.abc import Sequence
 
 from blockmech.engines.enclosed import duals, forms, rounding
 from blockmech.engines.enclosed.duals import Dual, dual
@@ -19,14 +19,15 @@ from blockmech.engines.enclosed.forms import (
 )
 from blockmech.engines.numpy import Planar
 from blockmech.ground.plane import EPS, SCALAR_PRIMITIVES, cross, dot
+from blockmech.typing import Real, Reals
 
 
-def enclosed(x: Any) -> Any:
+def enclosed(x: Real) -> Real:
     """A number as an enclosed one."""
     return x if isinstance(x, Enclosed) else form(x)
 
 
-def where(condition: Any, a: Any, b: Any) -> Any:
+def where(condition: bool | Doubt, a: Real, b: Real) -> Real:
     """See `blockmech.ground.plane.where`, and so on."""
     if not isinstance(condition, Doubt):
         return a if condition else b
@@ -37,29 +38,29 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     return forms.either(condition, a, b)
 
 
-def maximum(a: Any, b: Any) -> Any:
+def maximum(a: Real, b: Real) -> Real:
     """The larger of two numbers."""
     if isinstance(a, Dual) or isinstance(b, Dual):
         return duals.maximum(dual(a), dual(b))
     return forms.maximum(a, b)
 
 
-def minimum(a: Any, b: Any) -> Any:
+def minimum(a: Real, b: Real) -> Real:
     """The smaller of two numbers."""
     return -maximum(-enclosed(a), -enclosed(b))
 
 
-def sqrt(x: Any) -> Any:
+def sqrt(x: Real) -> Real:
     """The square root."""
     return enclosed(x).sqrt()
 
 
-def exp(x: Any) -> Any:
+def exp(x: Real) -> Real:
     """The exponential."""
     return enclosed(x).exp()
 
 
-def power(x: Any, y: Any) -> Any:
+def power(x: Real, y: Real) -> Real:
     """A power, between those of its bounds."""
     x, y = form(x), form(y)
     at = SCALAR_PRIMITIVES["power"](x.at, y.at)
@@ -69,22 +70,22 @@ def power(x: Any, y: Any) -> Any:
     return between(at, max(low * (1.0 - 8 * EPS), 0.0), high * (1.0 + 8 * EPS))
 
 
-def expi(t: Any) -> Planar:
+def expi(t: Real) -> Planar:
     """Unit vector at an angle."""
     return Planar(*enclosed(t).expi())
 
 
-def hyp(z: Planar) -> Any:
+def hyp(z: Planar) -> Real:
     """Length of a vector."""
     return sqrt(z.real * z.real + z.imag * z.imag)
 
 
-def planar(x: Any, y: Any) -> Planar:
+def planar(x: Real, y: Real) -> Planar:
     """A vector from its components."""
     return Planar(enclosed(x), enclosed(y))
 
 
-def angle(a: Planar, b: Planar) -> Any:
+def angle(a: Planar, b: Planar) -> Real:
     """Angle from a to b, in (-pi, pi]."""
     y, x = enclosed(cross(a, b)), enclosed(dot(a, b))
     if isinstance(y, Dual) or isinstance(x, Dual):
@@ -92,7 +93,7 @@ def angle(a: Planar, b: Planar) -> Any:
     return forms.arctangent(y, x)
 
 
-def modulo(x: Any, period: Any) -> Any:
+def modulo(x: Real, period: Real) -> Real:
     """x less whole periods; anything within a period where their number is in doubt."""
     x, period = form(x), form(period)
     at = SCALAR_PRIMITIVES["modulo"](x.at, period.at)
@@ -103,7 +104,7 @@ def modulo(x: Any, period: Any) -> Any:
     return between(at, 0.0, period.high)
 
 
-def piecewise(x: Any, knots: Any, rows: Any) -> Any:
+def piecewise(x: Real, knots: Reals, rows: Sequence[Reals]) -> Real:
     """A piecewise polynomial: all values of the pieces in which x may be."""
     x, limits = form(x), [form(k) for k in knots]
     value = SCALAR_PRIMITIVES["piecewise"](x.at, planned(tuple(knots)), planned(tuple(rows)))

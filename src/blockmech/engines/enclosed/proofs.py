@@ -9,17 +9,17 @@ Source: Rump, Verification methods, Acta Numerica 19 (2010), section 13.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from blockmech.engines.enclosed.duals import Dual, dual
-from blockmech.engines.enclosed.forms import Array, Form, form, forms_of, planned, unknown
+from blockmech.engines.enclosed.forms import Form, form, forms_of, planned, unknown
 from blockmech.engines.enclosed.primitives import angle, expi, hyp
 from blockmech.engines.enclosed.rounding import ROUNDED_UP, TINY, above, below
 from blockmech.engines.numpy import Planar, each_part, mul
 from blockmech.ground.plane import EPS
-from blockmech.typing import LinkPosition
+from blockmech.typing import Array, Kernel, LinkPosition, Nested, Real, Values
 
 ATTEMPTS = 4  # boxes that are tried for a solution
 
@@ -30,14 +30,14 @@ class _Unknowns:
     The length of a direction is no unknown: steps leave it as it is.
     """
 
-    def __init__(self, state: Any) -> None:
+    def __init__(self, state: Values) -> None:
         self.state = state
         self.numbers: list[float] = []
         for x in state:
             link = isinstance(x, LinkPosition)
             self.numbers += [x.o.real, x.o.imag, 0.0] if link else [x]
 
-    def state_of(self, numbers: Any) -> tuple[Any, ...]:
+    def state_of(self, numbers: Iterable[Real]) -> Values:
         """The state of some values of the unknowns."""
         values, state = iter(numbers), []
         for x in self.state:
@@ -48,9 +48,9 @@ class _Unknowns:
                 state.append(next(values))
         return tuple(state)
 
-    def numbers_of(self, state: Any) -> list[Any]:
+    def numbers_of(self, state: Values) -> list[Real]:
         """The values of the unknowns of a state."""
-        numbers: list[Any] = []
+        numbers: list[Real] = []
         for base, x in zip(self.state, state, strict=True):
             link = isinstance(base, LinkPosition)
             numbers += [x.o.real, x.o.imag, angle(_unit(base.e), x.e)] if link else [x]
@@ -62,13 +62,13 @@ def _unit(e: complex) -> Planar:
     return mul(z, hyp(z).inverse())
 
 
-def implicit(step: Any, state: Any, *data: Any) -> Any:
+def implicit(step: Kernel, state: Values, *data: Nested) -> Values:
     """The state that a step of Newton's method proves; without bounds where it proves none."""
     unknowns = _Unknowns(planned(state[0]))
     x0 = unknowns.numbers
     if all(map(math.isfinite, x0)):
 
-        def newton(x: Any, *data: Any) -> list[Any]:
+        def newton(x: Iterable[Real], *data: Nested) -> list[Real]:
             return unknowns.numbers_of(step((unknowns.state_of(x), *state[1:]), *data)[0])
 
         first = newton(map(form, x0), *data)
@@ -88,7 +88,9 @@ def _width(x: Form) -> float:
     return x.high - x.low
 
 
-def _proved_errors(newton: Any, x0: list[float], misfit: Array, data: Any) -> Array | None:
+def _proved_errors(
+    newton: Callable[..., list[Real]], x0: list[float], misfit: Array, data: Values
+) -> Array | None:
     """Errors of one step from x0, of a box that it maps into its inside; None without one."""
     box = 2.0 * misfit + EPS * misfit.max(initial=0.0) + TINY
     for _ in range(ATTEMPTS):
@@ -111,11 +113,11 @@ def is_inside(image: Array, box: Array) -> bool:
     return bool((image < box).all())
 
 
-def _bounds(data: Any) -> Any:
+def _bounds(data: Values) -> Nested:
     """Nested tuples of numbers without their symbols."""
     return each_part(lambda x: Form(x.at, x.low, x.high) if isinstance(x, Form) else x, data)
 
 
-def without_bounds(state: Any) -> Any:
+def without_bounds(state: Values) -> Nested:
     """A state of which nothing is proved."""
     return each_part(lambda x: unknown(planned(x)), forms_of(state))

@@ -6,36 +6,36 @@ Source: Rump, Verification methods, Acta Numerica 19 (2010), section 10.7.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from blockmech.engines.enclosed.duals import Dual, dual, scaled
-from blockmech.engines.enclosed.forms import Array, Form, affine, form, unknown
+from blockmech.engines.enclosed.forms import Form, affine, form, unknown
 from blockmech.engines.enclosed.rounding import ROUNDED_UP, TINY, ULP, below
 from blockmech.ground.plane import EPS
+from blockmech.typing import Array, Reals
 
 
-def weighted_sum(weights: Any, forms: Sequence[Form]) -> Form:
+def weighted_sum(weights: Iterable[float], forms: Sequence[Form]) -> Form:
     """The sum of forms times weights."""
     terms = [(w, x) for w, x in zip(weights, forms, strict=True) if w != 0.0 and x.magnitude > 0.0]
     at = sum(w * x.at for w, x in terms)
     if any(x.d is None for _, x in terms):
-        total: Any = form(0.0)
+        total = form(0.0)
         for w, x in terms:
             total = total + x * w
         return Form(at, total.low, total.high)
     c = math.fsum(w * x.c for w, x in terms)
     magnitude = sum(abs(w) * (abs(x.c) + len(terms) * x.r) for w, x in terms)
     error = 4 * ULP * magnitude + (TINY if terms else 0.0)
-    return affine(at, c, [(w, x.d) for w, x in terms], error)
+    return affine(at, c, [(w, x.d) for w, x in terms if x.d is not None], error)
 
 
 class Matrix:
     """A matrix of numbers, perhaps with derivatives, and the inverse of its middle."""
 
-    def __init__(self, rows: Any) -> None:
+    def __init__(self, rows: Iterable[Reals]) -> None:
         self.rows = tuple(tuple(row) for row in rows)
         self.forms = [[dual(x).x for x in row] for row in self.rows]
         self.low, self.high = (
@@ -73,7 +73,7 @@ class Matrix:
         return error
 
 
-def solve(a: Matrix, right: Any) -> tuple[Any, ...]:
+def solve(a: Matrix, right: Reals) -> tuple[Form | Dual, ...]:
     """Solution of a x = right: of the middle, then corrected by the residual there.
 
     With C the inverse of the middle and C a = 1 - E, x = x0 + C (right - a x0) + E (x - x0).
@@ -93,7 +93,7 @@ def solve(a: Matrix, right: Any) -> tuple[Any, ...]:
     return _with_slopes(a, right, solution) if duals else tuple(solution)
 
 
-def _with_slopes(a: Matrix, right: Any, solution: Sequence[Form]) -> tuple[Dual, ...]:
+def _with_slopes(a: Matrix, right: Reals, solution: Sequence[Form]) -> tuple[Dual, ...]:
     """A solution with its derivatives: a dx = d right - da x."""
     change = [dual(v) for v in right]
     for i, row in enumerate(a.rows):
@@ -110,7 +110,7 @@ def _with_slopes(a: Matrix, right: Any, solution: Sequence[Form]) -> tuple[Dual,
     return tuple(map(Dual, solution, y, error))
 
 
-def solve_transposed(a: Matrix, right: Any) -> tuple[Any, ...]:
+def solve_transposed(a: Matrix, right: Reals) -> tuple[Form | Dual, ...]:
     """Solution of a^T x = right."""
     return solve(Matrix(zip(*a.rows, strict=True)), right)
 

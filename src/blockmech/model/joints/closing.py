@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.assur.formation import formation
 from blockmech.functions.roots import LONGEST_STEP, NEWTON_STEPS
@@ -30,8 +29,7 @@ from blockmech.ground.plane import dot
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT, ROUNDING
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Pose, Poses
-
-Floats: TypeAlias = NDArray[np.float64]
+from blockmech.typing import Floats
 
 CLOSED = 100 * ROUNDING  # [-] of the size, rad: gaps that are left to rounding and conditioning
 

@@ -25,7 +25,7 @@ from blockmech.ground.errors import GraphError, Problem, listed, path_text
 from blockmech.ground.report import DEGREES, Facts, Report
 from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Pair
-from blockmech.model.joints.closing import CLOSED, Closing, Floats
+from blockmech.model.joints.closing import CLOSED, Closing
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.dimensions import Dimension
 from blockmech.model.joints.layout import Layout, LinkPlacement, Pose
@@ -33,6 +33,7 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import Varied, settled
 from blockmech.model.parameters import Path, value_at
+from blockmech.typing import Floats
 
 
 class Side(NamedTuple):
