@@ -51,7 +51,7 @@ from blockmech.ground.values import is_number
 from blockmech.result.quality import Accuracy
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Arguments, FrictionMethod, FrictionName, Record, Successive
+from blockmech.typing import Arguments, Array, FrictionMethod, FrictionName, Record, Successive
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has been seen
@@ -251,17 +251,17 @@ def _known(result: Result) -> NDArray[np.bool_]:
     return good if good.any() else comparable(result, friction=False, near=True)
 
 
-def _worst(columns: Record, good: Any) -> float:
+def _worst(columns: Record, good: Array) -> float:
     return max((float(np.max(c[good], initial=0.0)) for c in columns.values()), default=0.0)
 
 
-def _least_margin(result: Result, good: Any) -> float:
+def _least_margin(result: Result, good: Array) -> float:
     margins = result.quality.margin.values()
     return min((float(np.min(m[good], initial=1.0)) for m in margins), default=1.0)
 
 
 def _rounding(
-    single: Result, double: Result, wide: Result | None, good: Any
+    single: Result, double: Result, wide: Result | None, good: Array
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Errors of the precisions on the probe, without friction, and outputs made of rounding.
 
@@ -324,7 +324,7 @@ def _judged(
 
 
 def _friction_left(
-    request: _Request, result: Result, setting: Setting, probe: Probe, good: Any
+    request: _Request, result: Result, setting: Setting, probe: Probe, good: Array
 ) -> float:
     """Error that the solution of the friction equations leaves."""
     error, quality = 0.0, result.quality

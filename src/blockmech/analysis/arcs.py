@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, places, ru
 from blockmech.functions.roots import last_place
 from blockmech.functions.series import fit
 from blockmech.ground.tolerances import DOUBLE_ROOT
-from blockmech.typing import Floats
+from blockmech.typing import Array, Floats
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])
@@ -268,7 +268,7 @@ def _bounded(margin: Floats) -> Floats:
     return margin / (3 - margin)
 
 
-def _rolled(values: NDArray[Any], first: int, turn: float | None = None) -> NDArray[Any]:
+def _rolled(values: Array, first: int, turn: float | None = None) -> Array:
     """Values over a turn from another of its samples on, and that one again a turn later."""
     again = values[: first + 1]
     return np.concatenate([values[first:], again if turn is None else again + turn])

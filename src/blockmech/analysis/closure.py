@@ -21,7 +21,7 @@ from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
 from blockmech.plan.values import Value
-from blockmech.typing import Data, Floats
+from blockmech.typing import Data, Floats, Real, Values
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -73,15 +73,15 @@ class Closure:
         values = self._run(self._program.paths[0], q)
         return [np.broadcast_to(z.real + 1j * z.imag, q.shape) for z in values]
 
-    def _run(self, engine: NumpyEngine, q: Floats) -> tuple[Any, ...]:
+    def _run(self, engine: NumpyEngine, q: Floats) -> Values:
         columns = {n: np.broadcast_to(x, q.shape) for n, x in self._inputs(q).items()}
         return engine.run(columns, len(q))
 
-    def _at(self, q: float) -> tuple[Any, ...]:
+    def _at(self, q: float) -> Values:
         """Values of the program at one place."""
         return self._program.scalar.one(list(self._inputs(q).values()))
 
-    def _inputs(self, q: Any) -> Data:
+    def _inputs(self, q: Real) -> Data:
         number = {f"q_{i}": d for i, d in enumerate(self.mechanism.drivers)}
         drivers = {n: number[n] for n in self._program.scalar.program.inputs}
         return {n: q if d == self.driver else self.held[d] for n, d in drivers.items()}
@@ -158,7 +158,7 @@ class _Program:
             of[g] = slice(first, len(values))
         return NumpyEngine(s.program(values)), of
 
-    def read(self, k: int, values: tuple[Any, ...]) -> Any:
+    def read(self, k: int, values: Values) -> Real:
         """A margin; of two pins the square of their distance relative to the origin's."""
         at, other = self._of_rows[k]
         a, b = values[at], values[other]

@@ -29,7 +29,7 @@ from blockmech.couplings.rack import Rack
 from blockmech.couplings.ratio import Ratio
 from blockmech.model.meshing import coupling_numbers
 from blockmech.model.structure import Follower
-from blockmech.typing import Array
+from blockmech.typing import Array, Real
 
 
 class Contact(NamedTuple):
@@ -57,7 +57,7 @@ class Contact(NamedTuple):
         d = self.on.p - self.lead.p
         return np.abs(d), (np.conj(d) * self.F).real / np.abs(d)
 
-    def of_wheels(self, residual: Array, radius: Any) -> tuple[Array, Array]:
+    def of_wheels(self, residual: Array, radius: Real) -> tuple[Array, Array]:
         """What is left [N], by forces, and moments at the radius of the driven wheel."""
         digits = 1 + self.reach / self.between()[0]
         return residual, (self.force + self.moment / radius) * digits
@@ -136,7 +136,7 @@ def lines_of_action(e: Evidence) -> Iterator[Residual]:
 
 # -- the law: coordinate and two derivatives, with what each is made of -------------------------
 
-Law: TypeAlias = tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]
+Law: TypeAlias = tuple[tuple[Real, Real, Real], tuple[Real, Real, Real]]
 
 
 def _polynomial(law: Polynomial, x: Array) -> Law:

@@ -41,7 +41,7 @@ from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Plan
 from blockmech.result.samples import Samples
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Kernel, Record
 
 PANELS = 16  # of a motion to begin with
 RELATIVE, ABSOLUTE = 1e-11, 1e-13  # tolerances of the integration; the second of the size of z
@@ -107,7 +107,7 @@ class Course:
         law, slip = self.laws[j], self.slips(samples.inputs, samples.n)[j]
         return np.asarray(_bound(law.steady_kernel())(slip, law.parameters()))
 
-    def slips(self, inputs: Any, n: int) -> Floats:
+    def slips(self, inputs: Record, n: int) -> Floats:
         """Relative rates (m, n) of the pairs."""
         with np.errstate(all="ignore"):
             columns = self._slips.run({x: inputs[x] for x in self._slips.program.inputs}, n)
@@ -227,7 +227,7 @@ def _integrated(
             continue
         sense = math.copysign(1.0, w((a + b) / 2))  # beside a zero rounding may have the other one
 
-        def rate(t: float, y: Any, sense: float = sense) -> float:
+        def rate(t: float, y: Floats, sense: float = sense) -> float:
             return float(kernel(sense * max(sense * w(t), 0.0), float(y[0]), p))
 
         leg = solve_ivp(
@@ -258,5 +258,5 @@ def _scalar(series: Series) -> Callable[[float], float]:
     return value
 
 
-def _bound(kernel: Any) -> Any:
+def _bound(kernel: Kernel) -> Kernel:
     return bind_functions({"kernel": kernel}, primitives(np.float64))["kernel"]

@@ -27,7 +27,7 @@ from blockmech.dynamics.tangents import Tangents, tangents
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL
-from blockmech.typing import Floats
+from blockmech.typing import Array, Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -51,8 +51,8 @@ class Search:
     mechanism: Compiled
     t: float
     at: Floats
-    live: Any
-    rotary: Any
+    live: Array
+    rotary: Array
     ends: Floats  # (m, 2)
 
     @property
@@ -65,12 +65,12 @@ class Search:
         return np.insert(q, self.live_before, self.at[self.neutral], axis=1)
 
     @property
-    def neutral(self) -> Any:
+    def neutral(self) -> Array:
         """Places of the drivers whose coordinates the loads do not feel."""
         return np.setdiff1d(np.arange(len(self.at)), self.live)
 
     @property
-    def live_before(self) -> Any:
+    def live_before(self) -> Array:
         """How many live coordinates stand before each neutral one."""
         return np.searchsorted(self.live, self.neutral)
 
@@ -137,7 +137,7 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
     return Equilibria(tuple(sorted(rows, key=lambda e: e.q.tolist())), notes=tuple(notes))
 
 
-def _neutral(of: Tangents, alive: Any, span: Floats) -> Any:
+def _neutral(of: Tangents, alive: Array, span: Floats) -> Any:
     """Which coordinates (k,) the loads neither act on nor feel, at all places (n,) that are alive.
 
     Efforts over the range of a coordinate are works [J], and so are slopes over those of two.

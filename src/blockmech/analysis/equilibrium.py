@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import numpy as np
 
@@ -24,7 +24,10 @@ from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json, places, with_unit
 from blockmech.ground.tolerances import EQUAL
-from blockmech.typing import Data, Floats
+from blockmech.typing import Array, Data, Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Kind = Literal["stable", "unstable", "indifferent"]
 
@@ -68,7 +71,7 @@ class Equilibrium(Facts, Report):
     M: Floats
     C: Floats
     K: Floats
-    values: Any
+    values: Array
     potential: float | None = None
     interval: tuple[float, float] | None = None
     stop: bool = False
@@ -168,7 +171,7 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         """Those at which it stays."""
         return tuple(e for e in self.found if e.kind == "stable")
 
-    def figure(self, degrees: bool = IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = IN_DEGREES, ax: Axes | None = None) -> Any:
         """Potential and effort of the loads over the only driver's coordinate.
 
         Raises `RequestError` of several drivers.
@@ -190,7 +193,7 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
             axes.set_xlabel(f"{shown_name(self.coordinate)} [{unit}]", labelpad=1)
         return axes.figure
 
-    def _draw(self, axes: Any, what: str, factor: float) -> None:
+    def _draw(self, axes: Axes, what: str, factor: float) -> None:
         """One curve an arc, with marks at the equilibria and bands where friction holds."""
         lowest = "potential" in what
         rows = [np.asarray(c.potential if lowest else c.effort) for c in self.curves]
@@ -257,14 +260,14 @@ def companion(M: Floats, C: Floats, K: Floats) -> Floats:
     return np.vstack([np.eye(k, 2 * k, k), -left])
 
 
-def kind_of(M: Floats, C: Floats, K: Floats) -> tuple[Kind, Any]:
+def kind_of(M: Floats, C: Floats, K: Floats) -> tuple[Kind, Array]:
     """The kind of an equilibrium and the eigenvalues of its disturbances, least damped first.
 
     Without damping and with a symmetric K the smallest eigenvalue of K tells; an eigenvalue that
     is rounding of the largest one is none. A driver without mass follows K and C alone.
     """
     size = float(np.abs(K).max(initial=0.0))
-    values: Any = np.empty(0)
+    values: Array = np.empty(0)
     if M.any() and np.linalg.cond(M) < 1 / EPS:
         values = np.linalg.eigvals(companion(M, C, K)).astype(complex)
         values = values[np.argsort(-values.real, kind="stable")]

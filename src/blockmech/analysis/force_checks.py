@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import primitives
 from blockmech.ground.plane import EPS, REST_SHARE
 from blockmech.model.structure import JointRef
-from blockmech.typing import Array
+from blockmech.typing import Array, Kernel
 
 
 def links(e: Evidence) -> Iterator[Residual]:
@@ -140,7 +139,7 @@ def _acceleration(e: Evidence) -> Array:
     return np.asarray(size * reach / sum(x.mass * reach**2 + x.inertia for x in properties))
 
 
-def bound_kernel(kernel: Any) -> Any:
+def bound_kernel(kernel: Kernel) -> Kernel:
     """A kernel of a law, for arrays (n,)."""
     return bind_functions({"kernel": kernel}, primitives(np.float64))["kernel"]
 

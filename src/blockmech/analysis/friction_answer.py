@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,10 @@ from blockmech.result.columns import output_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Data, Floats, Indices
+from blockmech.typing import Array, Data, Floats, Indices
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Flags = NDArray[np.bool_]
 
@@ -108,7 +111,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         m = self.answers.mechanism
         return {m._of_driver(d, "q"): self.samples.coordinate(i) for i, d in enumerate(m.drivers)}
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """The first real output over the driver; of several scales the number of solutions.
 
         Raises `RequestError` where not exactly one coordinate varies, or nothing is there to draw.
@@ -122,7 +125,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         draw = self._map if np.ptp(self.scale) > 0 else self._curves
         return draw(factor * q, f"{shown_name(name)} [{unit}]", ax)
 
-    def _curves(self, q: Any, axis_label: str, ax: Any) -> Any:
+    def _curves(self, q: Array, axis_label: str, ax: Axes | None) -> Any:
         """One output of each solution, and where there is none."""
         real = [name for name in self.answers if self.answers.output(name).kind == "real"]
         if not real:
@@ -157,7 +160,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             grow(axes, legend_above(axes, ink.COLUMN), ax)
         return axes.figure
 
-    def _map(self, q: Any, label: str, ax: Any) -> Any:
+    def _map(self, q: Array, label: str, ax: Axes | None) -> Any:
         """The number of solutions over a coordinate and the scale of friction."""
         from matplotlib.colors import ListedColormap
 
@@ -306,7 +309,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         units = {c.name: c.unit for c in columns}
         return {"name": self.answers.mechanism.name, "units": units, "poses": as_json(poses)}
 
-    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
+    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:
         """A row a solution."""
         columns, complete = self._columns(), self.complete
         names = [f"{self._said(group)} index" for group in self.index]
@@ -327,7 +330,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         return head, rows
 
 
-def _edges(x: Any) -> Any:
+def _edges(x: Array) -> Array:
     """Borders of cells around places in rising order."""
     middle = (x[1:] + x[:-1]) / 2
     return np.concatenate([[2 * x[0] - middle[0]], middle, [2 * x[-1] - middle[-1]]])

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Coordinates, Data, Floats, Indices, Numbers, Vectors
+from blockmech.typing import Complex, Coordinates, Data, Floats, Indices, Numbers, Values, Vectors
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -165,7 +165,7 @@ class Equations:
         columns = {name: np.asarray(column)[pose] for name, column in poses.inputs.items()}
         return columns | {f"friction_{i}": t[:, i] for i in range(t.shape[1])}
 
-    def at(self, poses: Samples, pose: Indices, t: Floats) -> tuple[Any, ...]:
+    def at(self, poses: Samples, pose: Indices, t: Floats) -> Values:
         """The program's values."""
         return self.engine.run(self.inputs(poses, pose, t), len(pose))
 
@@ -200,7 +200,7 @@ class Systems(NamedTuple):
     rows: Vectors  # (n, m, m)
 
     @property
-    def kernel_arguments(self) -> tuple[Any, Any, Any]:
+    def kernel_arguments(self) -> tuple[Values, Values, Values]:
         """k, base and rows as kernels take them."""
         m = range(len(self.group.k))
         k = tuple(np.ascontiguousarray(self.k[:, j]) for j in m)
@@ -225,11 +225,11 @@ class Solved(NamedTuple):
     proof: Indices
 
 
-def _planar(z: Any) -> Planar:
+def _planar(z: Complex) -> Planar:
     return Planar(np.ascontiguousarray(z.real), np.ascontiguousarray(z.imag))
 
 
-def _vector(column: Any, n: int) -> Vectors:
+def _vector(column: Complex, n: int) -> Vectors:
     vector = column.real + 1j * column.imag if isinstance(column, Planar) else column
     return np.broadcast_to(np.asarray(vector, complex), n)
 

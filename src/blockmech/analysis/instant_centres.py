@@ -17,12 +17,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.tolerances import ROUNDING
-from blockmech.typing import Coordinates
+from blockmech.typing import Array, Complex, Coordinates, Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -31,9 +30,7 @@ FRAME = "frame"
 
 
 @declared
-def instant_centre(
-    mechanism: Compiled, link: str, other: str = FRAME, *, at: Coordinates
-) -> NDArray[Any]:
+def instant_centre(mechanism: Compiled, link: str, other: str = FRAME, *, at: Coordinates) -> Array:
     """Instant centres of a link's motion against another one.
 
     Parameters
@@ -62,7 +59,7 @@ def instant_centre(
 
 
 @declared
-def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> NDArray[Any]:
+def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> Array:
     """Rate of one place over that of another, by size: of links, points or drivers.
 
     Parameters
@@ -83,7 +80,7 @@ def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) ->
 
 
 @declared
-def mechanical_advantage(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> NDArray[Any]:
+def mechanical_advantage(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> Array:
     """Force or moment at one place over that at another which balances it, without losses.
 
     The inverse of `velocity_ratio`, with its arguments.
@@ -95,7 +92,7 @@ def mechanical_advantage(mechanism: Compiled, of: str, by: str, *, at: Coordinat
 
 
 @declared
-def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> NDArray[Any]:
+def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> Array:
     """Radii of curvature (n,) [m] of a point's path, positive where it turns left.
 
     Infinite where the path is straight, 0 in a cusp.
@@ -114,7 +111,7 @@ def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> NDArray[
     return np.where(v == 0, 0.0, np.where(straight, np.inf, radius))
 
 
-def _link(mechanism: Compiled, link: str, at: Coordinates) -> tuple[Any, Any, Any]:
+def _link(mechanism: Compiled, link: str, at: Coordinates) -> tuple[Complex, Complex, Real]:
     """Place and velocity of a point of a link, and its rate."""
     if link == FRAME:
         return 0j, 0j, 0.0
@@ -124,7 +121,7 @@ def _link(mechanism: Compiled, link: str, at: Coordinates) -> tuple[Any, Any, An
     return run[names[0]], run[names[1]], run[names[2]]
 
 
-def _rate(mechanism: Compiled, name: str, at: Coordinates) -> Any:
+def _rate(mechanism: Compiled, name: str, at: Coordinates) -> Real:
     outputs = mechanism.outputs
     document = mechanism.names is not None
     wishes = [f"{name}.rate", f"{name}.omega", f"{name}.v"]

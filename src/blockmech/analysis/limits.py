@@ -41,6 +41,8 @@ from blockmech.result.shortfall import shortfall
 from blockmech.typing import Data, Record
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from blockmech.compiled import Compiled
 
 FEWEST = 16
@@ -141,7 +143,7 @@ class Limits(Facts, Pictured):
         word = "feasible arc" + ("s" if len(self.arcs) > 1 else "")
         return f"{word} of {name}: {', '.join(map(str, self.arcs))} {self.unit}"
 
-    def figure(self, degrees: bool = IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = IN_DEGREES, ax: Axes | None = None) -> Any:
         """The feasible arcs as bars."""
         bars = [
             Bar(

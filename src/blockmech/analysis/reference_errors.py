@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import cycle
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,7 +164,7 @@ def _at(values: Array, good: NDArray[np.bool_]) -> Array:
     return values[good] if len(values) == len(good) else values
 
 
-def _largest(values: Any) -> float:
+def _largest(values: Array) -> float:
     size = np.abs(values)
     return float(np.max(size[np.isfinite(size)], initial=0.0))
 

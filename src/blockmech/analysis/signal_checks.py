@@ -19,7 +19,7 @@ from blockmech.model.structure import JointRef, Structure
 from blockmech.signals.algebra import DeadZone, Gain, Product, Saturation, Sum
 from blockmech.signals.dynamic import BAND, DCMotor, Integrator, Pid, StateSpace, TransferFunction
 from blockmech.signals.sources import Constant, Table
-from blockmech.typing import Array
+from blockmech.typing import Array, Real
 
 
 def _sum(*terms: Array) -> Term:
@@ -68,7 +68,7 @@ def _system(b: Any) -> tuple[list[tuple[Array, float]], tuple[Array, float]]:
 
 def _pid_rates(b: Pid, e: Array, integral: Array, filtered: Array) -> list[Term]:
     """Before a limit the integral comes to rest over the last thousandth of the range."""
-    slows: Any = 1.0
+    slows: Real = 1.0
     if b.limits:
         v = _pid(b.model_copy(update={"limits": None}), e, integral, filtered).value
         low, high = b.limits

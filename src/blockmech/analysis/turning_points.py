@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL
 from blockmech.result.failures import without_gaps
-from blockmech.typing import Floats
+from blockmech.typing import Array, Floats, Real
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
 NOISY = 1e-4  # of its range, mean change near by above which a signal is rounding only
@@ -46,7 +46,7 @@ class Signal(NamedTuple):
 def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     """A real output, or a part of a vector."""
 
-    def read(s: Floats) -> Any:
+    def read(s: Floats) -> Real:
         result = cycle.run(s, output)
         values = np.array(result[output])
         values[[*result.quality.gaps]] = np.nan  # a slider's angle is known where it cannot be
@@ -55,7 +55,7 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     margin = partial(_margin, cycle, output)
     if part == "magnitude":
         return Signal(output, lambda s: np.abs(read(s)), lambda s: np.abs(read(s)) ** 2, margin)
-    parts: dict[str, Callable[[Floats], Any]] = {
+    parts: dict[str, Callable[[Floats], Real]] = {
         "x": lambda s: read(s).real,
         "y": lambda s: read(s).imag,
         "": _continued(cycle, read) if output.endswith(".angle") else read,
@@ -69,7 +69,7 @@ def _margin(cycle: Cycle, output: str, s: Floats) -> Floats:
     return np.asarray(np.min([np.ones(len(s)), *margins], axis=0).clip(EPS))
 
 
-def _continued(cycle: Cycle, read: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
+def _continued(cycle: Cycle, read: Callable[[Floats], Real]) -> Callable[[Floats], Floats]:
     """An angle that does not jump by a turn on any stretch: it stays near the samples."""
     coordinates = cycle.places()
     angles = np.array(read(coordinates))
@@ -175,7 +175,7 @@ def _cornered(signal: Signal, s: float, room: float, sign: int) -> float:
         return s
     samples = np.array([s - room, s, s + room])
 
-    def value(row: Any, coordinates: Floats) -> Floats:
+    def value(row: Array, coordinates: Floats) -> Floats:
         return sign * signal.value(coordinates.ravel()).reshape(coordinates.shape)
 
     values = sign * signal.value(samples)[None]

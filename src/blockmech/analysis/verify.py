@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -55,6 +55,7 @@ from blockmech.typing import (
     FrictionMethod,
     Numbers,
     Precision,
+    Real,
 )
 
 if TYPE_CHECKING:
@@ -259,7 +260,7 @@ def _worst_rows(mechanism: Compiled, n: int, evidence: Evidence, *further: Check
     return Verification(rows, int(requested.sum()), float(np.max(conditions, initial=1.0)))
 
 
-def _relative(error: Any, scale: Any) -> Any:
+def _relative(error: Real, scale: Real) -> Real:
     """The largest residuals (m,) by their scales (m, n) each; NaN where there is one.
 
     Below the smallest normal number rounding is a share of that, not of the number.

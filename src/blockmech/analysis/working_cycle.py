@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from blockmech.analysis.scan import NODES, TURN, runs
 from blockmech.functions.roots import SCANNED, bisect
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.tolerances import ROUNDING
+from blockmech.model.laws_of_motion import AnyLaw
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Arguments, Data, Floats
+from blockmech.typing import Arguments, Array, Data, Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -80,7 +81,7 @@ class Cycle:
         s = s + span if s < self.low - ROUNDING * span else s
         return s - span if s >= self.high - ROUNDING * span else s
 
-    def stretches(self, value: Callable[[Floats], Any]) -> Iterator[tuple[float, float]]:
+    def stretches(self, value: Callable[[Floats], Array]) -> Iterator[tuple[float, float]]:
         """Ends of the stretches on which a value is finite, to rounding."""
         coordinates = self.places()
 
@@ -135,7 +136,7 @@ def by_coordinate(
     settings: Arguments,
     low: float,
     high: float,
-    law: Any,
+    law: AnyLaw | None,
     rates: Mapping[str, float] | None = None,
     n: int = 0,
 ) -> Cycle:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,9 @@ from blockmech.studies.objective import INFEASIBLE
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
 from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
 
@@ -78,7 +81,7 @@ class Balance(Facts, Pictured):
     linear: bool
     at_bounds: tuple[str, ...]
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """Each output before and after, over the poses."""
         names = [*self.after][: ink.PANELS]
         across = abscissa(self.runs[0], degrees=degrees)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,6 +39,9 @@ from blockmech.result.samples import Samples
 from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.family import Family, parameters
 from blockmech.typing import Coordinates, Floats, FrictionMethod, Numbers, Quantity, Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PANEL = 19.5 * ink.TEXT  # [pt] height of a picture
 
@@ -81,7 +84,7 @@ class MotorDemand(Facts, Pictured):
         """Whether the motor can do it."""
         return all(x <= 1.0 for x in self.margins.values())
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """Moment over speed, with the motor's limits."""
         caption = " ".join(line + "." for line in self.text().split("\n"))
         with panelled(caption, PANEL + 2 * ink.ROW, ax=ax) as ((axes,),):

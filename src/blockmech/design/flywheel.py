@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.ground.units import number_in_si
 from blockmech.typing import Floats, Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a picture
 
@@ -62,7 +65,7 @@ class Flywheel(Facts, Pictured):
     speeds: Floats
     speeds_without: Floats
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """Speed over the turn, with the flywheel and without."""
         scale, unit = angle_scale("rad", degrees)
         curves = {"with the flywheel": self.speeds, "without it": self.speeds_without}

@@ -28,10 +28,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.analysis.deflections import refuse_deflections
 from blockmech.compiled import Compiled
@@ -55,7 +54,10 @@ from blockmech.studies.family import remade
 from blockmech.studies.objective import INFEASIBLE
 from blockmech.studies.sensitivity import size_of
 from blockmech.studies.variation import Variation, is_written_out, of_links
-from blockmech.typing import Arguments, Data, Floats, FrictionMethod
+from blockmech.typing import Arguments, Array, Data, Floats, FrictionMethod
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PART = 512  # samples of a long record that are fitted first
 FULL = 8  # steps on all samples at most; after the first fit one or two are enough
@@ -132,7 +134,7 @@ class Identification(Facts, Pictured):
         """Numbers without a value of their own."""
         return frozenset([*self.unseen, *(a for c in self.combinations for a in c.weights)])
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """Residual of each column over the first driver's coordinate, with its scatter."""
         names, driver = [*self.residuals][: ink.PANELS], self.mechanism.drivers[0]
         scale, unit_of_x = angle_scale(self.mechanism._coordinate_units[driver], degrees)
@@ -213,7 +215,7 @@ class _Fit:
             chosen,
         )
 
-    def at(self, x: Floats, rows: Any = slice(None)) -> tuple[Floats, NDArray[Any]]:
+    def at(self, x: Floats, rows: slice | Array = slice(None)) -> tuple[Floats, Array]:
         """Residuals (c, n) and derivatives (c, n, k) of the outputs at numbers (k,).
 
         Raises `BlockmechError` for a design that does not assemble.
@@ -256,7 +258,7 @@ def _solved(fit: _Fit, free: list[int], start: Floats, sizes: Floats) -> Floats:
     weight = 1.0 / np.maximum(np.std(measured, axis=1), START * largest)
     last: Data = {}
 
-    def evaluated(u: Floats) -> tuple[Floats, NDArray[Any]]:
+    def evaluated(u: Floats) -> tuple[Floats, Array]:
         if last.get("u") != u.tobytes():
             x = start.copy()
             x[free] = u * sizes[free]

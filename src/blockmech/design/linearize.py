@@ -51,9 +51,11 @@ from blockmech.studies.derivatives_at import (
     states_of,
 )
 from blockmech.studies.differentiate import chosen_numbers
-from blockmech.typing import Coordinates, Floats, FrictionMethod
+from blockmech.typing import Coordinates, Floats, FrictionMethod, Numbers
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from blockmech.compiled import Compiled
 
 DECADES = 2.0  # of frequency below the lowest and above the highest mode that are shown
@@ -158,7 +160,7 @@ class Linearization(Facts, Pictured):
             modes.append(Mode(value, size, 0.0 - value.real / size if size else 0.0, shape))
         return tuple(sorted(modes, key=lambda m: (m.frequency, m.value.real)))
 
-    def response(self, frequencies: Any) -> NDArray[np.complex128]:
+    def response(self, frequencies: Numbers) -> NDArray[np.complex128]:
         """Frequency response (n, outputs, inputs) at angular frequencies (n,) [rad/s].
 
         C (iw - A)^-1 B + D; infinite where it resonates without damping.
@@ -193,7 +195,7 @@ class Linearization(Facts, Pictured):
         inputs, outputs = ([n.replace(".", "_") for n in x] for x in (self.inputs, self.outputs))
         return control.ss(self.A, self.B, self.C, self.D, inputs=inputs, outputs=outputs)
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """Bode diagram: magnitude and phase of each output by each input.
 
         Raises `RequestError` where there are more curves than a picture can hold.
@@ -431,7 +433,9 @@ def _resting(mechanism: Compiled) -> Equilibrium:
     return only
 
 
-def _state(mechanism: Compiled, at: Any, rates: Any) -> tuple[Floats, Floats]:
+def _state(
+    mechanism: Compiled, at: Coordinates, rates: Coordinates | None
+) -> tuple[Floats, Floats]:
     """Coordinates and rates (k,) of a request."""
     none = dict.fromkeys(mechanism.drivers, 0.0)
     samples = mechanism.samples(at, None, None, none if rates is None else rates, none)

@@ -35,7 +35,7 @@ from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.studies.family import parameters, remade
 from blockmech.studies.reductions import TEXT
-from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod
+from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers
 
 STARTS = 5  # values of each of several drivers, between which ways to the wanted pose begin
 CLOSE = EPS ** (2 / 3)  # of a size: misfits and steps that count as none
@@ -331,7 +331,7 @@ def _of_numbers(
     return Solutions(dict(wanted), units, solutions, near)
 
 
-def _columns(at: Any) -> Iterable[Any]:
+def _columns(at: Coordinates) -> Iterable[Numbers]:
     return at.values() if isinstance(at, Mapping) else () if at is None else (at,)
 
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.draw.mechanism import caption, joint_labels, load_text, page_of, paths_of, worded
-from blockmech.draw.motion import Complex, Motion
+from blockmech.draw.motion import Motion
 from blockmech.draw.page import Page, Shape, move
 from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
@@ -35,7 +35,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath, writing
 from blockmech.result.result import Result
-from blockmech.typing import Data
+from blockmech.typing import Data, Vectors
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
@@ -325,7 +325,7 @@ def _style(shape: Shape) -> Data:
     return {name: getattr(shape, name) for name in names}
 
 
-def _path(page: Page, i: int, name: str, path: Complex) -> Data:
+def _path(page: Page, i: int, name: str, path: Vectors) -> Data:
     """A marker's path: its pieces between gaps."""
     style = ink.curve_style(i)
     pieces = np.ma.clump_unmasked(np.ma.masked_invalid(path))  # type: ignore[no-untyped-call]

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from blockmech.figures.palette import INK, SMALL, TEXT
 from blockmech.figures.paper import text_width
+from blockmech.typing import Floats, Vectors
 
 STEP = MARGIN = TEXT / 4  # [pt] between points that stand for a line; free inside the page
 DIRECTIONS = np.exp(2j * math.pi * np.arange(16) / 16)
@@ -29,9 +30,6 @@ FAR = 1.5 * TEXT  # [pt] distance from which a label has a leader
 # distance beyond the page; a leader; each point of distance; each point that it slides from
 # one frame to the next.
 COVERED, OUTSIDE, LEADER, NEAR, SLID = 1e3, 1e4, 6.0, 0.2, 0.2
-
-Reals = NDArray[np.float64]
-Places = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -57,8 +55,8 @@ class Place:
     """
 
     label: Label
-    anchor: Places
-    offset: Places
+    anchor: Vectors
+    offset: Vectors
     half: complex
     distant: NDArray[np.bool_]
 
@@ -109,7 +107,7 @@ class Crowd:
         c, s = DIRECTIONS.real, DIRECTIONS.imag
         # To the centre of the text, so that its near edge keeps the distance.
         x, y = c * (reach + half.real * np.sqrt(np.abs(c))), s * (reach + half.imag)
-        offsets: Places = (x + 1j * y).ravel()
+        offsets: Vectors = (x + 1j * y).ravel()
         half += 1.5  # of air beside the text
         beyond = np.maximum(np.abs(offsets.real) - half.real, 0)
         gap = np.hypot(beyond, np.maximum(np.abs(offsets.imag) - half.imag, 0)) - label.clearance
@@ -134,14 +132,19 @@ class Crowd:
         return chosen
 
     def _cost(
-        self, anchor: complex, offsets: Places, half: complex, is_far: NDArray[np.bool_], frame: int
-    ) -> Reals:
+        self,
+        anchor: complex,
+        offsets: Vectors,
+        half: complex,
+        is_far: NDArray[np.bool_],
+        frame: int,
+    ) -> Floats:
         """What labels around an anchor, and the leaders of far ones, would cover in a frame."""
         centres = anchor + offsets
         aside = centres - self.size / 2  # a label may come up to a margin within the page
         beyond = np.maximum(np.abs(aside.real) + half.real + MARGIN - self.size.real / 2, 0)
         beyond += np.maximum(np.abs(aside.imag) + half.imag + MARGIN - self.size.imag / 2, 0)
-        cost: Reals = OUTSIDE * beyond
+        cost: Floats = OUTSIDE * beyond
         if not self._points[frame]:
             return cost
         z, weights = (np.array(column) for column in zip(*self._points[frame], strict=True))
@@ -157,7 +160,7 @@ class Crowd:
         return cost
 
 
-def cheapest(cost: Reals, offsets: Places) -> tuple[float, NDArray[np.intp]]:
+def cheapest(cost: Floats, offsets: Vectors) -> tuple[float, NDArray[np.intp]]:
     """Cost and numbers (frames,) of the places that cost least, with the ways between them.
 
     ``cost`` is (frames, places).

@@ -13,7 +13,7 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.draw import shapes
 from blockmech.draw.labels import Label
-from blockmech.draw.motion import Complex, Motion, moves
+from blockmech.draw.motion import Motion, moves
 from blockmech.draw.page import Page, Paths, unit_of
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
@@ -25,7 +25,7 @@ from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
 from blockmech.result.result import Result
 from blockmech.result.samples import DEFAULT_SAMPLES
-from blockmech.typing import Coordinates
+from blockmech.typing import Coordinates, Vectors
 
 if TYPE_CHECKING:
     from matplotlib.text import Text
@@ -151,7 +151,7 @@ def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str
     return Page(ends[np.isfinite(ends)], wide, paths, captions)
 
 
-def points_of(sketch: Sketch, motion: Motion, paths: Paths) -> Complex:
+def points_of(sketch: Sketch, motion: Motion, paths: Paths) -> Vectors:
     """All places [m] that a picture has to hold; the origin if there are none."""
     points = [motion.at(*spot) for spot in sketch.spots] + list(paths.values())
     z = np.concatenate([*points, np.zeros(0)])

@@ -17,10 +17,7 @@ from blockmech.model.spots import Spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.result.quality import Quality
 from blockmech.result.result import Result
-from blockmech.typing import Arguments, Coordinates, Data
-
-Complex = NDArray[np.complex128]
-Real = NDArray[np.float64]
+from blockmech.typing import Arguments, Coordinates, Data, Floats, Vectors
 
 
 @dataclass(frozen=True)
@@ -38,10 +35,10 @@ class Motion:
 
     result: Result
     samples: NDArray[np.intp]
-    origin: Mapping[LinkRef, Complex]
-    axis: Mapping[LinkRef, Complex]
-    q: Mapping[str, Real]
-    q_rate: Mapping[str, Real]
+    origin: Mapping[LinkRef, Vectors]
+    axis: Mapping[LinkRef, Vectors]
+    q: Mapping[str, Floats]
+    q_rate: Mapping[str, Floats]
     quality: Quality
 
     @property
@@ -56,7 +53,7 @@ class Motion:
         return self.mechanism.structure
 
     @property
-    def time(self) -> Real | None:
+    def time(self) -> Floats | None:
         """(n,) [s], where the run says times."""
         time = self.result._known_time()
         return None if time is None else np.asarray(time)[self.samples]
@@ -81,12 +78,12 @@ class Motion:
         }
         return replace(self, samples=self.samples[samples], **rows)
 
-    def at(self, link: LinkRef, point: complex | Complex) -> Complex:
+    def at(self, link: LinkRef, point: complex | Vectors) -> Vectors:
         """Places [m] of a point (n,), or of points (p, n), given in the link's frame."""
-        offset: Complex = self.axis[link] * np.asarray(point, complex)[..., None]
+        offset: Vectors = self.axis[link] * np.asarray(point, complex)[..., None]
         return self.origin[link] + offset
 
-    def in_frame(self, link: LinkRef, spot: Spot) -> Complex:
+    def in_frame(self, link: LinkRef, spot: Spot) -> Vectors:
         """Places (n,) [m] of a spot of another link in a link's frame."""
         return (self.at(*spot) - self.origin[link]) * np.conj(self.axis[link])
 
@@ -98,14 +95,14 @@ class Motion:
         self.mechanism.run(at=at, rates=rates, want=want, friction="none", on_gap="raise")
 
     @cached_property
-    def efforts(self) -> Mapping[str, tuple[Complex, ...] | None]:
+    def efforts(self) -> Mapping[str, tuple[Vectors, ...] | None]:
         """Forces [N] or couples [N m] (n,) of the loads at their terminals.
 
         None for a load that follows the time where the samples do not say it.
         """
         return {name: self._effort(name) for name in self.structure.elements}
 
-    def _effort(self, element: str) -> tuple[Complex, ...] | None:
+    def _effort(self, element: str) -> tuple[Vectors, ...] | None:
         names = [
             f"{JointRef(element, name)}.{'force' if terminal.kind == 'point' else 'couple'}"
             for name, terminal in self.structure.elements[element].terminals.items()

@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.draw.labels import Crowd, Place
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
 from blockmech.figures.paper import new_figure, wrapped
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Vectors
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
 
-Complex: TypeAlias = NDArray[np.complex128]
-Paths: TypeAlias = Mapping[str, Complex]
+Paths: TypeAlias = Mapping[str, Vectors]
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Shape:
 
     what: str
     kind: Literal["line", "area", "disc"]
-    points: Complex
+    points: Vectors
     order: float
     stroke: str = ink.INK
     fill: str = ""
@@ -50,7 +48,7 @@ class Shape:
         """Whether it stays where it is."""
         return bool(self.points.shape[1] == 1)
 
-    def at(self, k: int) -> Complex:
+    def at(self, k: int) -> Vectors:
         """Its points (p,) at sample k; none where it is not there."""
         points = self.points[:, 0 if self.still else k]
         return points if np.isfinite(points).all() else points[:0]
@@ -61,7 +59,7 @@ def columns_of(wide: bool) -> float:
     return 2 * ink.COLUMN + 14.0 if wide else ink.COLUMN
 
 
-def unit_of(points: Complex, wide: bool) -> float:
+def unit_of(points: Vectors, wide: bool) -> float:
     """What a point of a page that places fill is on the ground [m/pt]."""
     room = columns_of(wide) - SIZES.left_margin - SIZES.right - 2 * SIZES.edge
     x, y = float(np.ptp(points.real)), float(np.ptp(points.imag))
@@ -75,7 +73,7 @@ class Page:
     the ground, and ``corner`` [m] the lower left one of the axes.
     """
 
-    def __init__(self, points: Complex, wide: bool, paths: Paths, captions: Iterable[str]) -> None:
+    def __init__(self, points: Vectors, wide: bool, paths: Paths, captions: Iterable[str]) -> None:
         columns = columns_of(wide)
         self.wide = wide
         self.width = columns - SIZES.left_margin - SIZES.right

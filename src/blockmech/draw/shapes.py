@@ -15,14 +15,15 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from blockmech.draw.motion import Complex, Motion
+from blockmech.draw.motion import Motion
 from blockmech.draw.page import Shape
 from blockmech.draw.sketch import LoadMark, Sketch, Slider
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
 from blockmech.model.spots import Spot, pin_spot
+from blockmech.typing import Vectors
 
-Vector: TypeAlias = tuple[Spot, Complex]
+Vector: TypeAlias = tuple[Spot, Vectors]
 """Where something acts, and its values (n,)."""
 FAINT = ("#F1F1F1", "#BDBDBD")  # fill and edge of further poses
 
@@ -44,7 +45,7 @@ class Stage:
         ]
         return max(sizes, default=0.0) or 1.0
 
-    def guide_direction(self, slider: Slider) -> Complex:
+    def guide_direction(self, slider: Slider) -> Vectors:
         """Unit direction (n,) of a slider's guide on the ground."""
         return self.motion.axis[slider.guide.link] * slider.direction
 
@@ -148,20 +149,20 @@ def _hatched(start: complex, end: complex, unit: float) -> Shape:
 # -- loads and drives ------------------------------------------------------------------------
 
 
-def _arc(radius: float, start: float, turn: float) -> Complex:
+def _arc(radius: float, start: float, turn: float) -> Vectors:
     """Places (p,) on an arc about 0 that turns by an angle [rad]."""
     n = math.ceil(turn / 0.2)
-    arc: Complex = radius * np.exp(1j * (start + turn * np.arange(n + 1) / n))
+    arc: Vectors = radius * np.exp(1j * (start + turn * np.arange(n + 1) / n))
     return arc
 
 
-def _mirrored(arc: Complex, sense: Any) -> Complex:
+def _mirrored(arc: Vectors, sense: Any) -> Vectors:
     """An arc (p, n) that turns the other way where ``sense`` (n,) is negative."""
-    mirrored: Complex = arc.real[:, None] + 1j * sense * arc.imag[:, None]
+    mirrored: Vectors = arc.real[:, None] + 1j * sense * arc.imag[:, None]
     return mirrored
 
 
-def _arrow(path: Complex, colour: str, name: str, unit: float) -> Iterator[Shape]:
+def _arrow(path: Vectors, colour: str, name: str, unit: float) -> Iterator[Shape]:
     """A line (p, n) with an arrowhead at its end."""
     z, last = path[-1], path[-1] - path[-2]
     u = last * (unit / np.abs(last))
@@ -170,7 +171,7 @@ def _arrow(path: Complex, colour: str, name: str, unit: float) -> Iterator[Shape
     yield Shape("arrowhead", "area", head, 7.1, colour, colour, 0.0)
 
 
-def load_ways(stage: Stage, load: LoadMark) -> list[Complex]:
+def load_ways(stage: Stage, load: LoadMark) -> list[Vectors]:
     """Arrows (p, n) of forces, arcs of couples: one for each terminal, NaN where it is zero."""
     values = stage.motion.efforts[load.name]
     if values is None or load.kind == "spring":
@@ -187,12 +188,12 @@ def load_ways(stage: Stage, load: LoadMark) -> list[Complex]:
     return ways
 
 
-def _size(value: Complex) -> Any:
+def _size(value: Vectors) -> Any:
     """Magnitudes (n,); NaN where there is nothing to show."""
     return np.where(np.isfinite(value) & (value != 0), np.abs(value), np.nan)
 
 
-def _force_arrow(stage: Stage, z: Complex, value: Complex, largest: float) -> Complex:
+def _force_arrow(stage: Stage, z: Vectors, value: Vectors, largest: float) -> Vectors:
     """An arrow (2, n) from places; its length is that of the value (n,) beside the largest."""
     size = _size(value)
     length = np.maximum(SIZES.force[0], SIZES.force[1] * size / largest) * stage.unit
@@ -219,7 +220,7 @@ def _load(stage: Stage, load: LoadMark) -> Iterator[Shape]:
         yield Shape(name, "line", line, 6.5, ink.SPRING, width=1.0, dash=dash)
 
 
-def _zigzag(a: Complex, b: Complex, unit: float) -> Complex:
+def _zigzag(a: Vectors, b: Vectors, unit: float) -> Vectors:
     """A spring (p, n) between two places (n,), of as many turns at every length."""
     length = np.abs(b - a)
     u = np.divide(b - a, length, out=np.zeros_like(a), where=length > 0)
@@ -231,7 +232,7 @@ def _zigzag(a: Complex, b: Complex, unit: float) -> Complex:
     return np.array([a, a + u * ends, *coil, b - u * ends, b])
 
 
-def drive_ways(stage: Stage) -> dict[str, Complex]:
+def drive_ways(stage: Stage) -> dict[str, Vectors]:
     """The senses in which the drivers move: an arc (p, n), or a line beside the slider."""
     ways = {}
     motion, s = stage.motion, stage.motion.structure

@@ -46,6 +46,7 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.scene import Stops
 from blockmech.model.structure import COORDINATE
 from blockmech.result.motion import Cost, Motion, RolesFrom
+from blockmech.typing import Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -106,7 +107,7 @@ class Cycle:
         motion, times = leg.motion, leg.motion.times(LOOKS)
         rotary = leg.chart.layout.pairs[leg.chart.joints[0]].kind == "R"
 
-        def beyond(t: Any) -> Any:
+        def beyond(t: Real) -> Real:
             off = motion.at(t).q - self.q
             return self.sense * (off - math.tau * np.round(off / math.tau) if rotary else off)
 
@@ -242,7 +243,7 @@ class Atlas:
         leaves = None
         if chart.is_general and not planned:
 
-            def leaves(q: Any) -> bool:
+            def leaves(q: Real) -> bool:
                 return chart.better(chart.tangent(q), self.fixed)
 
         if before:
@@ -354,12 +355,12 @@ class Atlas:
         )
 
 
-def _beyond(goal: float, t: float, q: Any, qd: Any) -> Any:
+def _beyond(goal: float, t: float, q: Real, qd: Real) -> Real:
     """How far the only driver of the user is beyond a place [rad or m]."""
     return q - goal
 
 
-def _user_surface(counted: Counted, surface: Surface, t: float, q: Any, qd: Any) -> float:
+def _user_surface(counted: Counted, surface: Surface, t: float, q: Real, qd: Real) -> float:
     """The surface of an event, which is told in the user's coordinates."""
     return surface(t, *counted.state(q, qd))
 

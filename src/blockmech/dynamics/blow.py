@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from blockmech.dynamics.contacts import (
 from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.result.motion import Impact
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load
@@ -197,7 +197,7 @@ def _rubbed(
     return None
 
 
-def _until(w: Floats, jump: Floats, slips: Any) -> Floats:
+def _until(w: Floats, jump: Floats, slips: Real) -> Floats:
     """Shares of a blow after which slips come to their end; infinite of those that do not."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = -w[slips] / jump[slips]

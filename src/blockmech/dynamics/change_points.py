@@ -24,7 +24,7 @@ from blockmech.dynamics.place_data import PlaceData, coordinate_at
 from blockmech.dynamics.programs import Sample, ScalarTerms
 from blockmech.dynamics.source import Source
 from blockmech.dynamics.system import System
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series: 8, as two tell its end; even: none at its middle
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side
@@ -115,14 +115,14 @@ class FollowingSystem(System):
         """Series through its change points."""
         return self.compiled._once(pieces_through)
 
-    def _offset(self, q: Any, piece: PlaceData) -> Any:
+    def _offset(self, q: Real, piece: PlaceData) -> Real:
         """Distance from a change point, or from the nearest of its images, per reach."""
         half = piece.length / 2
         d = q - (piece.low + half)
         turn = self.period or math.tau
         return (d - turn * np.round(d / turn) if self.rotary[0] else d) / half
 
-    def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
+    def sample(self, q: Floats, qd: Real = 0.0, t: float = 0.0) -> Sample:
         """J, tau and margin at states of any shape."""
         flat = q.ravel()
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()

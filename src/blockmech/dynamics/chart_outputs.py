@@ -28,7 +28,7 @@ from blockmech.result.motion import Motion
 from blockmech.result.quality import Flag, Quality
 from blockmech.result.result import FREE
 from blockmech.result.samples import Samples
-from blockmech.typing import Data, Floats, FrictionMethod, M
+from blockmech.typing import Array, Complex, Data, Floats, FrictionMethod, M
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -74,7 +74,7 @@ class LegOutputs:
 
     of: Compiled
     leg: Leg
-    at: Any
+    at: Array
     names: Mapping[str, Source]
     result: SimulationResult[Any]
 
@@ -95,7 +95,7 @@ class LegOutputs:
             return wrapped(source.sign * (x - source.turn))
         return x if source.sign > 0 else np.negative(x)
 
-    def _of_driver(self, name: str) -> Any:
+    def _of_driver(self, name: str) -> Complex:
         """What is of a driver that does not lead; NaN of all else that the chart does not say."""
         head, _, quantity = name.rpartition(".")
         heads = [self.of._of_driver(d, "q")[:-2] for d in self.of.drivers]
@@ -132,7 +132,7 @@ class ChartedResult(SimulationResult[M]):
         some = ((leg, np.flatnonzero(which == i)) for i, leg in enumerate(legs))
         return [self._part(leg, at, t[at]) for leg, at in some if at.size]
 
-    def _part(self, leg: Leg, at: Any, t: Floats) -> LegOutputs:
+    def _part(self, leg: Leg, at: Array, t: Floats) -> LegOutputs:
         """A leg with samples at times [s]."""
         of, mechanism = self._compiled, leg.chart.mechanism
         mechanism = (

@@ -22,7 +22,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -47,7 +47,7 @@ from blockmech.model.scene import Initial
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import COORDINATE, MarkerRef, Structure
 from blockmech.result.motion import Motion
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -185,7 +185,7 @@ class Chart:
         names = [f"{self.in_outputs(joint=joint)}.{COORDINATE}" for joint in joints]
         return stopped_pairs(self.mechanism, names)
 
-    def counted(self, q: Any, users: Floats) -> Counted | None:
+    def counted(self, q: Real, users: Floats) -> Counted | None:
         """Coordinates of the user's drivers, which are so much where it begins.
 
         None where these lead.

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 SETTLED = 1e-9  # [-] by which a law or a place may be missed by what is solved for: rounding
 DEPENDENT = SETTLED / 10  # of the largest singular value of rows: below it they depend on others
@@ -70,7 +70,7 @@ class Constraints(NamedTuple):
         return np.swapaxes(turned[..., rank:, :], -1, -2), shift, np.swapaxes(back, -1, -2)
 
 
-def rate_along(row: Floats, rate: Any) -> float:
+def rate_along(row: Floats, rate: Real) -> float:
     """How fast a coordinate with a row over the drivers changes at their rates; 0 for rounding."""
     total = float(row @ np.atleast_1d(rate))
     return total if abs(total) > STILL * float(np.abs(row) @ np.abs(np.atleast_1d(rate))) else 0.0

@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
 from blockmech.dynamics.system import REPORTED, System
 from blockmech.engines.compiled_rates import CompiledRhs, CompiledStepper
 from blockmech.engines.stages import Method, dop853
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import Response
@@ -40,14 +40,14 @@ class Equation:
     """The right-hand side of a system; ``sides`` are directions of slip, see `sticking`."""
 
     system: System
-    q0: Any
+    q0: Real
     limit: float = math.inf  # states
     spent: int = 0
     sides: tuple[int, ...] = ()
     error: Exception | None = None  # what the mechanism's own kernels raised
     is_fixed: bool = False  # whether friction and stops leave no freedom: signals alone go on
     method: Callable[[], Method] = dop853  # whose steps are made of its machine code
-    _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
+    _last: tuple[Real, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: dict[bytes, Sequence[float] | Floats] = field(
         default_factory=dict
     )  # of states looked at last
@@ -64,7 +64,7 @@ class Equation:
         initial, driven = self.system.signals.initial, self.system.roles is not None
         return StateLayout(len(self.system.drivers), rubs, initial, driven)
 
-    def motion(self, t: float, y: Any) -> tuple[Any, Any]:
+    def motion(self, t: float, y: Real) -> tuple[Real, Real]:
         """Coordinates and rates of a state, those of drivers with a law as that says."""
         roles, (q, qd) = self.system.roles, self.layout.motion(y)
         return (q, qd) if roles is None else roles.motion(q, qd, t)

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from blockmech.dynamics import ends
 from blockmech.functions.series import GOLDEN
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Motion, State
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real, Reals
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -53,16 +53,16 @@ class Difference(NamedTuple):
     times, states : (m,) the common times, and what the finer one says there
     """
 
-    q: Any
-    t: Any
-    agree: Any
+    q: Real
+    t: Real
+    agree: Real
     limits: Floats
     off: Floats
     bends: Floats
     times: Floats = np.empty(0)
     states: State = State(np.empty(0), np.empty(0))
 
-    def error_of_finer(self, remainder: float) -> Any:
+    def error_of_finer(self, remainder: float) -> Real:
         """[rad or m] What the finer run is off, if what it is late is a share of theirs."""
         late = remaining_difference(self.off, self.bends, remainder).max(axis=(-2, -1))
         return np.maximum(remainder * self.q, late)
@@ -118,7 +118,7 @@ def difference(
 
 
 def compared(
-    fine: State, coarse: State, over: tuple[Any, Any, Any], beyond: Any, same: Any, rotary: Any
+    fine: State, coarse: State, over: Reals, beyond: Real, same: Real, rotary: Real
 ) -> Difference:
     """How far runs with states (..., m, k) are apart.
 
@@ -142,7 +142,7 @@ def compared(
     return Difference(farthest, late, same & (close | (span == 0)), limits, off, bends)
 
 
-def same_motion_limit(travel: Any, longest: float | Floats, size: Any) -> Any:
+def same_motion_limit(travel: Real, longest: float | Floats, size: Real) -> Real:
     """[rad or m] within which two runs that go so far are one motion.
 
     travel : numbers or arrays; of more than is ``longest``, a radian of angles, no more counts

@@ -189,7 +189,7 @@ def signal_rules(
 def user_rule(watch: Watch, layout: StateLayout) -> EventFunction:
     """A user's event, of states of a layout."""
 
-    def value(t: Any, y: Any) -> Any:
+    def value(t: Real, y: Real) -> Real:
         return watch.surface(t, *(y[:2] if watch.arrays else layout.motion(y)))
 
     options = watch.direction, watch.terminal or bool(watch.then)
@@ -333,7 +333,7 @@ def crossings(
     ]
 
 
-def turned(low: Any, high: Any, direction: Any) -> Any:
+def turned(low: Real, high: Real, direction: Real) -> Real:
     """Whether values change their sign in a direction that counts; they may end on zero."""
     rises, falls = (low < 0) & (high >= 0), (low > 0) & (high <= 0)
     return (rises & (direction >= 0)) | (falls & (direction <= 0))

@@ -23,7 +23,7 @@ from blockmech.dynamics.time import TimeIntegration, integrate
 from blockmech.ground.errors import RequestError
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Motion
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -163,7 +163,7 @@ class Flow:
         """The way of one driver to the next standstill or whole turn."""
         begin, limit = float(x[0]), float(self.turns[0]) or FAR * self.system.span
 
-        def gone(t: Any, q: Any, qd: Any) -> Any:
+        def gone(t: Real, q: Real, qd: Real) -> Real:
             return np.abs(q - begin) - limit
 
         motion = self._run(x, tolerance, Until("standstill"), [Gone(ends.TURN, gone)])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.contacts import DEPENDENT, STILL, Constraints
 from blockmech.engines.binding import bind_functions
+from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine, primitives
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.friction import solvers
@@ -50,7 +51,7 @@ class PairProgram:
     # in it, 0 of others; () without any
     drags: bool  # whether a law has more than a factor
     batch: NumpyEngine  # the force pass on arrays
-    single: Any  # and at one state, a `SingleEvaluator`
+    single: SingleEvaluator  # and at one state, a `SingleEvaluator`
 
 
 class State(NamedTuple):

@@ -42,7 +42,7 @@ from blockmech.plan.plan import Friction
 from blockmech.result.motion import Event, Impact, Lying, Motion, State, Track
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Data, Floats
+from blockmech.typing import Data, Floats, Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -219,7 +219,7 @@ class Bounces(Run):
         roles = self.system.roles
         return np.eye(k) if roles is None else np.delete(np.eye(k), roles.bound, axis=1)
 
-    def _struck(self, leg: Motion, i: int, limit: int) -> Any:
+    def _struck(self, leg: Motion, i: int, limit: int) -> Real:
         """The rates after a blow."""
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         struck = {i: limit} | {j: self.contacts[j] for j in sorted(self.contacts) if j != i}
@@ -329,7 +329,7 @@ class Bounces(Run):
         del self.contacts[i], self.since[i]
         self.events.append(Event(ends.LEAVES_STOP, leg.t_end, leg.q_end, leg.qd_end))
 
-    def _released(self, leg: Motion) -> Any:
+    def _released(self, leg: Motion) -> Real:
         """It leaves the stop that would have to pull most."""
         q, rate = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         those = sorted(self.contacts)
@@ -353,7 +353,7 @@ class Bounces(Run):
         if len(self.system.drivers) == 1:
             self.facts["contact"] = self.since[i][1]
 
-    def _plain(self, x: Floats) -> Any:
+    def _plain(self, x: Floats) -> Real:
         return float(x[0]) if len(x) == 1 else x
 
     # -- the whole ------------------------------------------------------------------------

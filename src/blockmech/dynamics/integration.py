@@ -9,7 +9,6 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from blockmech.dynamics.solvers import NO_PLAN, STEPPERS, AcceptedSteps, Adaptiv
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 QUICKER = 8  # times as many states may a friction law with a state ask of machine code
 
@@ -43,7 +42,7 @@ class Integration(Run):
     step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps
     finer: float | None = None  # tolerance of a run that comes after this
     patient: bool = True  # whether too many steps are made before they are known to be
-    leaves: Callable[[Any], bool] | None = None  # whether other joints should lead at coordinates
+    leaves: Callable[[Real], bool] | None = None  # whether other joints should lead at coordinates
     y: Floats = field(init=False)
     scales: Floats | None = field(init=False, default=None)  # sizes of the state's components
     energy: float | None = field(init=False, default=None)  # [J] where it starts
@@ -207,7 +206,7 @@ class Integration(Run):
             return travel, abs(until.value - float(self.request.start.q))
         return self.t - self.request.start.t, until.value if until.goal == "time" else None
 
-    def note(self, hits: list[EventHit], dense: Callable[[Any], Any]) -> None:
+    def note(self, hits: list[EventHit], dense: Callable[[Real], Floats]) -> None:
         """List events."""
         for hit in hits:
             if hit.rule.kind in self.silent:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from blockmech.result.motion import Impact, State
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.roles import Roles
@@ -75,13 +75,13 @@ class StateLayout:
         """Number of components."""
         return self.work + 1 + self.rubs + self.driven + len(self.initial)
 
-    def start(self, q: Any, rate: Any) -> Floats:
+    def start(self, q: Real, rate: Real) -> Floats:
         """The state (size,) from which a motion begins: no work is done yet."""
         y = np.zeros(self.size)
         y[self.q], y[self.rate], y[self.signals] = q, rate, self.initial
         return y
 
-    def motion(self, y: Any) -> tuple[Any, Any]:
+    def motion(self, y: Real) -> tuple[Real, Real]:
         """Coordinates and rates of a state: numbers of one driver, else arrays (k,)."""
         if self.drivers == 1:
             return float(y[0]), float(y[1])

@@ -26,6 +26,7 @@ from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight
 from blockmech.plan.plan import Schedule
 from blockmech.plan.values import Value, hyp
 from blockmech.signals.functions import Python
+from blockmech.typing import Real
 
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
 SAME = 1e-12  # relative distance of two places or periods that are one: files have 12 digits
@@ -156,7 +157,7 @@ def _passings(
     s: Schedule,
     quantity: Value,
     levels: Callable[[float, float], Iterable[float]],
-    q: Any,
+    q: Real,
     turning: bool = False,
 ) -> list[float]:
     """Driver coordinates at which a quantity passes levels in its range, between places q."""

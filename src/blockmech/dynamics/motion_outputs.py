@@ -23,7 +23,7 @@ from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Motion
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Data, Floats, FrictionMethod, M, Record
+from blockmech.typing import Array, Data, Floats, FrictionMethod, Indices, M, Record
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -70,7 +70,7 @@ class MotionInputs(Record):
             return None
         return system_of(self.mechanism, method=self.how).friction_of(self.how.pushed)
 
-    def _against(self, q: Floats, qd: Floats, t: Floats, which: Any) -> Constraints:
+    def _against(self, q: Floats, qd: Floats, t: Floats, which: Indices) -> Constraints:
         """Rows of stops that it lies against at n states, and of drivers that are not free."""
         stops, bound = which[which < self.stops], which[which >= self.stops] - self.stops
         at = [self.pairs.constraints(*state, stops) for state in zip(q, qd, strict=True)]
@@ -93,7 +93,7 @@ class MotionInputs(Record):
         pairs = enumerate(self.pairs.pairs)
         return {f"push_{j}": sense * pushes[:, k + j] for j, (_, sense) in pairs}
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> Array:
         return self.known[name] if name in self.known else self.acting[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,7 @@ from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Output
 from blockmech.result.motion import Lying
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 Place: TypeAlias = tuple[Floats, Floats, Floats]  # q (k,), coordinates (p,), rows (p, k)
 SURE = 1.0  # [rad] by which an angle may differ from what its row foretells, over one way
@@ -40,7 +40,7 @@ class PairStops:
     names: tuple[str, ...] = ()  # of the outputs that are the coordinates
     pairs: tuple[tuple[JointRef, int], ...] = ()
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickled without its programs."""
         return type(self), (self.mechanism, self.names, self.pairs)
 
@@ -132,7 +132,7 @@ class Counted:
         self.last = self._from(self.last, np.array(q, dtype=np.float64), HALVED)
         return self.last[1]
 
-    def state(self, q: Any, rate: Any) -> tuple[Any, Any]:
+    def state(self, q: Real, rate: Real) -> tuple[Real, Real]:
         """The coordinates and their rates at a state of the drivers; floats of the only one."""
         coordinates = self.at(np.atleast_1d(q))
         rates = self.last[2] @ np.atleast_1d(rate)

@@ -15,7 +15,7 @@ coefficients of a series in 2 v - 1 and two zeros.
 from __future__ import annotations
 
 from functools import cache
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
@@ -23,7 +23,7 @@ from numpy.polynomial import chebyshev, legendre
 from blockmech.engines.kinds import Reals
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
-from blockmech.typing import Floats
+from blockmech.typing import Array, Floats, Real
 
 # Kinds of panels: a plain one, one that begins or ends with a standstill, or ends at a dead centre.
 PLAIN, FROM_REST, TO_REST, TO_LIMIT = range(4)
@@ -89,7 +89,7 @@ class Rule(NamedTuple):
     to_series: Floats
 
 
-def basis(v: Any, n: int) -> Any:
+def basis(v: Real, n: int) -> Array:
     """Chebyshev polynomials (..., n) in 2 v - 1 at v (...); exact beside v = 0.
 
     Real parts of the powers of a number on the unit circle, whose argument is exact there; each
@@ -108,12 +108,12 @@ def basis(v: Any, n: int) -> Any:
     return np.ascontiguousarray(columns.real.T).reshape(*v.shape, n)
 
 
-def node_places(n: int, kind: Any = np.float64) -> Any:
+def node_places(n: int, kind: type[np.floating] = np.float64) -> Real:
     """n nodes v_i = sin^2((i + 1/2) pi / 2n), small ones to full relative accuracy."""
     return np.sin((np.arange(n) + kind(0.5)) * (2 * np.arctan(kind(1)) / n)) ** 2
 
 
-def _precise(n: int) -> tuple[Any, Any]:
+def _precise(n: int) -> tuple[Array, Array]:
     """The rule in extended precision, where the machine has it.
 
     The angle of the polynomial k is rounded k times as much as that of the first.
@@ -165,7 +165,7 @@ def nodes(n: int, k: int) -> Nodes:
     return Nodes(*(np.ascontiguousarray(x, dtype=np.float64) for x in rows))
 
 
-def _laid(n: int, *blocks: tuple[Any, Any, Any]) -> Any:
+def _laid(n: int, *blocks: tuple[slice | int, slice, Array]) -> Array:
     """Matrices (m, n + 2, n + 2) of zeros but for a block each."""
     matrices = np.zeros((len(blocks), n + 2, n + 2), dtype=np.longdouble)
     for matrix, (rows, columns, block) in zip(matrices, blocks, strict=True):
@@ -173,7 +173,7 @@ def _laid(n: int, *blocks: tuple[Any, Any, Any]) -> Any:
     return matrices
 
 
-def _gauss(n: int) -> tuple[Any, Any]:
+def _gauss(n: int) -> tuple[Array, Array]:
     """Places and weights of Gauss's rule on [-1, 1], by a step of Newton's from NumPy's."""
     p = np.zeros(n + 1, dtype=np.longdouble)
     p[-1] = 1

@@ -13,7 +13,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from blockmech.dynamics.place_data import (
     sampled,
 )
 from blockmech.ground.plane import EPS
-from blockmech.typing import Floats
+from blockmech.typing import Array, Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -328,7 +328,7 @@ class PathMesh:
                 good = float(x[-1])
         return good, self._why(good, bad)
 
-    def _possible_at(self, q: Floats) -> Any:
+    def _possible_at(self, q: Floats) -> Array:
         return self.system.sample(q).possible
 
     def _why(self, good: float, bad: float) -> str:

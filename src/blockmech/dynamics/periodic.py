@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import root
@@ -21,7 +21,7 @@ from blockmech.dynamics.request import SimulationRequest
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Motion, Slips, State, Still, Track
-from blockmech.typing import Floats
+from blockmech.typing import Array, Floats
 
 QUOTIENT = 1e-3  # step of fourth-order differences: its fourth power is their error, 1e-12
 NEUTRAL = QUOTIENT**2  # distance of a multiplier from 1 that is none: half of those digits
@@ -50,7 +50,7 @@ class Equilibrium(NamedTuple):
     """
 
     q: Floats
-    values: Any
+    values: Array
     error: float
 
     @property
@@ -128,7 +128,7 @@ class FixedPoint(NamedTuple):
     """
 
     x: Floats
-    multipliers: Any
+    multipliers: Array
     gain: float
 
     @property
@@ -179,7 +179,7 @@ class PeriodicMotion:
 
     once: Track
     period: float
-    shift: Any
+    shift: float | Floats
     t0: float
 
     def state(self, t: Floats) -> State:
@@ -244,7 +244,7 @@ def repeated(
     return replace(steady, x_end=tuple(track.signal_states(np.array([steady.t_end]))[0].tolist()))
 
 
-def _named(multipliers: Any) -> dict[str, float]:
+def _named(multipliers: Array) -> dict[str, float]:
     """The largest as `multiplier`: with its sign if it is real, else its size and angle."""
     facts: dict[str, float] = {}
     for i, value in enumerate(np.asarray(multipliers).tolist()):

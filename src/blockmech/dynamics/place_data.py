@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -33,7 +32,7 @@ from blockmech.dynamics.panel_nodes import (
 )
 from blockmech.functions.series import tail
 from blockmech.ground.plane import EPS
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
 NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero
@@ -42,7 +41,7 @@ NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a po
 FINER = 16
 
 
-def coordinate_at(low: Any, high: Any, limit: int, v: Floats) -> Floats:
+def coordinate_at(low: Real, high: Real, limit: int, v: Floats) -> Floats:
     """Driver coordinates of values v of a piece's variable; towards a limit in v^2."""
     length = high - low
     if limit > 0:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -76,10 +76,7 @@ def swings(
 
 
 def turns(
-    turn: RepeatedSegment,
-    request: SimulationRequest,
-    tolerance: float,
-    progress: Callable[[float], None],
+    turn: RepeatedSegment, request: SimulationRequest, tolerance: float, progress: Any
 ) -> PeriodicContinuation | None:
     """A turn that is followed by others like it; None where the next one has to tell.
 

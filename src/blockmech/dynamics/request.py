@@ -28,10 +28,11 @@ from blockmech.typing import (
     MotionName,
     Numbers,
     Progress,
+    Real,
 )
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
-Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value
+Surface: TypeAlias = Callable[[float, Real, Real], float]  # (t, q, q') -> value
 Pairs: TypeAlias = Mapping[str, tuple[float, float]]
 
 
@@ -71,8 +72,8 @@ START, STOPS = '{"crank": (0.0, 1.0)}', '{"crank": (-1.0, 2.0)}'
 class Start(NamedTuple):
     """Where a run begins: coordinate [rad or m], rate, time [s]; arrays (k,) with k drivers."""
 
-    q: Any
-    rate: Any = 0.0
+    q: Real
+    rate: Real = 0.0
     t: float = 0.0
 
 

@@ -28,7 +28,7 @@ from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.units import number_in_si
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Locked, Role, Scene
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 FREE, PRESCRIBED, LOCKED = "free", "prescribed", "locked"
 END = 1e-9  # [s] after which a law is looked for beyond its last time
@@ -74,14 +74,14 @@ class Roles:
         roles = tuple(of.get(d, FREE) for d in drivers)
         return Roles(tuple(drivers), roles, tuple(laws.get(d) for d in drivers))
 
-    def law_at(self, i: int, t: Any) -> Any:
+    def law_at(self, i: int, t: Real) -> tuple[Real, ...]:
         """Coordinate, rate and acceleration of a driver by its law, at a time or at some [s]."""
         law = self.laws[i]
         assert law is not None
         values = law.at_times(np.atleast_1d(np.asarray(t, dtype=np.float64)))
         return values if np.ndim(t) else tuple(float(x[0]) for x in values)
 
-    def motion(self, q: Floats, rate: Floats, t: Any) -> tuple[Floats, Floats]:
+    def motion(self, q: Floats, rate: Floats, t: Real) -> tuple[Floats, Floats]:
         """Coordinates and rates (..., k) at times, those of laws as the laws say."""
         if self.prescribed:
             q, rate = q.copy(), rate.copy()
@@ -89,7 +89,7 @@ class Roles:
                 q[..., i], rate[..., i], _ = self.law_at(i, t)
         return q, rate
 
-    def constraint(self, t: Any, lead: float = 0.0) -> Constraints:
+    def constraint(self, t: Real, lead: float = 0.0) -> Constraints:
         """The drivers that are not free, at a time or at some (n,) [s], as something held.
 
         ``lead`` [s] is looked where a law neither moves nor pushes yet: to where it begins to.
@@ -104,7 +104,7 @@ class Roles:
                     pull[at] = self.law_at(i, t + lead)[2]
         return Constraints(rows, -pull, ((-1, 1),) * len(self.bound), speeds)
 
-    def extend(self, stops: Constraints | None, t: Any, lead: float = 0.0) -> Constraints | None:
+    def extend(self, stops: Constraints | None, t: Real, lead: float = 0.0) -> Constraints | None:
         """Stops that something lies against, and behind them the drivers that are not free."""
         if not self.bound:
             return stops

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blockmech.dynamics import ends
 from blockmech.result.motion import Event, Motion, Status
+from blockmech.typing import Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
@@ -96,7 +97,7 @@ class Run(ABC):
         """Time [s] of the motion."""
         return self.t
 
-    def happened(self, kind: str, q: Any, qd: Any) -> None:
+    def happened(self, kind: str, q: Real, qd: Real) -> None:
         """Something happened here."""
         self.events.append(Event(kind, self.now, q, qd))
 

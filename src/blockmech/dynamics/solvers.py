@@ -26,6 +26,8 @@ from blockmech.engines.stages import THIRD, dop853, halved
 from blockmech.typing import Floats
 
 if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
+
     from blockmech.dynamics.equation import Equation
 
 METHODS = {"dop853": dop853, "radau": radau}
@@ -58,7 +60,7 @@ class AcceptedSteps(NamedTuple):
         ends, dense = slice(first, end + 1), self.dense.part(first, end)
         return self._replace(t=self.t[ends], y=self.y[ends], dense=dense)
 
-    def until(self, t: float, y: Any) -> AcceptedSteps:
+    def until(self, t: float, y: float | Floats) -> AcceptedSteps:
         """The same, the last to another end."""
         return self._replace(t=np.append(self.t[:-1], t), y=np.vstack([self.y[:-1], y]))
 
@@ -146,7 +148,7 @@ class AdaptiveSolver(Solver):
         dense = Dense(np.array([solver.t_old]), np.array([solver.t - solver.t_old]), series[None])
         return AcceptedSteps.single((solver.t_old, solver.t), (y, solver.y), dense)
 
-    def _solver_of_scipy(self) -> Any:
+    def _solver_of_scipy(self) -> OdeSolver:
         """The one of the step before, or one that begins here."""
         if self._scipys is None or self._scipys.t != self.t:
             from scipy.integrate import DOP853, Radau

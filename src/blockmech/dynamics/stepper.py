@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from blockmech.plan.settings import friction_asked
 from blockmech.result.samples import Samples
 from blockmech.signals.contract import HELD
 from blockmech.signals.sources import Input
-from blockmech.typing import EngineName, Floats, FrictionMethod
+from blockmech.typing import EngineName, Floats, FrictionMethod, Indices, Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -144,7 +144,7 @@ class Stepper:
 
     def observe(self) -> dict[str, Floats]:
         """The outputs of all copies as they are: name -> (n,), complex of vectors."""
-        layout, inputs = self._layout, dict[str, Any]()
+        layout, inputs = self._layout, dict[str, Floats]()
         for k in range(layout.drivers):
             inputs[f"q_{k}"] = self._y[:, k].copy()
             inputs[f"qd_{k}"] = self._y[:, layout.drivers + k].copy()
@@ -163,12 +163,12 @@ class Stepper:
             outputs[name] = np.array(read(*columns))
         return outputs
 
-    def _pair(self, start: Pairs) -> tuple[Any, Any]:
+    def _pair(self, start: Pairs) -> tuple[Real, Real]:
         """Coordinates and rates of a start, numbers of one driver."""
         q, rate = np.array(list(start.values()), dtype=float).T
         return (float(q[0]), float(rate[0])) if q.size == 1 else (q, rate)
 
-    def _feed(self, name: str, value: Any) -> None:
+    def _feed(self, name: str, value: Real) -> None:
         if name not in self._places:
             valid = f"inputs: {listed(self.inputs) or 'none'}"
             remedy = close_match(name, self.inputs) or 'add a block of the type "signal.input"'
@@ -213,7 +213,7 @@ class Stepper:
         roles = system.roles
         bound = np.ones((self.copies, 0 if roles is None else len(roles.bound)), dtype=bool)
 
-        def against(q: Floats, qd: Floats, t: Floats, which: Any) -> Constraints:
+        def against(q: Floats, qd: Floats, t: Floats, which: Indices) -> Constraints:
             assert roles is not None
             return roles.constraint(t)
 

@@ -23,6 +23,7 @@ from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE
+from blockmech.typing import Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -165,7 +166,7 @@ class _Coordinate:
         self.turns = mechanism.structure.driver_joint(driver).rotary
         self.start = float(self.values_at(np.array([q0]))[0])
 
-    def values_at(self, q: Any) -> Any:
+    def values_at(self, q: Real) -> Real:
         """Values (n,) at places (n,) in a row; NaN where the mechanism does not close."""
         run = self.mechanism.run(at={self.driver: q}, want=[self.name], on_gap="mark")
         values = np.asarray(run[self.name], dtype=float)

@@ -16,7 +16,7 @@ Sources: [D14] Durango et al. 2014, Eqs. 1-6.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -54,7 +54,7 @@ from blockmech.ground.plane import EPS
 from blockmech.model.structure import JointRef
 from blockmech.plan.plan import Friction, Program
 from blockmech.result.motion import Cost
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real
 
 if TYPE_CHECKING:
     from blockmech.engines.compiled_rates import CompiledStepper
@@ -64,7 +64,7 @@ T = TypeVar("T")
 REPORTED = 256  # evaluations between two words of progress: some milliseconds of work
 
 
-def run_cache(compiled: Source) -> dict[Any, Any]:
+def run_cache(compiled: Source) -> dict[Hashable, Any]:
     """What methods keep of a mechanism from one run to the next."""
     return {}
 
@@ -152,7 +152,7 @@ class System:
         """What a rule says of the structure, asked once for all runs."""
         return self.keep((rule, *of), lambda: rule(self.compiled.structure, *of))
 
-    def keep(self, key: Any, make: Callable[[], T]) -> T:
+    def keep(self, key: Hashable, make: Callable[[], T]) -> T:
         """What is made of the mechanism once, for all its runs."""
         if key not in self.cache:
             self.cache[key] = make()
@@ -202,11 +202,11 @@ class System:
         return self.compiled._once(equation_with_deflections if self.remembers else equation)
 
     @property
-    def cache(self) -> dict[Any, Any]:
+    def cache(self) -> dict[Hashable, Any]:
         """What methods keep of the mechanism from one run to the next."""
         return self.compiled._once(run_cache)
 
-    def rounding(self, q: float | Floats) -> Any:
+    def rounding(self, q: float | Floats) -> Real:
         """That of `roundings` of the only driver: a number, or (n,) at n places."""
         unknown = self.roundings(np.atleast_1d(q)[:, None])[:, 0]
         return unknown if np.ndim(q) else float(unknown[0])
@@ -258,11 +258,11 @@ class System:
         """What a motion ends by that meets a stop of one of these."""
         return ends.END_STOP if len(self.drivers) == 1 else f"{ends.END_STOP} of {self.stopped[i]}"
 
-    def rows(self, q: Any, rate: Any) -> tuple[Floats, Floats]:
+    def rows(self, q: Real, rate: Real) -> tuple[Floats, Floats]:
         """Rows (n, k) of all that has stops over the drivers, and drifts (n,): see `pair_stops`."""
         return self.pairs.rows(q, rate)
 
-    def against(self, q: Any, rate: Any, t: float, lead: float = 0.0) -> Constraints | None:
+    def against(self, q: Real, rate: Real, t: float, lead: float = 0.0) -> Constraints | None:
         """The stops that it lies against at a state, then drivers that are not free.
 
         None where there is none of both. ``lead`` as of `Roles.constraint`.
@@ -270,7 +270,7 @@ class System:
         stops = self.pairs.constraints(q, rate, sorted(self.contacts)) if self.contacts else None
         return stops if self.roles is None else self.roles.extend(stops, t, lead)
 
-    def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
+    def pushes(self, q: Floats, rate: Floats, t: float, x: Floats | None) -> Floats:
         """What the stops push with (a,) that it lies against; x are states of signal blocks.
 
         Behind them what the drives give of drivers that are not free.
@@ -281,7 +281,7 @@ class System:
         M, c, Q, _ = self.terms_of(q, rate, t, x)[0]
         return self.accelerations(M, Q - c, q, rate, t)[1]
 
-    def coordinates(self, q: Any) -> Floats:
+    def coordinates(self, q: Real) -> Floats:
         """Coordinates (n,) of all that has stops."""
         of_drivers = np.atleast_1d(np.asarray(q, dtype=np.float64))
         return (
@@ -310,7 +310,7 @@ class System:
 
     # -- states ------------------------------------------------------------
 
-    def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
+    def sample(self, q: Floats, qd: Real = 0.0, t: float = 0.0) -> Sample:
         """J, tau and margin of one driver at states of any shape."""
         J, tau, size, *margins = self._batch(self.compiled._once(reduced), q, qd, t)
         margin = np.minimum.reduce([np.ones(q.size), *margins])
@@ -321,7 +321,7 @@ class System:
         state = float(q), float(qd), float(t), self.signals.initial
         return self._once("state", state, lambda: self.sample(np.array(state[:1]), qd, t))
 
-    def _batch(self, engine: AdaptiveEvaluator, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Any:
+    def _batch(self, engine: AdaptiveEvaluator, q: Floats, qd: Real = 0.0, t: float = 0.0) -> Any:
         """Values (n,) of a program at states of one driver, flat."""
         self._count(q.size, True)
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
@@ -358,12 +358,12 @@ class System:
         inputs = self.equation_program.inputs
         return self.signals.values > 0 and any(name.startswith("qdd_") for name in inputs)
 
-    def terms(self, q: Any, qd: Any, t: float = 0.0) -> Terms:
+    def terms(self, q: Real, qd: Real, t: float = 0.0) -> Terms:
         """The equation of motion at one state, signal blocks where they begin."""
         return self.terms_of(q, qd, t)[0]
 
     def terms_of(
-        self, q: Any, qd: Any, t: float, x: Any = None, qdd: Any = None
+        self, q: Real, qd: Real, t: float, x: Any = None, qdd: Real = None
     ) -> tuple[Terms, Sequence[float]]:
         """The equation of motion at one state, and the rest as of `scalar_terms_of`.
 
@@ -398,7 +398,7 @@ class System:
         return Terms(M, c, Q, smallest(values[last:])), values[first:last]
 
     def accelerations(
-        self, M: Floats, Q: Floats, q: Any, rate: Any, t: float
+        self, M: Floats, Q: Floats, q: Real, rate: Real, t: float
     ) -> tuple[Floats, Floats]:
         """Accelerations (k,) by efforts, and what stops and drives give (a,), see `pushes`."""
         return constrained(M, Q, self.against(q, rate, t))
@@ -413,7 +413,7 @@ class System:
 
         return self._once("typical", q, usual)
 
-    def _once(self, quantity: str, at: Any, make: Callable[[], T]) -> T:
+    def _once(self, quantity: str, at: Hashable, make: Callable[[], T]) -> T:
         """What is asked of a place or a state; of many runs that start there the first asks."""
         cached: tuple[Any, Any] = self.cache.get((quantity, type(self)), (None, None))
         if cached[0] != at:

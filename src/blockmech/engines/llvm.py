@@ -25,7 +25,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.engines import assembly, code_cache
 from blockmech.engines.assembly import LANES
@@ -37,9 +36,8 @@ from blockmech.engines.trace import Trace, filled
 from blockmech.ground.errors import MissingEngineError
 from blockmech.ground.errors import needed as package
 from blockmech.plan.plan import Program
-from blockmech.typing import Nested, Real, Reals, Record, Values
+from blockmech.typing import Floats, Nested, Real, Reals, Record, Values
 
-Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, two seconds of compiling: others run longer programs
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
 FILL = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
@@ -70,7 +68,7 @@ class Code(NamedTuple):
 
     traced: Traced
     fill: Any
-    constants: Array
+    constants: Floats
     read_sample: Callable[..., Values]
     read_batch: Callable[..., Values]
 
@@ -187,7 +185,7 @@ class LlvmEngine:
         return self.code.read_sample(inputs, row + self._constants)
 
     def _batch(
-        self, columns: list[Array], lanes: Array, total: float, shape: tuple[int, ...]
+        self, columns: list[Floats], lanes: Floats, total: float, shape: tuple[int, ...]
     ) -> Values:
         """Values of a shape (n,) or (m, n), of inputs, numbers (rows, ...) and their sum."""
         constants = self.code.constants.reshape(-1, *(1 for _ in shape))
@@ -196,7 +194,7 @@ class LlvmEngine:
         values = self.code.read_batch(columns, row)
         return Whole(values) if math.isfinite(total + sum(self._constants)) else values
 
-    def _columns(self, inputs: Reals, n: int) -> list[Array]:
+    def _columns(self, inputs: Reals, n: int) -> list[Floats]:
         """Columns (n,) of the inputs and of what is asked of them, which comes chunk by chunk."""
         columns = [np.ascontiguousarray(x, np.float64) for x in inputs]
         if not self._asked:
@@ -223,11 +221,11 @@ class LlvmEngine:
         columns = [inputs[x] for x in self.program.inputs]
         return self._together(columns, n, self._numbers[None], (n,))
 
-    def numbers(self, values: Values) -> Array:
+    def numbers(self, values: Values) -> Floats:
         """Numbers (m, k) of designs as the engine takes them, of those of `Program.values`."""
         return slots_of(values)
 
-    def run_designs(self, inputs: Mapping[str, Array], numbers: Array) -> Values:
+    def run_designs(self, inputs: Mapping[str, Floats], numbers: Floats) -> Values:
         """Values of m designs at n samples each, as batches (m, n).
 
         Inputs are (n,), or (m, n) where designs have samples of their own. A design's numbers are
@@ -240,7 +238,7 @@ class LlvmEngine:
         return self._together(columns, n, numbers, (len(numbers), n))
 
     def _together(
-        self, inputs: Sequence[Array], n: int, slots: Array, shape: tuple[int, ...]
+        self, inputs: Sequence[Floats], n: int, slots: Floats, shape: tuple[int, ...]
     ) -> Values:
         """Values of a shape (n,) or (m, n) at n samples, each with the slots (m, k) of numbers.
 
@@ -289,7 +287,7 @@ class LlvmEngine:
                 return list(pool.map(lambda k: part(k, min(k + step, count)), firsts))
         return [part(0, count)] if count else []
 
-    def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> float:
+    def _call(self, columns: list[Floats], out: Floats, n: int, slots: Floats) -> float:
         by_design = out.ndim == 3  # each has samples of its own
         stride = out.strides[-2] // out.itemsize
         designs, count = slots.shape
@@ -303,12 +301,12 @@ class LlvmEngine:
         return total
 
 
-def _aligned(room: Array) -> int:
+def _aligned(room: Floats) -> int:
     """The first place in a room of numbers at which a block may begin."""
     return -(-int(room.ctypes.data) // LINE) * LINE
 
 
-def _padded(columns: Array) -> Array:
+def _padded(columns: Floats) -> Floats:
     """Columns (m, n) with copies of their last numbers behind them, up to whole blocks."""
     missing = -columns.shape[1] % LANES
     if not missing:
@@ -316,12 +314,12 @@ def _padded(columns: Array) -> Array:
     return np.concatenate([columns, np.repeat(columns[:, -1:], missing, axis=1)], axis=1)
 
 
-def row_of(program: Program) -> Array:
+def row_of(program: Program) -> Floats:
     """The numbers of a program in the order of its trace; never none."""
     return np.array([*leaves(tuple(program.parameters.values())), 0.0])
 
 
-def slots_of(values: Values) -> Array:
+def slots_of(values: Values) -> Floats:
     """The numbers (m, k) of m designs in the order of a trace, as `row_of` has one's."""
     rows = [*leaves(values), 0.0]
     slots = np.empty((max(np.size(x) for x in rows), len(rows)))
@@ -330,7 +328,7 @@ def slots_of(values: Values) -> Array:
     return slots
 
 
-def addresses_of(numbers: Array) -> Any:
+def addresses_of(numbers: Floats) -> Any:
     """Where each number of an array (k,) stands: what machine code takes for inputs."""
     first, size = numbers.ctypes.data, numbers.strides[0]
     return (ctypes.c_void_p * numbers.size)(*range(first, first + size * numbers.size, size))

@@ -21,7 +21,6 @@ from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, number, wrong, xml_of
 from blockmech.exchange.spatial import (
-    Array,
     Assembly,
     Joint,
     Mass,
@@ -33,6 +32,7 @@ from blockmech.exchange.spatial import (
 )
 from blockmech.ground.errors import listed
 from blockmech.ground.names import free_name
+from blockmech.typing import Floats
 
 ACTUATORS = ("motor", "position", "velocity", "general", "intvelocity", "damper", "cylinder")
 DENSITY = 1000.0  # [kg/m3] of a geom that names none
@@ -128,7 +128,7 @@ class _Reading:
 
     # -- places -------------------------------------------------------------------
 
-    def _turn(self, record: Record) -> Array:
+    def _turn(self, record: Record) -> Floats:
         where = record.where
         if record.get("quat"):
             return quaternion(record.numbers("quat", 4), where)
@@ -146,7 +146,7 @@ class _Reading:
             return axes_along(unit(record.numbers("zaxis", 3), where))
         return np.eye(3)
 
-    def _euler(self, angles: Sequence[float]) -> Array:
+    def _euler(self, angles: Sequence[float]) -> Floats:
         axes = np.eye(3)
         for letter, angle in zip(self.order, angles, strict=True):
             turn = turned(np.eye(3)["xyz".index(letter.lower())], angle * self.unit)
@@ -345,35 +345,35 @@ READER = Reader(
 )
 
 
-def _round(volume: float, axial: float, transverse: float) -> tuple[float, Array]:
+def _round(volume: float, axial: float, transverse: float) -> tuple[float, Floats]:
     """Volume, and the inertia of a unit mass about z and about what is square to it."""
     return volume, np.diag([transverse, transverse, axial])
 
 
-def ellipsoid(a: float, b: float, c: float) -> tuple[float, Array]:
+def ellipsoid(a: float, b: float, c: float) -> tuple[float, Floats]:
     """Half axes [m]."""
     x, y, z = a * a, b * b, c * c
     return 4 / 3 * math.pi * a * b * c, np.diag([y + z, x + z, x + y]) / 5
 
 
-def sphere(radius: float) -> tuple[float, Array]:
+def sphere(radius: float) -> tuple[float, Floats]:
     """Radius [m]."""
     return ellipsoid(radius, radius, radius)
 
 
-def box(a: float, b: float, c: float) -> tuple[float, Array]:
+def box(a: float, b: float, c: float) -> tuple[float, Floats]:
     """Half edges [m]."""
     x, y, z = a * a, b * b, c * c
     return 8 * a * b * c, np.diag([y + z, x + z, x + y]) / 3
 
 
-def cylinder(radius: float, half: float) -> tuple[float, Array]:
+def cylinder(radius: float, half: float) -> tuple[float, Floats]:
     """Radius [m] and half of the length [m] along z."""
     square = radius**2
     return _round(2 * math.pi * square * half, square / 2, square / 4 + half**2 / 3)
 
 
-def capsule(radius: float, half: float) -> tuple[float, Array]:
+def capsule(radius: float, half: float) -> tuple[float, Floats]:
     """Radius [m], and half of the length [m] along z between the centres of both ends."""
     square, ends = radius**2, 4 / 3 * math.pi * radius**3
     tube = 2 * math.pi * square * half
@@ -384,7 +384,7 @@ def capsule(radius: float, half: float) -> tuple[float, Array]:
     return _round(volume, axial / volume, transverse / volume)
 
 
-SHAPES: dict[str, tuple[int, Callable[..., tuple[float, Array]]]] = {
+SHAPES: dict[str, tuple[int, Callable[..., tuple[float, Floats]]]] = {
     "sphere": (1, sphere),
     "capsule": (2, capsule),
     "cylinder": (2, cylinder),
@@ -394,7 +394,7 @@ SHAPES: dict[str, tuple[int, Callable[..., tuple[float, Array]]]] = {
 """Shape -> how many sizes it has, and its volume [m3] and inertia of a unit mass [m2]."""
 
 
-def solid(kind: str, sizes: Sequence[float]) -> tuple[float, Array] | None:
+def solid(kind: str, sizes: Sequence[float]) -> tuple[float, Floats] | None:
     """Volume [m3] and inertia of a unit mass [m2] of a shape; None for what is none."""
     count, shape = SHAPES.get(kind, (0, sphere))
     return shape(*sizes[:count]) if count and len(sizes) >= count else None

@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.exchange.drawing import (
     FRAME,
@@ -33,9 +32,8 @@ from blockmech.exchange.drawing import (
 from blockmech.exchange.parsing import Record, wrong
 from blockmech.ground.names import numbered_name
 from blockmech.ground.tolerances import BLUR
-from blockmech.typing import Data
+from blockmech.typing import Data, Floats
 
-Array = NDArray[np.float64]
 ORTHONORMAL = 1e-4  # [-] what axes may miss that were written in single precision
 
 
@@ -43,33 +41,35 @@ ORTHONORMAL = 1e-4  # [-] what axes may miss that were written in single precisi
 class Pose:
     """A place [m] and the axes, as columns, of a body, a marker or a joint."""
 
-    origin: Array = field(default_factory=lambda: np.zeros(3))
-    axes: Array = field(default_factory=lambda: np.eye(3))
+    origin: Floats = field(default_factory=lambda: np.zeros(3))
+    axes: Floats = field(default_factory=lambda: np.eye(3))
 
-    def at(self, origin: Sequence[float] | Array, axes: Array | None = None) -> Pose:
+    def at(self, origin: Sequence[float] | Floats, axes: Floats | None = None) -> Pose:
         """That of something inside."""
         turned = self.axes if axes is None else self.axes @ axes
         return Pose(self.origin + self.axes @ np.asarray(origin), turned)
 
 
-def orthonormal(axes: Array, where: str) -> Array:
+def orthonormal(axes: Floats, where: str) -> Floats:
     """The rotation next to a matrix. Raises `FormatError` where it is none up to rounding."""
     u, _, v = np.linalg.svd(axes)
-    nearest: Array = u @ v
+    nearest: Floats = u @ v
     if abs(nearest - axes).max() > ORTHONORMAL or np.linalg.det(nearest) < 0:
         raise wrong(where, "its columns are no axes", "a rotation")
     return nearest
 
 
-def turned(axis: Sequence[float] | Array, angle: float) -> Array:
+def turned(axis: Sequence[float] | Floats, angle: float) -> Floats:
     """The rotation about an axis by an angle [rad]."""
     x, y, z = np.asarray(axis) / np.linalg.norm(axis)
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation: Array = np.eye(3) + math.sin(angle) * across + (1 - math.cos(angle)) * across @ across
+    rotation: Floats = (
+        np.eye(3) + math.sin(angle) * across + (1 - math.cos(angle)) * across @ across
+    )
     return rotation
 
 
-def unit(axis: Sequence[float] | Array, where: str) -> Array:
+def unit(axis: Sequence[float] | Floats, where: str) -> Floats:
     """A unit vector. Raises `FormatError` for one of no length."""
     size = float(np.linalg.norm(axis))
     if not size:
@@ -77,7 +77,7 @@ def unit(axis: Sequence[float] | Array, where: str) -> Array:
     return np.asarray(axis) / size
 
 
-def axes_along(axis: Array) -> Array:
+def axes_along(axis: Floats) -> Floats:
     """Axes whose z is along a direction."""
     z = np.array([0.0, 0.0, 1.0])
     across = np.cross(z, axis)
@@ -87,13 +87,13 @@ def axes_along(axis: Array) -> Array:
     return turned(across, math.atan2(size, float(axis[2])))
 
 
-def roll_pitch_yaw(angles: Sequence[float]) -> Array:
+def roll_pitch_yaw(angles: Sequence[float]) -> Floats:
     """The rotation by angles [rad] about the fixed axes x, y and z in this order."""
     roll, pitch, yaw = angles
     return turned((0, 0, 1), yaw) @ turned((0, 1, 0), pitch) @ turned((1, 0, 0), roll)
 
 
-def quaternion(numbers: Sequence[float], where: str) -> Array:
+def quaternion(numbers: Sequence[float], where: str) -> Floats:
     """The rotation of w, x, y, z. Raises `FormatError` where all are 0."""
     w, *v = numbers
     if not (w or any(v)):
@@ -105,8 +105,8 @@ class Mass(NamedTuple):
     """Mass [kg], where its centre is [m], and the inertia [kg m2] about it in the world's axes."""
 
     mass: float
-    centre: Array
-    inertia: Array
+    centre: Floats
+    inertia: Floats
 
 
 class Joint(NamedTuple):
@@ -142,7 +142,7 @@ class Assembly:
     masses: dict[str, list[Mass]] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
     ratios: list[Ratio] = field(default_factory=list)
-    gravity: Array = field(default_factory=lambda: np.zeros(3))
+    gravity: Floats = field(default_factory=lambda: np.zeros(3))
 
     def join(self, joint: Joint) -> None:
         """Add a joint, under a name of its own."""
@@ -177,7 +177,7 @@ class Assembly:
         return drawing
 
     @cached_property
-    def plane(self) -> tuple[Array, Array, Array]:
+    def plane(self) -> tuple[Floats, Floats, Floats]:
         """Normal, x and y of the plane across the axis that most pins have, or along all slides."""
         kinds = ("pin", "cylinder", "flat", "rod", "slide")
         joints = self.joints.values()
@@ -198,7 +198,7 @@ class Assembly:
         x = unit(seed - normal * (seed @ normal), self.where)
         return normal, x, np.cross(normal, x)
 
-    def flat(self, point: Array) -> complex:
+    def flat(self, point: Floats) -> complex:
         """A place or direction in the plane."""
         _, x, y = self.plane
         return complex(point @ x, point @ y)
@@ -216,7 +216,7 @@ class Assembly:
         inertia = float(self.plane[0] @ mass.inertia @ self.plane[0])
         return Inertia(mass.mass, inertia, self.flat(mass.centre))
 
-    def _across(self, axis: Array) -> bool:
+    def _across(self, axis: Floats) -> bool:
         return bool(abs(abs(axis @ self.plane[0]) - 1) < BLUR)
 
     def _joint(self, joint: Joint) -> float:

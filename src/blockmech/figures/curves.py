@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from blockmech.figures.palette import IN_DEGREES, MOST, PANELS
-from blockmech.figures.panels import Abscissa, Array, Panel, draw_panels
+from blockmech.figures.panels import Abscissa, Panel, draw_panels
 from blockmech.figures.paper import STILL, angle_scale, shown_name, suffix_of, write_figure
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, refused
@@ -22,13 +22,14 @@ from blockmech.ground.files import AnyPath
 from blockmech.ground.units import shown_in
 from blockmech.result.columns import without_noise
 from blockmech.result.result import Result
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]
-NOTHING: Mapping[str, Array] = {}
+NOTHING: Mapping[str, Floats] = {}
 TURNS = {"°": 360.0, "deg": 360.0, "rad": math.tau}
 
 KINEMATICS = {
@@ -101,7 +102,7 @@ def reaction_panels(result: Result, twin: Result | None) -> Panels:
     )
 
 
-def _differences(curves: Mapping[str, Array], bare: Mapping[str, Array]) -> dict[str, Array]:
+def _differences(curves: Mapping[str, Floats], bare: Mapping[str, Floats]) -> dict[str, Floats]:
     """What friction adds to curves; what is rounding of them is zero."""
     return {
         name: without_noise(curves[name] - y, float(np.nanmax(np.abs(y), initial=0.0)))
@@ -170,7 +171,7 @@ def chosen_panels(
 
     Raises `RequestError` where there are more than a picture can hold.
     """
-    groups: dict[tuple[str, str], dict[str, Array]] = {}
+    groups: dict[tuple[str, str], dict[str, Floats]] = {}
     for name in names:
         output = result.output(name)
         if output.kind in ("real", "vector"):
@@ -197,7 +198,7 @@ def in_shown(result: Result, unit: str, degrees: bool) -> tuple[float, str]:
     return shown_in(unit, (*result.units, "°") if degrees else result.units)
 
 
-def values(result: Result, name: str) -> Array:
+def values(result: Result, name: str) -> Floats:
     """An output (n,) as it is drawn: real numbers, of vectors their size; NaN in gaps.
 
     What is rounding beside others of its unit, or moments beside forces at a link's length, is 0.
@@ -209,7 +210,7 @@ def values(result: Result, name: str) -> Array:
     return without_noise(size, float(np.nanmax(np.concatenate(sizes), initial=0.0)))
 
 
-def _sizes(result: Result, name: str) -> Array:
+def _sizes(result: Result, name: str) -> Floats:
     column = np.atleast_1d(np.asarray(result[name]))
     size = np.abs(column) if np.iscomplexobj(column) else column
     return np.where(np.isfinite(size), size, np.nan).astype(float)
@@ -220,12 +221,12 @@ def reach(mechanism: Any) -> float:
     return max((b.largest_length() for b in mechanism.structure.blocks.values()), default=0) or 1.0
 
 
-def _named(result: Result, suffix: str) -> dict[str, Array]:
+def _named(result: Result, suffix: str) -> dict[str, Floats]:
     """Curves of all outputs of one sort."""
     return {n.removesuffix(suffix): values(result, n) for n in result if n.endswith(suffix)}
 
 
-def _alive(curves: Mapping[str, Array]) -> dict[str, Array]:
+def _alive(curves: Mapping[str, Floats]) -> dict[str, Floats]:
     """The curves that are not zero everywhere."""
     return {name: y for name, y in curves.items() if np.any(np.nan_to_num(y) != 0)}
 
@@ -233,17 +234,17 @@ def _alive(curves: Mapping[str, Array]) -> dict[str, Array]:
 def _split(
     quantity: str,
     unit: str,
-    curves: Mapping[str, Array],
-    bare: Mapping[str, Array] = NOTHING,
+    curves: Mapping[str, Floats],
+    bare: Mapping[str, Floats] = NOTHING,
 ) -> Panels:
     """One panel, or of many curves one for each block; blocks with few curves share one."""
-    blocks: dict[str, dict[str, Array]] = {}
+    blocks: dict[str, dict[str, Floats]] = {}
     for name, y in curves.items():
         first, *rest = name.split(".")
         # The block of an output, or the joint or link of a joint-based document.
         owner = f"{first}.{rest[0]}" if rest and first in ("joint", "link", "driver") else first
         blocks.setdefault(owner, {})[name] = y
-    groups: list[dict[str, Array]] = []
+    groups: list[dict[str, Floats]] = []
     for mine in blocks.values():
         if groups and len(groups[-1]) + len(mine) <= PANELS:
             groups[-1] |= mine
@@ -255,7 +256,7 @@ def _split(
     )
 
 
-def _unwrapped(angle: Array) -> Array:
+def _unwrapped(angle: Floats) -> Floats:
     """An angle without jumps of a turn; gaps stay gaps."""
     good = np.isfinite(angle)
     smooth = np.full(angle.shape, np.nan)
@@ -292,9 +293,9 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) ->
     return Abscissa(label, rows[unit][driver], turn=TURNS.get(unit, 0.0))
 
 
-def by_unit(result: Result, state: str, degrees: bool) -> dict[str, dict[str, Array]]:
+def by_unit(result: Result, state: str, degrees: bool) -> dict[str, dict[str, Floats]]:
     """Coordinates ``"q"`` or rates ``"rate"`` of the drivers by their unit: driver -> (n,)."""
-    rows: dict[str, dict[str, Array]] = {}
+    rows: dict[str, dict[str, Floats]] = {}
     for driver in result.mechanism.drivers:
         name = result.mechanism._of_driver(driver, state)
         unit = result.mechanism.structure.driver_joint(driver).coordinate_unit

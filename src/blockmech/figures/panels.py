@@ -12,17 +12,14 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import grow, legend_above, panelled, scaled_unit, shown_name
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import XAxis, YAxis
-
-Array = NDArray[np.float64]
 
 PANEL = 16 * ink.TEXT  # [pt] height of a panel with what is above it
 BOTTOM = 3.75 * ink.TEXT  # [pt] words below the last
@@ -40,11 +37,11 @@ class Panel:
 
     quantity: str
     unit: str
-    curves: Mapping[str, Array]
-    without: Mapping[str, Array] = field(default_factory=dict)
+    curves: Mapping[str, Floats]
+    without: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
-    def rows(self) -> Array:
+    def rows(self) -> Floats:
         """All values (curves, n)."""
         return np.vstack([*self.curves.values(), *self.without.values()])
 
@@ -69,7 +66,7 @@ class Abscissa:
     """What curves are drawn over: words with a unit, values (n,), and events to mark."""
 
     words: str
-    values: Array
+    values: Floats
     turn: float = 0.0  # of an angle: a whole turn in its unit
     events: tuple[tuple[float, str], ...] = ()
 
@@ -136,7 +133,7 @@ def _draw_panel(axes: Axes, panel: Panel, abscissa: Abscissa) -> None:
         axes.set_ylim(factor * (low - air), factor * (high + air))
 
 
-def _line(axes: Axes, x: Array, y: Array, **look: Any) -> None:
+def _line(axes: Axes, x: Floats, y: Floats, **look: Any) -> None:
     """A curve; few samples are marked, and so is one that stands alone between gaps."""
     good = np.pad(np.isfinite(y), 1)
     alone = np.flatnonzero(good[1:-1] & ~good[:-2] & ~good[2:]).tolist()

@@ -26,7 +26,7 @@ homogeneous form and the ends are blockmech's own.
 from __future__ import annotations
 
 import enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from blockmech.friction.equations import (
     SETTLED,
@@ -51,7 +51,7 @@ from blockmech.ground.plane import (
     sqrt,
     where,
 )
-from blockmech.typing import Edges, Influences, Planars, Real, Reals
+from blockmech.typing import Edges, Influences, Planars, Real, Reals, Values
 
 # [-] of the arc: unknowns are on the unit sphere, lambda ends at 1. The first step from zero
 # friction and from a kink is short, as the path may bend there.
@@ -93,7 +93,7 @@ class ContinuationState(NamedTuple):
 
     v: tuple[Real, ...]  # last point: n, eta, lambda
     tangent: tuple[Real, ...]  # of unit length, in the direction of travel
-    contacts: tuple[Any, ...]  # where guides are pressed, of +-N (x) and +-2 C / L (y)
+    contacts: Values  # where guides are pressed, of +-N (x) and +-2 C / L (y)
     way: Real  # sign of det [J; tangent]; 0 before it is known
     bend: Real  # rate of the tangent's lambda along the arc before a fold; 0 where none is seen
     step: Real  # of arc
@@ -263,7 +263,7 @@ def corrected(
     return Corrected(x, tuple(scale * y for y in null), orientation, corrections, settled, last)
 
 
-def passed(at: ContinuationState, new: Corrected, limits: Any) -> tuple[Real, Real, Any, Real]:
+def passed(at: ContinuationState, new: Corrected, limits: list[list[Real]]) -> Reals:
     """What a step passes first, the share of it up to there, and the plane of that place.
 
     `Aim.AHEAD` where it passes nothing.
@@ -288,7 +288,7 @@ def passed(at: ContinuationState, new: Corrected, limits: Any) -> tuple[Real, Re
     return event, share, plane, level
 
 
-def switched(at: ContinuationState, x: Any, kinked: Real, limits: Any) -> tuple[Any, ...]:
+def switched(at: ContinuationState, x: Reals, kinked: Real, limits: list[list[Real]]) -> Values:
     """The contacts behind a kink: a quarter turn further, or opposite where both limits end."""
     contacts, aims = [], iter([(StepTarget.KINK + i, row) for i, row in enumerate(limits)])
     for contact in at.contacts:

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR
-from blockmech.typing import Floats, Vectors
+from blockmech.typing import Array, Floats, Real, Vectors
 
 CONTACTS = {0: (0j,), 2: (1 + 0j, -1 + 0j), 4: (1 + 0j, -1 + 0j, 1j, -1j)}
 """Contacts of a pair, 0 of a pin -> the directions in which it may be pressed."""
@@ -54,7 +54,7 @@ class Equations(NamedTuple):
     u: Vectors  # (n, m)
     bow: Vectors  # (m,) what the squares at the start have more
 
-    def of(self, index: Any) -> Equations:
+    def of(self, index: Array | slice) -> Equations:
         """Those of these indices."""
         return self._replace(f=self.f[index], A=self.A[index], u=self.u[index])
 
@@ -140,7 +140,7 @@ def _with_idle(
     return Enumerated(system[order], t[order], signs[order], complete)
 
 
-def _of_chunk(f: Vectors, A: Vectors, contacts: Sequence[int], first: int) -> Any:
+def _of_chunk(f: Vectors, A: Vectors, contacts: Sequence[int], first: int) -> tuple[Array, ...]:
     """System (from ``first`` on), scaled loads, index of each solution; whether they are all."""
     n, m = f.shape
     pieces = np.array(list(itertools.product(*(CONTACTS[c] for c in contacts))), complex)
@@ -214,12 +214,12 @@ def _polished(tracks: Equations, z: Vectors) -> Vectors:
     return np.where(good[:, None], better, z)
 
 
-def _scale_at(s: Floats, bend: float) -> tuple[Any, Any]:
+def _scale_at(s: Floats, bend: float) -> tuple[Real, Real]:
     """Factor of all friction along the bow, and its rate."""
     return s + 1j * bend * s * (1.0 - s), 1.0 + 1j * bend * (1.0 - 2.0 * s)
 
 
-def _loads(systems: Equations, z: Any, scale: Any = 1.0) -> tuple[Any, ...]:
+def _loads(systems: Equations, z: Real, scale: Real = 1.0) -> tuple[Real, ...]:
     """Components x, y of the loads, and of what friction does to them."""
     ax = np.einsum("njm,nm->nj", systems.A.real, z)
     ay = np.einsum("njm,nm->nj", systems.A.imag, z)
@@ -227,7 +227,7 @@ def _loads(systems: Equations, z: Any, scale: Any = 1.0) -> tuple[Any, ...]:
     return systems.f.real + scale * ax, systems.f.imag + scale * ay, ax, ay
 
 
-def _lines(systems: Equations, z: Vectors, s: Any, scale: Any) -> tuple[Vectors, Vectors, Any]:
+def _lines(systems: Equations, z: Vectors, s: Real, scale: Real) -> tuple[Real, Real, Real]:
     """Misfit (n, m) of the equations, its slope (n, m, m) by z, and by the factor of friction."""
     x, y, ax, ay = _loads(systems, z, scale)
     pin, u = systems.u == 0, systems.u
@@ -236,13 +236,13 @@ def _lines(systems: Equations, z: Vectors, s: Any, scale: Any) -> tuple[Vectors,
     wx, wy = np.where(pin, 2.0 * x, u.real), np.where(pin, 2.0 * y, u.imag)
     by = -(wx * ax + wy * ay)
     scale = np.asarray(scale)[..., None, None]
-    slope: Any = -scale * (wx[..., None] * systems.A.real + wy[..., None] * systems.A.imag)
+    slope: Floats = -scale * (wx[..., None] * systems.A.real + wy[..., None] * systems.A.imag)
     m = z.shape[1]
     slope[:, range(m), range(m)] += np.where(pin, 2.0 * z, 1.0)
     return misfit, slope, by
 
 
-def _solved(slope: Any, right: Any) -> Any:
+def _solved(slope: Array, right: Array) -> Array:
     """Solutions of n systems; NaN where one is singular."""
     try:
         solution = np.linalg.solve(slope, right[..., None])[..., 0]

@@ -13,10 +13,9 @@ Sources: [R10] Ruiz, Durango & Calle 2010, steps 1-5; the homogeneous form is bl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from blockmech.ground.plane import NAN, dot, hyp, maximum, mul, planar, sqrt, where
-from blockmech.typing import Complex, Edges, Influences, Planars, Real, Reals
+from blockmech.typing import Complex, Edges, Influences, Planars, Real, Reals, Values
 
 SETTLED = 4500.0  # [ulps] corrections and residuals of size one: Newton's next step is rounding
 
@@ -41,7 +40,7 @@ def norms(F: Planars, edges: Edges) -> tuple[Real, ...]:
     return tuple(load_norm(f, e) for f, e in zip(F, edges, strict=True))
 
 
-def largest_of(values: Any) -> Real:
+def largest_of(values: Reals) -> Real:
     """The largest of some numbers without their signs."""
     top = abs(values[0])
     for x in values[1:]:
@@ -90,7 +89,7 @@ def slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
 
 
 def homogeneous(
-    v: Any, contacts: Any, k: Reals, edges: Edges, base: Planars, rows: Influences
+    v: Reals, contacts: Values, k: Reals, edges: Edges, base: Planars, rows: Influences
 ) -> list[list[Real]]:
     """The equations in unknowns v = (n, eta, lambda), t = n / eta, and factors lambda k:
 
@@ -114,7 +113,7 @@ def homogeneous(
     return [*lines, [*sphere, nothing, along(v[:-1], v[:-1]) - 1.0, nothing]]
 
 
-def limits_of(contacts: Any, edges: Edges, base: Planars, rows: Influences) -> list[list[Real]]:
+def limits_of(contacts: Values, edges: Edges, base: Planars, rows: Influences) -> list[list[Real]]:
     """Rows whose products with v are not negative while contacts hold, two for each guide.
 
     Pressed by F along c, a guide keeps that contact while F is between i c and -i c by 45
@@ -129,12 +128,12 @@ def limits_of(contacts: Any, edges: Edges, base: Planars, rows: Influences) -> l
     return rows_of
 
 
-def chosen(condition: Real, a: Any, b: Any) -> tuple[Real, ...]:
+def chosen(condition: Real, a: Reals, b: Reals) -> tuple[Real, ...]:
     """The numbers of one row where the condition holds, else those of the other."""
     return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
 
 
-def along(a: Any, b: Any) -> Real:
+def along(a: Reals, b: Reals) -> Real:
     """Scalar product of two rows."""
     total = a[0] * b[0]
     for x, y in zip(a[1:], b[1:], strict=True):

@@ -26,16 +26,14 @@ guides alone.
 
 from __future__ import annotations
 
-from typing import Any
-
 from blockmech.friction.equations import load_norm
 from blockmech.ground.plane import EPS, hyp, maximum, mul, sqrt, where
-from blockmech.typing import Influences, Real, Reals
+from blockmech.typing import Influences, Real, Reals, Values
 
 ROUNDING = 16.0  # [ulps] of an eigenvalue
 
 
-def existence(k: Reals, contacts: Any, rows: Influences) -> Real:
+def existence(k: Reals, contacts: Values, rows: Influences) -> Real:
     """The number c [-] of a group: of a dyad, or of one pair with friction.
 
     Parameters
@@ -57,7 +55,7 @@ def existence(k: Reals, contacts: Any, rows: Influences) -> Real:
     return of_two(A[0][0], A[0][1], A[1][0], A[1][1])
 
 
-def sum_of(parts: Any) -> Any:
+def sum_of(parts: Reals) -> Real:
     """The sum of some numbers or vectors."""
     total = parts[0]
     for part in parts[1:]:
@@ -65,12 +63,12 @@ def sum_of(parts: Any) -> Any:
     return total
 
 
-def cancelled(c: Real, sizes: Any) -> Real:
+def cancelled(c: Real, sizes: Reals) -> Real:
     """A sum that may be rounding of its parts: then it is zero, as couples may cancel."""
     return where(c <= ROUNDING * EPS * sum_of(sizes), 0.0 * c, c)
 
 
-def by_guide(g: int, k: Reals, contacts: Any, rows: Influences) -> Real:
+def by_guide(g: int, k: Reals, contacts: Values, rows: Influences) -> Real:
     """c of pins and a guide."""
     parts = [mul(rows[g][j], k[j]) for j, n in enumerate(contacts) if not n]
     pins, of_guide, square = sum_of(parts), mul(rows[g][g], k[g]), k[g] * k[g]

@@ -38,7 +38,7 @@ from blockmech.friction.equations import (
     slope,
 )
 from blockmech.ground.plane import EPS, NAN, implicit, maximum, minimum, repeat, times, where
-from blockmech.typing import Edges, Influences, Planars, Real, Reals
+from blockmech.typing import Edges, Influences, Kernel, Planars, Real, Reals, Values
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
 SMALL_CHANGE = 1e-7  # of the largest load: the paper's 1e-3 N at its reactions of 1e4 N
@@ -82,10 +82,10 @@ def tangent_step(
 
 
 def by_tangents(
-    laws: Any,
+    laws: Kernel,
     steepest: Reals,
-    solve: Any,
-    options: Any,
+    solve: Callable[..., Solution],
+    options: Values,
     edges: Edges,
     base: Planars,
     rows: Influences,
@@ -108,8 +108,8 @@ def by_tangents(
 
 def balanced(
     solve: Callable[..., Solution],
-    options: Any,
-    laws: Any,
+    options: Values,
+    laws: Kernel,
     steepest: Reals,
     edges: Edges,
     base: Planars,
@@ -176,7 +176,7 @@ def successive(
     tolerance: float | None,
     iterations: int | None,
     solvable: Real = False,
-    near: Any = (),
+    near: Reals = (),
 ) -> Solution:
     """Successive approximations ([R10] steps 1-5), stopped by change or by count.
 
@@ -244,15 +244,15 @@ def iterate(
 
 
 def confirmed(
-    state: Any,
+    state: tuple[Solution, Real],
     course: ContinuationState,
-    near: Any,
+    near: Reals,
     k: Reals,
     edges: Edges,
     base: Planars,
     rows: Influences,
     change: Real,
-) -> Any:
+) -> tuple[Solution, bool]:
     """Uncertified successive approximations: they stand if continuation agrees.
 
     ``change`` [N] is the one at which they stopped.
@@ -305,8 +305,8 @@ def differentiable(
 
 
 def newton_step(
-    state: Any, k: Reals, edges: Edges, base: Planars, rows: Influences, pivoting: bool = False
-) -> Any:
+    state: Values, k: Reals, edges: Edges, base: Planars, rows: Influences, pivoting: bool = False
+) -> Values:
     """One step of Newton's method: (friction, steps done, whether it moved)."""
     t, count, _ = state
     n = range(len(k))
@@ -323,14 +323,14 @@ def newton_step(
 
 
 def replaced(
-    state: Any,
+    state: tuple[Solution, Real],
     course: ContinuationState,
-    near: Any,
+    near: Reals,
     k: Reals,
     edges: Edges,
     base: Planars,
     rows: Influences,
-) -> Any:
+) -> tuple[Solution, bool]:
     """Uncertified samples of Newton's method: continuation's answer in their place."""
     certified, _ = state
     end = _end(course, near, k, edges, base, rows)
@@ -341,13 +341,13 @@ def replaced(
 
 def _course(
     requested: Real,
-    near: Any,
+    near: Reals,
     k: Reals,
     edges: Edges,
     base: Planars,
     rows: Influences,
     solvable: Real,
-) -> Any:
+) -> ContinuationState:
     """The path from zero friction, of the samples of which no solution is known nearby."""
     if near:
         requested = requested & where(_are_finite(near), False, True)
@@ -373,7 +373,7 @@ def _end(course: Any, near: Any, k: Reals, edges: Edges, base: Planars, rows: In
     return Path(chosen(finite, t, end.t), chosen(finite, g, end.g), *merged)
 
 
-def _moved(step: Any, k: Reals, g: Reals) -> Real:
+def _moved(step: Reals, k: Reals, g: Reals) -> Real:
     """Whether a step changes any pair's friction by more than rounding of the largest load."""
     allowed = 4.0 * EPS * largest_of(g)
     excess = [abs(d) - allowed * abs(kj) for d, kj in zip(step, k, strict=True)]

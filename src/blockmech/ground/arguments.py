@@ -21,8 +21,9 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 import numpy as np
 
 from blockmech.ground.errors import Problem, RequestError
+from blockmech.typing import Kernel
 
-F = TypeVar("F", bound=Callable[..., Any])
+F = TypeVar("F", bound=Callable[..., object])
 
 WORDS: Mapping[Any, str] = {
     str: "a text",
@@ -65,14 +66,14 @@ def declared(function: F) -> F:
     return cast(F, call)
 
 
-def _problem(name: str, value: Any, hint: Any) -> Problem:
+def _problem(name: str, value: object, hint: Any) -> Problem:
     kinds = list(dict.fromkeys(w for part in _parts(hint) if (w := _type_name(part))))
     valid = f"{' or '.join(kinds)} is meant" if kinds else ""
     message = f"got {value!r:.60}"
     return Problem("wrong-type", name, message, valid, getattr(value, "_instead", ""))
 
 
-def _hint(annotation: Any, function: Any) -> Any:
+def _hint(annotation: object, function: Kernel) -> Any:
     """The type that an annotation stands for; any where it is only known to type checkers."""
     if not isinstance(annotation, str):
         return Any

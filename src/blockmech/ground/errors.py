@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from itertools import islice
@@ -80,7 +80,7 @@ class BlockmechError(Exception):
     def __str__(self) -> str:
         return "\n".join(str(p) for p in self.problems)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return type(self), (self.problems,), self.__dict__
 
 
@@ -148,7 +148,7 @@ class NotComputedError(RequestError, KeyError):
     """A result does not hold the output that is read from it."""
 
 
-def held(table: Mapping[str, T], name: Any, found: str, label: str, remedy: str = "") -> T:
+def held(table: Mapping[str, T], name: Hashable, found: str, label: str, remedy: str = "") -> T:
     """What is kept under a name. Raises `NotComputedError` for a name that is none."""
     if not isinstance(name, str) or name not in table:
         nearest = close_match(str(name), table) or remedy
@@ -204,7 +204,7 @@ class SampleError(BlockmechError):
         super().__init__(problems)
         self.failure = failure
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return type(self), (self.problems, self.failure)
 
 
@@ -306,7 +306,7 @@ def listed(items: Iterable[str], limit: int = 12) -> str:
     return cut + (f", ... ({len(items)} in all)" if len(items) > limit else "")
 
 
-def shown(raw: Any, limit: int = 60) -> str:
+def shown(raw: object, limit: int = 60) -> str:
     """A value as it stands in the file, cut when it is long."""
     try:
         text = json.dumps(raw, ensure_ascii=False)

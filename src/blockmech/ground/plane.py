@@ -16,13 +16,14 @@ import bisect
 import functools
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from blockmech.typing import Complex, Real, Record
+from blockmech.typing import Array, Complex, Kernel, Nested, Real, Reals, Record, Values
 
 K = TypeVar("K")
+State = TypeVar("State", bound=Values)
 NAN = math.nan
 EPS = sys.float_info.epsilon  # of the numbers at hand: an engine binds its own precision's
 # Of the largest speed: a relative speed below it counts as rest. A rate of zero that rounding
@@ -112,7 +113,7 @@ def modulo(x: Real, period: Real) -> Real:
     return rest if rest >= 0.0 else rest + period
 
 
-def piecewise(x: Real, knots: Any, rows: Any) -> Real:
+def piecewise(x: Real, knots: Reals, rows: Sequence[Reals]) -> Real:
     """A piecewise polynomial; NaN before the first and behind the last knot.
 
     ``rows[d][k]`` is the coefficient of the piece from ``knots[k]`` on, highest power of
@@ -127,7 +128,7 @@ def piecewise(x: Real, knots: Any, rows: Any) -> Real:
     return total
 
 
-def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
+def repeat(step: Callable[..., State], state: State, cap: int, *data: Nested) -> State:
     """``state = step(state, *data)`` while its last entry holds, at most ``cap`` times.
 
     ``state`` is a (nested) tuple of batches. Each sample stops by itself and is then left
@@ -140,14 +141,14 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
     return state
 
 
-def times(step: Any, state: Any, count: int, *data: Any) -> Any:
+def times(step: Callable[..., State], state: State, count: int, *data: Nested) -> State:
     """``state = step(state, *data)``, so many times for every sample."""
     for _ in range(count):
         state = step(state, *data)
     return state
 
 
-def implicit(step: Any, state: Any, *data: Any) -> Any:
+def implicit(step: Kernel, state: State, *data: Nested) -> State:
     """``state``, at which a step of Newton's method stands still, as it is.
 
     An engine of derivatives takes this one step: it differentiates the equations that the
@@ -156,7 +157,7 @@ def implicit(step: Any, state: Any, *data: Any) -> Any:
     return state
 
 
-def each(function: Any, *x: Real) -> Real:
+def each(function: Callable[..., float], *x: Real) -> Real:
     """``function(*x)`` for each sample, as Python numbers; for functions that are no kernels."""
     return function(*x)
 
@@ -166,28 +167,28 @@ def planar(x: Real, y: Real) -> Complex:
     return complex(x, y)
 
 
-def matrix(rows: Any) -> Any:
+def matrix(rows: Sequence[Reals]) -> Array:
     """A square matrix from rows of numbers; what the two functions below take."""
     import numpy as np
 
     return np.array(rows)
 
 
-def solve(a: Any, right: Any) -> tuple[Real, ...]:
+def solve(a: Array, right: Reals) -> tuple[Real, ...]:
     """Solution x of a x = right; not finite where the matrix is singular."""
     import numpy as np
 
     return tuple(np.linalg.solve(a, right).tolist())
 
 
-def solve_transposed(a: Any, right: Any) -> tuple[Real, ...]:
+def solve_transposed(a: Array, right: Reals) -> tuple[Real, ...]:
     """Solution x of a^T x = right."""
     import numpy as np
 
     return tuple(np.linalg.solve(a.T, right).tolist())
 
 
-def spread(a: Any) -> Real:
+def spread(a: Array) -> Real:
     """Ratio of the smallest to the largest singular value; NaN of a matrix with a NaN in it."""
     import numpy as np
 
@@ -207,7 +208,7 @@ SCALAR_CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j, "REST": REST_SHARE}
 def always(kernel: K) -> Callable[..., K]:
     """A method that answers the same kernel, whatever it is asked."""
 
-    def method(declaring: Any, *of: Any) -> K:
+    def method(declaring: object, *of: object) -> K:
         return kernel
 
     method.__doc__ = kernel.__doc__
@@ -222,7 +223,7 @@ def always(kernel: K) -> Callable[..., K]:
 # that brings a type registers it: ``primitives_of.register(Dual, lambda x: {...})``.
 
 
-def one_by_one(function: Callable[..., tuple[float, ...]], *x: Any) -> tuple[Any, ...]:
+def one_by_one(function: Callable[..., tuple[float, ...]], *x: Real) -> tuple[Real, ...]:
     """A function of numbers that knows no other type, e.g. of SciPy; it returns numbers."""
     return function(*x)
 
@@ -241,7 +242,7 @@ def has_arithmetic(x: object) -> bool:
     return primitives_of.dispatch(type(x)) is not primitives_of.dispatch(object)
 
 
-def apply(primitive: str, *x: Any) -> Any:
+def apply(primitive: str, *x: Real) -> Real:
     """A primitive of the plane on numbers of which some may be of another type."""
     design_number = next(filter(has_arithmetic, x), None)
     return primitives_of(design_number)[primitive](*x)

@@ -6,11 +6,12 @@ import functools
 import html
 import sys
 import time
-from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Any, TypeVar, cast
 
-F = TypeVar("F", bound=Callable[..., Any])
+from blockmech.typing import Kernel
+
+F = TypeVar("F", bound=Kernel)
 PATIENCE, REFRESH = 1.0, 0.2  # [s] before the bar is shown, and between two of its states
 
 FOLLOWED = ContextVar("followed", default=False)

@@ -31,7 +31,7 @@ class LazyMethod:
     def __set_name__(self, owner: type, name: str) -> None:
         self._owner, self._name = owner, name
 
-    def __get__(self, instance: Any, owner: type) -> Any:
+    def __get__(self, instance: object, owner: type) -> Any:
         if isinstance(self._owner, ABCMeta) and "__abstractmethods__" not in vars(self._owner):
             return self  # the class is being made, and asks each name whether it is abstract
         *names, _ = self._path.split(".")

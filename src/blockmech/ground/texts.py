@@ -65,7 +65,7 @@ def _numeric(model: type[BaseModel]) -> Mapping[str, tuple[Place, str]]:
     }
 
 
-def _holds_numbers(kind: Any) -> bool:
+def _holds_numbers(kind: object) -> bool:
     origin, inside = typing.get_origin(kind), typing.get_args(kind)
     if origin is typing.Annotated:
         return _holds_numbers(inside[0])

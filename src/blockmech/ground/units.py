@@ -123,7 +123,7 @@ def in_si(raw: Any, *units: str) -> Any:
     return type(raw)(in_si(x, *units) for x in raw) if type(raw) in (list, tuple) else raw
 
 
-def number_in_si(raw: Any, *units: str) -> float:
+def number_in_si(raw: object, *units: str) -> float:
     """A number, or a text with one of the units, in SI; NaN for anything else."""
     try:
         return float(in_si(raw, *units or ("",)))

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import ErrorDetails
 
 from blockmech.ground.errors import (
     MOST,
@@ -58,7 +59,7 @@ class InWrittenOrder(GenerateJsonSchema):
 
 
 def validated(
-    model: type[Model], raw: Any, owner: str, at: Path = ()
+    model: type[Model], raw: object, owner: str, at: Path = ()
 ) -> tuple[Model | None, list[Problem]]:
     """The data as a model, or one problem per mistake.
 
@@ -75,7 +76,7 @@ def validated(
         return None, _problems(error, model, raw, owner, at)
 
 
-def problems_of(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:
+def problems_of(error: ValidationError, model: type[BaseModel], data: object) -> list[Problem]:
     """What is wrong with a model made in Python, where keys are the names of its fields."""
     return _problems(error, model, data, model.__name__, (model.__name__,), by_alias=False)
 
@@ -83,7 +84,7 @@ def problems_of(error: ValidationError, model: type[BaseModel], data: Any) -> li
 def _problems(
     error: ValidationError,
     model: type[BaseModel],
-    raw: Any,
+    raw: object,
     owner: str,
     at: Path,
     by_alias: bool = True,
@@ -95,7 +96,7 @@ def _problems(
     return list(_united(problems))
 
 
-def _path_in(raw: Any, line: Any) -> list[str | int]:
+def _path_in(raw: Any, line: ErrorDetails) -> list[str | int]:
     """Pydantic's location without what is not in the data: tags of unions and the like."""
     path: list[str | int] = []
     for k, part in enumerate(line["loc"], start=1):
@@ -126,7 +127,7 @@ class _Place:
     """A place in data that do not fit: what stands there, and what its schema says."""
 
     def __init__(
-        self, schema: Record, raw: Any, path: list[str | int], owner: str, at: Path
+        self, schema: Record, raw: object, path: list[str | int], owner: str, at: Path
     ) -> None:
         self.where = path_text([*at, *path])
         self.owner = owner if len(path) < 2 else path_text([*at, *path[:-1]])
@@ -160,7 +161,7 @@ MUST: Mapping[str, tuple[str, str]] = {
 """Pydantic's type -> our code, and what a value must be."""
 
 
-def _problem(position: _Place, line: Any) -> Problem:
+def _problem(position: _Place, line: ErrorDetails) -> Problem:
     """One of pydantic's mistakes as a problem."""
     kind, value, context = line["type"], line["input"], line.get("ctx", {})
     where, name = position.where, position.name
@@ -206,7 +207,7 @@ def _problem(position: _Place, line: Any) -> Problem:
     return Problem(code, where, message, context.get("valid", ""), context.get("remedy", ""))
 
 
-def _quantity(value: Any, unit: str) -> tuple[str, str]:
+def _quantity(value: object, unit: str) -> tuple[str, str]:
     """What is valid in place of a text that is no quantity, and what to write for a bare number."""
     if not isinstance(value, str):
         return "", ""
@@ -222,7 +223,7 @@ def _choice(position: _Place) -> tuple[str, list[str]]:
     return choice["propertyName"], list(choice["mapping"])
 
 
-def _no_such_kind(position: _Place, line: Any) -> Problem:
+def _no_such_kind(position: _Place, line: ErrorDetails) -> Problem:
     """The problem of a value that says its kind wrongly or not at all."""
     key, tags = _choice(position)
     where, valid = f"{position.where}.{key}", f"{key}s: {listed(tags)}"
@@ -261,7 +262,7 @@ def _schema_at(root: Record, raw: Any, path: Path) -> Record:
     return node
 
 
-def _chosen(root: Record, node: Record, raw: Any) -> Record:
+def _chosen(root: Record, node: Record, raw: object) -> Record:
     """Of several kinds, the one that the data names."""
     if "discriminator" in node and isinstance(raw, dict):
         tag = raw.get(node["discriminator"]["propertyName"])

@@ -45,10 +45,7 @@ from blockmech.ground.plane import apply
 from blockmech.ground.texts import in_metres, read_texts
 from blockmech.ground.units import NoQuantity
 from blockmech.ground.validation_errors import problems_of
-from blockmech.typing import Data, Quantity, Record
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from blockmech.typing import Array, Data, Quantity, Record
 
 
 def no_boolean(low: int, high: int) -> BeforeValidator:
@@ -73,13 +70,13 @@ if TYPE_CHECKING:
     class Given(Generic[Read, Said]):
         """What type checkers see of a field that may be given in several spellings."""
 
-        def __get__(self, instance: object, owner: Any = None) -> Read: ...
+        def __get__(self, instance: object, owner: type | None = None) -> Read: ...
         def __set__(self, instance: object, value: Said) -> None: ...
 
     class Maybe(Generic[Kind]):
         """A number that may be left out."""
 
-        def __get__(self, instance: object, owner: Any = None) -> float | None: ...
+        def __get__(self, instance: object, owner: type | None = None) -> float | None: ...
         def __set__(self, instance: object, value: Quantity | None) -> None: ...
 
     Number = Given[float, Quantity]
@@ -114,7 +111,7 @@ MILLI = {1e3: "1000 times as large", 1e-3: "1000 times smaller"}
 """What puts a length in mm, or in m among mm, right."""
 
 
-def is_number(x: Any) -> bool:
+def is_number(x: object) -> bool:
     """Whether ``x`` is a finite real number and not a boolean."""
     size: Any = x
     if not isinstance(x, int | float | Real) or isinstance(x, bool):
@@ -299,14 +296,14 @@ def check_table(
 class FrozenDict(dict[Any, Any]):
     """A mapping inside a model, which does not change either."""
 
-    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
         message, remedy = "it does not change once it is made", "make a new one"
         raise GraphError(Problem("frozen", "mapping of a model", message, "", remedy))
 
     __setitem__ = __delitem__ = __ior__ = _refuse
     clear = pop = popitem = setdefault = update = _refuse
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return FrozenDict, (dict(self),)
 
 
@@ -332,7 +329,7 @@ class StrictModel(BaseModel):
 
     if not TYPE_CHECKING:  # type checkers read the fields instead
 
-        def __init__(self, /, *nameless: Any, **values: Any) -> None:
+        def __init__(self, /, *nameless: object, **values: object) -> None:
             if nameless:
                 name, fields = type(self).__name__, type(self).model_fields
                 needed = ", ".join(f"{n}=..." for n, field in fields.items() if field.is_required())
@@ -347,7 +344,7 @@ class StrictModel(BaseModel):
 
         __init__.__pydantic_base_init__ = True  # what is inside a model is validated without it
 
-        def __setattr__(self, name: str, value: Any) -> None:
+        def __setattr__(self, name: str, value: object) -> None:
             try:
                 super().__setattr__(name, value)
             except ValidationError:
@@ -373,7 +370,7 @@ class StrictModel(BaseModel):
         vars(model)["texts"] = texts
         return model
 
-    def model_post_init(self, context: Any) -> None:
+    def model_post_init(self, context: object) -> None:
         """Close the mappings."""
         for name, x in vars(self).items():
             if type(x) is dict:
@@ -421,13 +418,13 @@ def _pair(raw: Any) -> Any:
 
 
 if TYPE_CHECKING:
-    Two: TypeAlias = tuple[Quantity, Quantity] | list[float] | NDArray[Any] | complex
+    Two: TypeAlias = tuple[Quantity, Quantity] | list[float] | Array | complex
     AnyMarker: TypeAlias = "Marker | tuple[Quantity, Quantity] | list[float] | complex"
     AnyPlace: TypeAlias = Place | Two | dict[str, tuple[Quantity, Quantity]]
     PlaceGiven = Given[Place, AnyPlace]
     VectorGiven = Given[Vector, Vector | Two]
     VectorOrNoneGiven = Given[Vector | None, Vector | Two | None]
-    NumbersGiven = Given[list[float], Sequence[Quantity] | NDArray[Any]]
+    NumbersGiven = Given[list[float], Sequence[Quantity] | Array]
     Lengths = Given[tuple[float, float], tuple[Quantity, Quantity]]
     Pose = Given[tuple[float, float, float] | None, Sequence[Quantity] | None]
     MarkersGiven = Given[dict[str, "Marker"], Mapping[str, AnyMarker]]

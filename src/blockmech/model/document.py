@@ -271,7 +271,7 @@ class Document:
 
     # -- attributes -------------------------------------------------------
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         cls: Any = type(self)
         names = _attributes(cls)
         if name not in names:

@@ -75,7 +75,7 @@ class Section(NamedTuple):
     prefix: str = ""
     other: Callable[[str, Data], Any] | None = None
 
-    def unknown_kind(self, word: Any, where: str) -> Problem:
+    def unknown_kind(self, word: object, where: str) -> Problem:
         """The problem that names an unknown kind of an item and its nearest relatives."""
         remedy = close_match(word, self.kinds) if isinstance(word, str) else ""
         return Problem("wrong-value", where, f"no {self.key} {shown(word)}", self.words, remedy)
@@ -140,7 +140,7 @@ class Form:
         return data
 
 
-def bad_name(what: str, name: Any, where: str = "") -> Problem:
+def bad_name(what: str, name: object, where: str = "") -> Problem:
     """The problem of a name that could not stand in an address."""
     where = where or str(name) or '""'
     return Problem("bad-name", where, f"not a {what} name", NAME_RULE, "choose another name")

@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from blockmech.ground.tolerances import ROUNDING
@@ -27,6 +26,7 @@ from blockmech.ground.values import (
     check_table,
     default,
 )
+from blockmech.typing import Floats
 
 __all__ = [
     "ConstantRate",
@@ -37,8 +37,7 @@ __all__ = [
     "Trajectory",
 ]
 
-Array = NDArray[np.float64]
-Motion = tuple[Array, Array, Array]
+Motion = tuple[Floats, Floats, Floats]
 
 
 class LawOfMotion(StrictModel):
@@ -61,7 +60,7 @@ class LawOfMotion(StrictModel):
         return {**coordinates, **rates, "times": "s", "frequency": "Hz"}
 
     @abstractmethod
-    def at_times(self, t: Array) -> Motion:
+    def at_times(self, t: Floats) -> Motion:
         """Coordinate, rate and acceleration (n,) at times (n,) [s]."""
 
     @abstractmethod
@@ -105,13 +104,13 @@ class OverRange(LawOfMotion):
         back = not acceleration and rate * (self.end - self.start) < 0
         return (self.end, self.start) if back else (self.start, self.end)
 
-    def coordinates(self, n: int) -> Array:
+    def coordinates(self, n: int) -> Floats:
         """n equally spaced coordinates over the range, as it is travelled; one if it is a point."""
         if self.start == self.end:
             return np.array([self.start])
         return np.linspace(*self.travelled, n)
 
-    def at_coordinates(self, q: Array) -> Motion:
+    def at_coordinates(self, q: Floats) -> Motion:
         """rate^2 = rate_from^2 + 2 acceleration (q - from); NaN where it never gets."""
         rate, acceleration = self._course
         if not acceleration:
@@ -121,7 +120,7 @@ class OverRange(LawOfMotion):
             rates = direction * np.sqrt(rate**2 + 2 * acceleration * (q - self.start))
         return q, rates, np.full(q.shape, acceleration)
 
-    def at_times(self, t: Array) -> Motion:
+    def at_times(self, t: Floats) -> Motion:
         """q = from + rate t + acceleration t^2 / 2."""
         rate, acceleration = self._course
         if not acceleration:
@@ -129,7 +128,7 @@ class OverRange(LawOfMotion):
         q = self.start + rate * t + acceleration * t * t / 2
         return q, rate + acceleration * t, np.full(t.shape, acceleration)
 
-    def times(self, q: Array) -> Array:
+    def times(self, q: Floats) -> Floats:
         """First time [s] since the range is entered at which q is passed; NaN where never."""
         rate, acceleration = self._course
         if acceleration:
@@ -189,7 +188,7 @@ class Harmonic(LawOfMotion):
     frequency: Positive
     phase: Angle = default(0.0)
 
-    def at_times(self, t: Array) -> Motion:
+    def at_times(self, t: Floats) -> Motion:
         """The harmonic and its derivatives."""
         w = 2 * math.pi * self.frequency
         s, c = np.sin(w * t + self.phase), np.cos(w * t + self.phase)
@@ -218,7 +217,7 @@ class Cycloidal(LawOfMotion):
     end: Annotated[Number, Field(alias="to")]
     time: Annotated[Positive, Field(alias="duration", json_schema_extra={"unit": "s"})]
 
-    def at_times(self, t: Array) -> Motion:
+    def at_times(self, t: Floats) -> Motion:
         """q = from + rise (s - sin(2 pi s) / 2 pi), s = t / duration."""
         s = np.clip(t / self.time, 0.0, 1.0)
         rise, w = self.end - self.start, 2 * math.pi
@@ -255,7 +254,7 @@ class Trajectory(LawOfMotion):
         check_table("times", self.times, self.values)
         return self
 
-    def at_times(self, t: Array) -> Motion:
+    def at_times(self, t: Floats) -> Motion:
         """The interpolant and its derivatives; NaN outside its times."""
         return self._curve(t), self._curve(t, 1), self._curve(t, 2)
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from blockmech.blocks.contract import BuiltIn
 from blockmech.couplings.contract import Meshing, Transmission, Where
 from blockmech.ground.errors import GraphError, Problem
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.structure import SAME_CARRIER, JointRef, LinkRef, MarkerRef, Structure
-from blockmech.typing import Guide, LinkPosition
+from blockmech.typing import Guide, LinkPosition, Parameters
 
 STILL = Transmission(0.0, 0.0, 0.0)
 
@@ -53,7 +52,7 @@ def _changing_distance(s: Structure, name: str) -> Iterator[Problem]:
         link = pivot.on
 
 
-def coupling_numbers(s: Structure, name: str) -> Any:
+def coupling_numbers(s: Structure, name: str) -> Parameters:
     """What a coupling's kernels read as ``p``."""
     pair = s.coupled_pair(name)
     return s.couplings[name].numbers(pair, lambda: _meshing(s, name, 0.0, STILL))

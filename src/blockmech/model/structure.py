@@ -7,11 +7,11 @@ mobility 3n - 2p, or 3n - sum (3 - f) with f degrees of freedom of each pair.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
 from blockmech.couplings.contract import Coupling
@@ -22,7 +22,7 @@ from blockmech.ground.names import split_address
 from blockmech.ground.values import Link, Marker
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
-from blockmech.typing import Data, Record
+from blockmech.typing import Data, Kernel, Record
 
 T = TypeVar("T")
 COORDINATE = "coordinate"  # last word of the outputs that are coordinates of pairs
@@ -243,12 +243,12 @@ class Structure:
         kind = "R" if leading is None else self.joint(leading).kind
         return kind + self.driver_joint(coupling.driven).kind
 
-    def contact(self, driver: str) -> Callable[..., Any] | None:
+    def contact(self, driver: str) -> Kernel | None:
         """The contact by which a driver follows; None for a black box."""
         name = self.followers[driver].coupling
         return self.couplings[name].contact(self.coupled_pair(name))
 
-    def touch(self, driver: str) -> Callable[..., Any] | None:
+    def touch(self, driver: str) -> Kernel | None:
         """Where a driver's link touches what it follows; None for no one place."""
         name = self.followers[driver].coupling
         return self.couplings[name].touch(self.coupled_pair(name))

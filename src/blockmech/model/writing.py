@@ -53,7 +53,7 @@ def canonical_text(document: Record) -> str:
     return _text(document, 0, 0) + "\n"
 
 
-def _refuse_strange(value: Any, path: tuple[str | int, ...]) -> None:
+def _refuse_strange(value: object, path: tuple[str | int, ...]) -> None:
     if isinstance(value, Mapping):
         for key, item in value.items():
             if not isinstance(key, str):
@@ -74,7 +74,7 @@ def _refuse_strange(value: Any, path: tuple[str | int, ...]) -> None:
 
 
 def _strange(
-    code: str, path: tuple[str | int, ...], rule: str, value: Any, remedy: str = ""
+    code: str, path: tuple[str | int, ...], rule: str, value: object, remedy: str = ""
 ) -> FormatError:
     return FormatError(Problem(code, path_text(path), f"{rule}, got {value!r:.60}", "", remedy))
 

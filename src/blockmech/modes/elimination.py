@@ -27,14 +27,14 @@ three-degree-of-freedom parallel manipulators, ICAR 1991 (there with half angles
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS, cross, dot
 from blockmech.modes.triad import Placed
-from blockmech.typing import Floats, Vectors
+from blockmech.typing import Floats, Real, Vectors
 
 CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16)  # 7 samples are needed, more halve rounding
 NEGLIGIBLE = 32 * EPS  # of the largest coefficient: a leading one below it is rounding
@@ -56,8 +56,8 @@ def lines(placed: Placed, e: Vectors) -> Lines:
     radius = placed.reaches[:, first, None] * bool(circles)
     feet = [placed.pivots[:, k, None] - e * placed.pins[:, k, None] for k in range(3)]
     middle = feet[first] * bool(circles)
-    normals: list[Any] = []
-    sides: list[Any] = []
+    normals: list[Real] = []
+    sides: list[Real] = []
     for k, kind in enumerate(placed.kinds):
         reach, foot = placed.reaches[:, k, None], feet[k] - middle  # its pin is at G there
         if k == first:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from blockmech.modes.triad import Support
 from blockmech.passes.forward import joint_position, link_position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
-from blockmech.typing import Data, Guide, LinkPosition, Record
+from blockmech.typing import Complex, Data, Guide, LinkPosition, Record, Values
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -45,19 +45,19 @@ class Places:
     def _inputs(self, drivers: Record) -> Data:
         return {name: drivers[self._drivers[name]] for name in self.program.inputs}
 
-    def at(self, samples: Iterable[Mapping[str, float]]) -> Iterator[tuple[Any, ...]]:
+    def at(self, samples: Iterable[Mapping[str, float]]) -> Iterator[Values]:
         """Origins [m] and directions of the links, and supports; NaN where they are not placed."""
         engine = ScalarEngine(self.program)
         for drivers in samples:
             yield engine.one(list(self._inputs(drivers).values()))
 
-    def along(self, drivers: Record, n: int) -> list[Any]:
+    def along(self, drivers: Record, n: int) -> list[Support]:
         """The same at n places, as arrays (n,)."""
         columns = {name: np.broadcast_to(q, n) for name, q in self._inputs(drivers).items()}
         return [_of_arrays(value) for value in NumpyEngine(self.program).run(columns, n)]
 
 
-def _of_arrays(value: Any) -> Support:
+def _of_arrays(value: Complex) -> Support:
     if isinstance(value, Guide):
         return Guide(*map(_of_arrays, value))
     return np.asarray(value.real) + 1j * np.asarray(value.imag)

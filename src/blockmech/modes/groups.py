@@ -20,7 +20,7 @@ from blockmech.blocks.general import GeneralGroup, InnerPair
 from blockmech.blocks.general.block import SUPPORTS
 from blockmech.ground.plane import cross
 from blockmech.modes.triad import LegKind, Support, Triad
-from blockmech.typing import Guide, LinkPosition, Record
+from blockmech.typing import Guide, LinkPosition, Real, Reals, Record
 
 Body = Mapping[str, LinkPosition]
 """Links of one body -> their places in the frame of the first."""
@@ -34,7 +34,7 @@ class LegBody(NamedTuple):
     head: LinkPosition  # its pair at the platform, on the body
     seat: LinkPosition  # the same on the platform
 
-    def reach(self) -> Any:
+    def reach(self) -> Real:
         """Its length, or the offset of its pin from the guide [m]."""
         arm = self.head.o - self.foot.o
         if self.kind == "RR":
@@ -92,7 +92,7 @@ class Outline:
     joints: tuple[str, ...]  # the outer joint of each leg
     seats: tuple[str, ...]  # the pair of each leg at the platform
 
-    def at(self, q: Sequence[Any] = ()) -> TriadOfLinks:
+    def at(self, q: Reals = ()) -> TriadOfLinks:
         """The triad at coordinates [rad or m] of the group's own drivers; floats or (n,)."""
         driven = dict(zip((joint.name for joint in self.group.driven), q, strict=True))
         bodies = tuple(self._body(first, driven) for first in (self.platform, *self.legs))

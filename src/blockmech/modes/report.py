@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.scan import shown_place
 from blockmech.figures.bars import Bar, bars_figure
@@ -16,6 +16,9 @@ from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import among
 from blockmech.ground.report import DEGREES, Facts, with_unit
 from blockmech.typing import Data, Record
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -157,7 +160,7 @@ class Modes(Facts, Pictured):
         groups = {modes.group: modes for modes in self.groups}
         return groups[among(groups, "group", group)[0]]
 
-    def figure(self, degrees: bool = IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = IN_DEGREES, ax: Axes | None = None) -> Any:
         """The arcs of all groups as bars, those of a circuit in one colour."""
         bars = [bar for group in self.groups for bar in self._bars(group)]
         caption = "Modes of one colour connect through dead centres; the dot: the file's mode."

@@ -28,10 +28,10 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.ground.plane import cross, dot
-from blockmech.typing import Floats, Guide, Vectors
+from blockmech.typing import Array, Complex, Floats, Guide, Planars, Reals, Vectors
 
 LegKind: TypeAlias = Literal["RR", "RP", "PR"]
-Support: TypeAlias = Any
+Support: TypeAlias = Complex | Guide
 """Where an earlier link holds a leg: a pivot [m], or a `Guide` (leg PR); or (n,) of them."""
 
 
@@ -45,12 +45,12 @@ class Triad(NamedTuple):
     """
 
     kinds: Sequence[LegKind]
-    pins: Any
-    reaches: Any
-    alongs: Any = (1, 1, 1)
+    pins: Vectors | Planars
+    reaches: Floats | Reals
+    alongs: Vectors | Planars = (1, 1, 1)
 
     @classmethod
-    def rrr(cls, lengths: Any, pins: Any) -> Triad:
+    def rrr(cls, lengths: Floats | Reals, pins: Vectors | Planars) -> Triad:
         """Legs of given lengths [m] at pins [m] of the platform."""
         return cls(("RR", "RR", "RR"), pins, lengths)
 
@@ -126,7 +126,7 @@ def placed(
     return Placed(kinds, pins, reaches, alongs, pivots, guides, centres, size, origin)
 
 
-def _three_columns(numbers: Any, n: int) -> Any:
+def _three_columns(numbers: Array | Planars, n: int) -> Array:
     """Three numbers, three arrays (n,) of them, or one (n, 3), as an array (n, 3)."""
     if isinstance(numbers, np.ndarray) and numbers.ndim == 2:
         return numbers

@@ -41,8 +41,8 @@ from blockmech.model.structure import Structure
 from blockmech.passes.tracking import GroupPose, Tracker
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value, tuple_of
+from blockmech.typing import Floats
 
-Array = NDArray[np.float64]
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
 SMALLEST = (
     64 * EPS
@@ -129,7 +129,7 @@ class Path:
             raise GraphError(Problem("bad-home", where, "; ".join(parts), valid))
 
     @cached_property
-    def home(self) -> Array:
+    def home(self) -> Floats:
         """Driver values at home (k,)."""
         return np.array([self.group.home.drivers[d] for d in self.drivers], float)
 
@@ -161,7 +161,7 @@ class Path:
             )
         return pose
 
-    def _is_near(self, home: Array, closed: Array) -> bool:
+    def _is_near(self, home: Floats, closed: Floats) -> bool:
         """Whether no link had to move by more than the whole group measures: a slip of units."""
         frames = closed[-self.size :]
         moved = np.abs(frames - home[-self.size :])[:, :2].max()
@@ -193,7 +193,7 @@ class Path:
         columns = np.ascontiguousarray(np.moveaxis(frames, 0, -1)).reshape((self.size, 4, *shape))
         return tuple(tuple(link) for link in columns), reached.reshape(shape)
 
-    def follow(self, q: Array, single: bool = False) -> tuple[Array, Array]:
+    def follow(self, q: Floats, single: bool = False) -> tuple[Floats, Floats]:
         """Frames (n, m, 4) near the poses at driver values (n, k), NaN where the path ends before,
         and the share of it (n,) that was possible; by the scalar engine for a ``single`` sample."""
         home, n = self.at_home, len(q)
@@ -217,8 +217,8 @@ class Path:
 
 
 def travel(
-    path: Path, start: Array, poses: GroupPose, end: Array, single: bool
-) -> tuple[Array, Array]:
+    path: Path, start: Floats, poses: GroupPose, end: Floats, single: bool
+) -> tuple[Floats, Floats]:
     """Follow n samples from poses at their start (n, k) to their end along straight lines.
 
     Returns frames where they arrived, NaN where the line ends before, and the share of
@@ -255,7 +255,7 @@ def travel(
     return poses.frames, np.where(finite, share, np.nan)
 
 
-def room_for_step(path: Path, start: GroupPose, end: GroupPose, first: Array) -> Array:
+def room_for_step(path: Path, start: GroupPose, end: GroupPose, first: Floats) -> Floats:
     """How much longer each step (n,) might have been; below 1 it was too long, 0 if lost."""
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.sqrt(CORRECTION * extent(path, end) / first)
@@ -265,19 +265,19 @@ def room_for_step(path: Path, start: GroupPose, end: GroupPose, first: Array) ->
     return np.asarray(np.nan_to_num(room, nan=0.0, posinf=np.inf))
 
 
-def extent(path: Path, pose: GroupPose) -> Array:
+def extent(path: Path, pose: GroupPose) -> Floats:
     """What corrections (n,) are measured by [-]: size and radian, more where slides are far out."""
     moved = (pose.frames - path.at_home.frames)[..., :2] * path.tracker.weights[:, :2]
     displacement = 1.0 + np.abs(moved).max(axis=(1, 2), initial=0.0)
     return np.asarray(np.maximum(displacement, pose.reach))
 
 
-def growth(room: Array) -> Array:
+def growth(room: Floats) -> Floats:
     """Factor (n,) from a step to the next one."""
     return np.clip(0.7 * room, 0.25, 4.0)
 
 
-def predicted(frames: Array, rate: Array, step: Array) -> Array:
+def predicted(frames: Floats, rate: Floats, step: Floats) -> Floats:
     """Frames after a step with constant rates."""
     moved = np.empty_like(frames)
     moved[..., :2] = frames[..., :2] + step[:, None, None] * rate[..., :2]
@@ -288,13 +288,13 @@ def predicted(frames: Array, rate: Array, step: Array) -> Array:
     return moved
 
 
-def strides(rate: Array) -> Array:
+def strides(rate: Floats) -> Floats:
     """Share of the line (n,) in which no link turns further than a stride."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(LONGEST_STEP / np.abs(rate[..., 2]).max(axis=1, initial=0.0))
 
 
-def last_good(path: Path, q: Array) -> Array:
+def last_good(path: Path, q: Floats) -> Floats:
     """Driver values (k,) of the last pose on the line from home to q, where that ends before."""
     if len(path.drivers) == 1:
         side = path.knots.sides[1 if q[0] >= path.home[0] else -1]
@@ -315,7 +315,7 @@ class ContinuationNodes:
         unit = 1.0 if self.rotary else path.group.parameters().size
         self.sides = {sense: _Side(path, sense, start, unit) for sense in (1, -1)}
 
-    def follow(self, q: Array, single: bool) -> tuple[Array, Array]:
+    def follow(self, q: Floats, single: bool) -> tuple[Floats, Floats]:
         """As `Path.follow`, for driver values (n,).
 
         Behind the end of an arc a crank stands where it also stands whole turns before:
@@ -333,7 +333,7 @@ class ContinuationNodes:
             frames[lost[better]], reached[lost[better]] = alternative[better], share[better]
         return frames, reached
 
-    def _from_home(self, q: Array, single: bool) -> tuple[Array, Array]:
+    def _from_home(self, q: Floats, single: bool) -> tuple[Floats, Floats]:
         away = q - self.home
         frames = np.full((len(q), *self.path.at_home.frames.shape[1:]), np.nan)
         reached = np.where(np.isfinite(q), 0.0, np.nan)
@@ -343,14 +343,14 @@ class ContinuationNodes:
                 frames[on_side], reached[on_side] = side.follow(q[on_side], away[on_side], single)
         return frames, reached
 
-    def _folded(self, q: Array) -> Array:
+    def _folded(self, q: Floats) -> Floats:
         """Driver values of further turns, brought into the first ones where they repeat."""
         beyond = np.abs(q - self.home) >= math.tau
         if not (beyond.any() and self.turns):
             return q
         return np.where(beyond, self.home + np.mod(q - self.home, self.turns * math.tau), q)
 
-    def laid(self, sense: int, reach: float) -> tuple[Array, Array, Array]:
+    def laid(self, sense: int, reach: float) -> tuple[Floats, Floats, Floats]:
         """Driver values (k,) of the knots to one side of home (sense +1 or -1), as far as the
         driver's reach or the path's end, frames (k, m, 4) there and rates (k, m, 3)."""
         with LAYING:
@@ -389,7 +389,7 @@ class _Side:
         self.step = unit
         self._laid: _Table | None = None
 
-    def follow(self, q: Array, away: Array, single: bool) -> tuple[Array, Array]:
+    def follow(self, q: Floats, away: Floats, single: bool) -> tuple[Floats, Floats]:
         """Frames and shares at driver values (n,) on this side."""
         with LAYING:
             self._grow(float(np.abs(away).max()))
@@ -447,13 +447,13 @@ class _Table(NamedTuple):
     rows : (4, k, m, 4), sure : (k,) whether the cubic from a knot to the next one is a good guess
     """
 
-    q: Array
+    q: Floats
     poses: GroupPose
-    rows: Array
+    rows: Floats
     sure: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, path: Path, q: Array, poses: GroupPose) -> _Table:
+    def of(cls, path: Path, q: Floats, poses: GroupPose) -> _Table:
         """Each cubic is held against the pose in its middle."""
         rows = np.zeros((4, *poses.frames.shape))
         rows[:, :-1] = cubics(q, poses.frames, slopes(poses.frames, poses.rate))
@@ -466,16 +466,16 @@ class _Table(NamedTuple):
             table.sure[:-1] = first <= SURE * nearest.min(axis=1)
         return table
 
-    def guess(self, k: NDArray[np.intp], q: Array) -> Array:
+    def guess(self, k: NDArray[np.intp], q: Floats) -> Floats:
         """Frames (n, m, 4) at driver values (n,) behind knots."""
         x = (q - self.q[k])[:, None, None]
-        total: Array = self.rows[0, k]
+        total: Floats = self.rows[0, k]
         for row in self.rows[1:]:
             total = total * x + row[k]
         return total
 
 
-def slopes(frames: Array, rates: Array) -> Array:
+def slopes(frames: Floats, rates: Floats) -> Floats:
     """Rates (k, m, 4) of frames, from those of origins and angles."""
     slope = np.empty_like(frames)
     slope[..., :2] = rates[..., :2]
@@ -484,7 +484,7 @@ def slopes(frames: Array, rates: Array) -> Array:
     return slope
 
 
-def cubics(knots: Array, y: Array, slope: Array) -> Array:
+def cubics(knots: Floats, y: Floats, slope: Floats) -> Floats:
     """Coefficients (4, k - 1, ...) of Hermite's cubics, the highest power first."""
     h = np.diff(knots)[:, None, None]
     a, b = y[:-1], y[1:]

@@ -22,8 +22,8 @@ from blockmech.model.structure import LinkRef, Structure
 from blockmech.passes.forward import link_position, link_velocity, position
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import UNIT, Value, tuple_of
+from blockmech.typing import Floats
 
-Array = NDArray[np.float64]
 # Of the smallest singular value, by which J may change with a last step known to be safe: that step
 # would be by the exact value at the end as well, 2 c / (1 + c) for a share c = 0.7 of both ends.
 CALM = 0.8
@@ -39,11 +39,11 @@ class GroupPose(NamedTuple):
     reach : (n,) [-] the longest of their rows: at least 1, more where slides are far out
     """
 
-    frames: Array
-    rate: Array
-    J: Array
-    nearest: Array
-    reach: Array
+    frames: Floats
+    rate: Floats
+    J: Floats
+    nearest: Floats
+    reach: Floats
 
     def at(self, samples: NDArray[np.intp] | NDArray[np.bool_]) -> GroupPose:
         """Some of the samples."""
@@ -94,12 +94,12 @@ class Tracker:
 
     def at(
         self,
-        q: Array,
-        line: Array,
-        frames: Array,
+        q: Floats,
+        line: Floats,
+        frames: Floats,
         single: bool = False,
         before: GroupPose | None = None,
-    ) -> tuple[GroupPose, Array]:
+    ) -> tuple[GroupPose, Floats]:
         """Corrected frames with rates along the line, and first corrections (n,).
 
         single : for one sample, by Python's numbers
@@ -135,21 +135,21 @@ class Tracker:
         return GroupPose(frames, rate, J, np.stack(nearest, axis=1), np.max(reach, axis=0)), first
 
 
-def _at_least(J: Array, old: Array, nearest: Array, scaled: Array) -> Array:
+def _at_least(J: Floats, old: Floats, nearest: Floats, scaled: Floats) -> Floats:
     """Bounds (n,) from below of the smallest singular values, exact where J is not much the same.
 
     The norm of the change is the larger one, of all entries: the decomposition takes ten times
     as long.
     """
     change = np.sqrt(np.square(J - old).sum(axis=(1, 2)))
-    bounds: Array = nearest - change
+    bounds: Floats = nearest - change
     open_ = np.flatnonzero(~(change < CALM * nearest))
     if len(open_):
         bounds[open_] = _smallest(scaled[open_])
     return bounds
 
 
-def _smallest(J: Array) -> Array:
+def _smallest(J: Floats) -> Floats:
     """The smallest singular value (n,) of each matrix; NaN where an entry is."""
     good = np.asarray(np.isfinite(J).all(axis=(1, 2)))
     values = np.linalg.svd(np.where(good[:, None, None], J, 0.0), compute_uv=False)

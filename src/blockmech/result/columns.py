@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.files import AnyPath
 from blockmech.ground.tolerances import ROUNDING
@@ -16,14 +15,12 @@ from blockmech.ground.units import shown_in
 from blockmech.plan.plan import Output
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Accuracy, Quality
-from blockmech.typing import Arguments, Named
+from blockmech.typing import Arguments, Floats, Named, Real
 
-__all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
-
-Array = NDArray[np.float64]
+__all__ = ["AnyPath", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
 
-class Labelled(Mapping[str, NDArray[Any]]):
+class Labelled(Mapping[str, Floats]):
     """What the exports need of a result: outputs by name, and what they are.
 
     ``motion`` is that of a simulation, ``accuracy`` what was chosen for a wanted one; of other
@@ -43,12 +40,12 @@ class Labelled(Mapping[str, NDArray[Any]]):
 
     @property
     @abstractmethod
-    def time(self) -> Array | None:
+    def time(self) -> Floats | None:
         """Times (n,) [s] of the samples, if the request defines them."""
 
     @property
     @abstractmethod
-    def drivers(self) -> dict[str, Array]:
+    def drivers(self) -> dict[str, Floats]:
         """Driver coordinates by name of the output."""
 
     @property
@@ -70,7 +67,7 @@ class Labelled(Mapping[str, NDArray[Any]]):
         """What a reader must know of the model to read the numbers."""
 
     @property
-    def friction_error(self) -> Array | None:
+    def friction_error(self) -> Floats | None:
         """Bound (n,) [-] of what an iteration of friction leaves undone, where it is cut short."""
         return None
 
@@ -78,7 +75,7 @@ class Labelled(Mapping[str, NDArray[Any]]):
     def _unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate."""
 
-    def _known_time(self) -> Array | None:
+    def _known_time(self) -> Floats | None:
         """Times (n,) [s], or None where the request does not say them."""
         time = self.time
         return time if time is not None and np.isfinite(time).any() else None
@@ -98,7 +95,7 @@ class Column:
 
     name: str
     unit: str
-    values: Array
+    values: Floats
     output: str
 
     @property
@@ -120,7 +117,7 @@ def columns(result: Labelled) -> list[Column]:
     return table
 
 
-def without_noise(values: Any, largest: float) -> Array:
+def without_noise(values: Real, largest: float) -> Floats:
     """Values in which what is rounding beside the largest term is zero."""
     with np.errstate(invalid="ignore"):
         return np.where(np.abs(values) < ROUNDING * largest, 0.0, values)
@@ -157,7 +154,7 @@ def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
         yield name, values
 
 
-def _column(result: Labelled, name: str, unit: str, values: Any, output: str) -> Column:
+def _column(result: Labelled, name: str, unit: str, values: Real, output: str) -> Column:
     real = np.asarray(values, dtype=np.float64)
     factor, display_unit = shown_in(unit, result.units)
     return Column(name, display_unit, real if display_unit == unit else factor * real, output)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic_core import to_json
 
 from blockmech.ground.arguments import declared
@@ -17,7 +16,10 @@ from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.report import as_json
 from blockmech.result.columns import Column, Labelled, columns
 from blockmech.result.motion import Motion
-from blockmech.typing import Data
+from blockmech.typing import Array, Data
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 FORMAT, VERSION = "blockmech/result", 1
 
@@ -80,7 +82,7 @@ def to_npz(result: Labelled, path: AnyPath) -> None:
         np.savez(stream, **arrays)
 
 
-def to_dataframe(result: Labelled) -> Any:
+def to_dataframe(result: Labelled) -> DataFrame:
     """The columns of the CSV as a pandas DataFrame; units are in ``attrs["units"]``.
 
     Raises `MissingEngineError` without pandas.
@@ -134,7 +136,7 @@ def pint_unit(unit: str) -> str:
     return re.sub(r"([A-Za-z])(\d)", r"\1**\2", unit)
 
 
-def dataframe(table: Sequence[Column], status: Sequence[str]) -> Any:
+def dataframe(table: Sequence[Column], status: Sequence[str]) -> DataFrame:
     """Columns and a last one of words as a pandas DataFrame; see `to_dataframe`."""
     pandas = needed("pandas", "to_dataframe", "study", "to_csv needs nothing")
     frame = pandas.DataFrame({column.name: column.values for column in table})
@@ -186,18 +188,18 @@ def _output(result: Labelled, name: str) -> Data:
 
 def _values(raw: Any) -> list[Any]:
     """Samples as JSON data; a sample that is not finite in any part is None."""
-    table: NDArray[Any] = np.atleast_1d(np.asarray(raw))
+    table: Array = np.atleast_1d(np.asarray(raw))
     if np.iscomplexobj(table):
         table = np.stack([table.real, table.imag], axis=-1)
     table = table.astype(np.float64, copy=False)
-    values: list[Any] = table.tolist()
+    values: list[object] = table.tolist()
     finite = np.isfinite(table).all(axis=tuple(range(1, table.ndim)))
     for i in np.flatnonzero(~finite):
         values[i] = None
     return values
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     # The standard library takes seven times as long for long lists of numbers.
     text = to_json(value, inf_nan_mode="null").decode()
     if text.isascii():

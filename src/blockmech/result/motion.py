@@ -13,7 +13,7 @@ from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json
-from blockmech.typing import Data, Floats
+from blockmech.typing import Array, Data, Floats, Real
 
 Status: TypeAlias = Literal["reached", "ended", "rest", "unfinished", "failed"]
 
@@ -68,8 +68,8 @@ class Event(NamedTuple):
 
     kind: str
     t: float
-    q: Any  # float, or array (k,) with several drivers
-    qd: Any
+    q: Real  # float, or array (k,) with several drivers
+    qd: Real
 
 
 class Impact(NamedTuple):
@@ -190,8 +190,8 @@ class Motion(Facts, Report):
     why: str
     t_start: float
     t_end: float
-    q_end: Any
-    qd_end: Any
+    q_end: Real
+    qd_end: Real
     track: Track
     accuracy: float | None
     regime: str = "none"
@@ -264,7 +264,7 @@ class Motion(Facts, Report):
             lines.append(line.rstrip())
         return lines
 
-    def at(self, t: Any) -> State:
+    def at(self, t: Real) -> State:
         """State at times t [s], of any shape; NaN outside the run."""
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
@@ -293,7 +293,7 @@ class Motion(Facts, Report):
             return end
         return np.where((t == self.t_end)[:, None], end, states(t))
 
-    def sides(self, t: Floats) -> Any:
+    def sides(self, t: Floats) -> Floats:
         """How each pair with friction slips (n, m) at times (n,) [s]; see `slips`.
 
         NaN (n, 1) where the motion does not say it.
@@ -304,7 +304,7 @@ class Motion(Facts, Report):
         which = np.maximum(np.searchsorted(begins, t, "right") - 1, 0)
         return np.array([s.sides for s in self.slips])[which]
 
-    def held(self, t: Floats, stops: Sequence[str]) -> Any:
+    def held(self, t: Floats, stops: Sequence[str]) -> Array:
         """Whether it lies against some stops at times (n,) [s]; (n, stops)."""
         in_contact = np.zeros((len(t), len(stops)), dtype=bool)
         for lain in self.lying:
@@ -314,7 +314,7 @@ class Motion(Facts, Report):
             in_contact[:, stops.index(lain.stop)] |= while_lying
         return in_contact
 
-    def role_at(self, t: Floats) -> Any:
+    def role_at(self, t: Floats) -> Array:
         """Which role (n, k) each driver has at times (n,) [s]; see `roles`."""
         which = np.maximum(np.searchsorted([r.begin for r in self.roles], t, "right") - 1, 0)
         return np.array([[*r.of.values()] for r in self.roles])[which]
@@ -378,8 +378,8 @@ class Motion(Facts, Report):
 class Still:
     """Dense output of a mechanism that does not move, or of one state only."""
 
-    q: Any
-    qd: Any = 0.0
+    q: Real
+    qd: Real = 0.0
 
     def state(self, t: Floats) -> State:
         """The same state at all times."""

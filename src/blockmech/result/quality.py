@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from blockmech.friction.continuation import Outcome
 from blockmech.ground.report import Facts, as_json
 from blockmech.ground.tolerances import BLUR, ROUNDING
-from blockmech.typing import Data, Record
+from blockmech.typing import Array, Data, Floats, Real, Record
 
 OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
     "ok",
@@ -88,12 +88,12 @@ class Quality(Facts):
 
     status: tuple[str, ...]
     blame: Mapping[int, str]
-    margin: Mapping[str, NDArray[Any]]
-    iterations: Mapping[str, NDArray[Any]]
-    residual: Mapping[str, NDArray[Any]]
-    contraction: Mapping[str, NDArray[Any]]
+    margin: Mapping[str, Floats]
+    iterations: Mapping[str, Floats]
+    residual: Mapping[str, Floats]
+    contraction: Mapping[str, Floats]
     flags: tuple[Flag, ...] = field(default=())
-    existence: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    existence: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def gaps(self) -> tuple[int, ...]:
@@ -101,7 +101,7 @@ class Quality(Facts):
         return tuple(sorted(self.blame))
 
     @property
-    def friction_error(self) -> dict[str, NDArray[Any]]:
+    def friction_error(self) -> dict[str, Floats]:
         """Block -> bound (n,) [-] of what its pairs miss their laws by, of its largest friction."""
         residuals = self.residual.items()
         return {name: left_undone(x, self.contraction[name]) for name, x in residuals}
@@ -164,7 +164,7 @@ def failures(
 
 def assess(
     n: int,
-    reports: Mapping[str, Mapping[Any, tuple[NDArray[Any], ...]]],
+    reports: Mapping[str, Mapping[Any, tuple[Array, ...]]],
     undefined: NDArray[np.bool_],
     prismatic: frozenset[str],
     following: frozenset[str] = frozenset(),
@@ -234,7 +234,7 @@ def assess(
     )
 
 
-def reversals(R: NDArray[Any]) -> list[int]:
+def reversals(R: Array) -> list[int]:
     """Samples at which a reaction (n,) passes near zero, so that a journal crosses its bush.
 
     It does where it is zero, and where it turns by a right angle or more from one sample to the
@@ -246,7 +246,7 @@ def reversals(R: NDArray[Any]) -> list[int]:
     return sorted({*crossings.tolist(), *np.flatnonzero(size == 0.0).tolist()})
 
 
-def left_undone(residual: Any, contraction: Any) -> Any:
+def left_undone(residual: Real, contraction: Real) -> Real:
     """Bound [-] of what iterations of friction left undone, of a group's largest friction.
 
     The residual over 1 - P; the ratio of changes stands for P where that is observed. Infinite
@@ -257,7 +257,7 @@ def left_undone(residual: Any, contraction: Any) -> Any:
         return np.where(P < 1.0, np.asarray(residual, float) / (1.0 - P), np.inf)
 
 
-def at_most_one(margin: Any) -> Any:
+def at_most_one(margin: Real) -> Real:
     """A margin [-] without the last bit by which rounding may pass its bound, 1."""
     return np.minimum(margin, 1.0)
 

@@ -23,7 +23,17 @@ from blockmech.result.motion import Motion
 from blockmech.result.quality import OK, Flag, Quality, assess
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
-from blockmech.typing import Arguments, Data, FrictionMethod, M, Record
+from blockmech.typing import (
+    Arguments,
+    Array,
+    Complex,
+    Data,
+    FrictionMethod,
+    M,
+    Real,
+    Record,
+    Values,
+)
 
 ADVANTAGE = "mechanism.mechanical_advantage"
 BY_DRIVES = ADVANTAGE, "mechanism.efficiency", "mechanism.friction_efficiency"
@@ -65,7 +75,7 @@ class Result(Exported, Generic[M]):
         mechanism: M,
         plan: Plan,
         samples: Samples,
-        values: tuple[Any, ...],
+        values: Values,
         engine: str,
         settings: Arguments,
         motion: Motion | None = None,
@@ -504,7 +514,7 @@ class Result(Exported, Generic[M]):
         )
 
 
-def _as_complex(z: Any) -> NDArray[Any]:
+def _as_complex(z: Complex) -> Array:
     """Complex array of a batch of vectors; infinite becomes NaN."""
     x, y = np.asarray(z.real), np.asarray(z.imag)
     vectors = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))
@@ -515,11 +525,11 @@ def _as_complex(z: Any) -> NDArray[Any]:
     return vectors
 
 
-def _real(column: Any) -> Any:
+def _real(column: Real) -> Real:
     return column.real if isinstance(column, Planar) else column
 
 
-def _cut(value: Any, index: NDArray[np.intp]) -> Any:
+def _cut(value: Real, index: NDArray[np.intp]) -> Real:
     if isinstance(value, Planar):
         return Planar(value.real[index], value.imag[index])
     return value[index]

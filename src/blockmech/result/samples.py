@@ -18,9 +18,8 @@ from blockmech.ground.units import NoQuantity, UnitWarning, in_si, seem_degrees
 from blockmech.ground.values import is_count, is_number
 from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
 from blockmech.model.scene import Scene
-from blockmech.typing import Record
+from blockmech.typing import Coordinates, Floats, Numbers, Record
 
-Array = NDArray[np.float64]
 DEFAULT_SAMPLES = SCANNED // 2 + 1  # of a turn: every degree, and the end
 
 
@@ -38,11 +37,11 @@ class Samples:
 
     n: int
     inputs: Record
-    times: Array | None = None
+    times: Floats | None = None
     clock: ConstantRate | RateAcceleration | None = None
 
     @property
-    def time(self) -> Array | None:
+    def time(self) -> Floats | None:
         """Times (n,) [s], or None where the request does not say."""
         if self.times is None and self.clock is not None:
             return self.clock.times(self.coordinate(0))
@@ -80,11 +79,11 @@ class Samples:
             )
         return {**self.inputs, "t": self.time}
 
-    def coordinate(self, i: int) -> Array:
+    def coordinate(self, i: int) -> Floats:
         """Coordinates (n,) of the driver number i [rad or m]."""
         return np.asarray(self.inputs[f"q_{i}"], dtype=float)
 
-    def weights(self, drivers: int) -> Array:
+    def weights(self, drivers: int) -> Floats:
         """Trapezoidal weights (n,) [s] for integrals over time; NaN where time is unknown."""
         if self.n < 2:
             return np.full(self.n, np.nan)
@@ -104,7 +103,7 @@ class _Some(Record):
     def __init__(self, inputs: Record, index: NDArray[np.intp]) -> None:
         self.inputs, self.index = inputs, index
 
-    def __getitem__(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> Floats:
         return np.ascontiguousarray(np.asarray(self.inputs[name])[self.index])
 
     def __iter__(self) -> Iterator[str]:
@@ -114,12 +113,12 @@ class _Some(Record):
         return len(self.inputs)
 
 
-def _trapezoids(x: Array) -> Array:
-    steps: Array = np.diff(x)
+def _trapezoids(x: Floats) -> Floats:
+    steps: Floats = np.diff(x)
     return np.append(steps, 0) / 2 + np.append(0, steps) / 2
 
 
-def _forward(weights: Array) -> Array:
+def _forward(weights: Floats) -> Floats:
     """The weights; samples named against the motion are summed in its sense all the same."""
     return -weights if weights.sum() < 0 else weights
 
@@ -127,11 +126,11 @@ def _forward(weights: Array) -> Array:
 def make_samples(
     units: Mapping[str, str],
     scene: Scene,
-    at: Any = None,
+    at: Coordinates | None = None,
     samples: int | None = None,
-    times: Any = None,
-    rates: Any = None,
-    accelerations: Any = None,
+    times: Numbers | None = None,
+    rates: Coordinates | None = None,
+    accelerations: Coordinates | None = None,
 ) -> Samples:
     """The samples that a request names; see `Mechanism.run`.
 
@@ -156,11 +155,11 @@ def make_samples(
 def _of_many(
     units: Mapping[str, str],
     scene: Scene,
-    at: Any,
+    at: Coordinates | None,
     samples: int | None,
-    times: Any,
-    rates: Any,
-    accelerations: Any,
+    times: Numbers | None,
+    rates: Coordinates | None,
+    accelerations: Coordinates | None,
 ) -> Samples:
     if at is not None:
         return _by_coordinate(units, scene, at, rates, accelerations)
@@ -192,7 +191,7 @@ def _one_pose(units: Mapping[str, str], scene: Scene, q: float) -> Samples | Non
 
 
 def _by_coordinate(
-    units: Mapping[str, str], scene: Scene, at: Any, rates: Any, accelerations: Any
+    units: Mapping[str, str], scene: Scene, at: Coordinates, rates: Any, accelerations: Any
 ) -> Samples:
     q = _per_driver(units, "at", at)
     qd = _per_driver(units, "rates", rates, "/s") if rates is not None else {}
@@ -225,7 +224,7 @@ def _by_coordinate(
     return _collected(scene, n, motions, clock=clock)
 
 
-def _by_time(scene: Scene, laws: Mapping[str, LawOfMotion], t: Array) -> Samples:
+def _by_time(scene: Scene, laws: Mapping[str, LawOfMotion], t: Floats) -> Samples:
     return _collected(scene, len(t), {d: law.at_times(t) for d, law in laws.items()}, t)
 
 
@@ -245,8 +244,8 @@ def _by_range(scene: Scene, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
 def _collected(
     scene: Scene,
     n: int,
-    motions: Mapping[str, tuple[Array, Array, Array]],
-    times: Array | None = None,
+    motions: Mapping[str, tuple[Floats, Floats, Floats]],
+    times: Floats | None = None,
     clock: ConstantRate | RateAcceleration | None = None,
 ) -> Samples:
     """Samples of coordinates, rates and accelerations by driver, in the drivers' order."""
@@ -275,8 +274,8 @@ def _laws(drivers: Iterable[str], scene: Scene) -> dict[str, LawOfMotion]:
 
 
 def _per_driver(
-    units: Mapping[str, str], argument: str, raw: Any, per: str = ""
-) -> dict[str, Array]:
+    units: Mapping[str, str], argument: str, raw: Coordinates, per: str = ""
+) -> dict[str, Floats]:
     drivers = [*units]
     if not isinstance(raw, Mapping):
         if len(drivers) != 1:
@@ -295,7 +294,7 @@ def _per_driver(
     return {d: _column(f"{argument}[{d}]", x, units[d] + per) for d, x in raw.items()}
 
 
-def _column(where: str, raw: Any, unit: str) -> Array:
+def _column(where: str, raw: Numbers, unit: str) -> Floats:
     try:
         array = np.asarray(in_si(raw, unit))
         if array.dtype.kind not in "iuf" or np.ma.is_masked(raw):  # text, complex, holes: slips
@@ -334,7 +333,7 @@ def _depth() -> int:
     return depth
 
 
-def _stretched(driver: str, column: Array, n: int) -> Array:
+def _stretched(driver: str, column: Floats, n: int) -> Floats:
     if len(column) == n:
         return column
     if len(column) == 1:

@@ -6,7 +6,6 @@ import csv
 import io
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from pydantic_core import to_json
@@ -51,7 +50,7 @@ class CsvTable(ABC):
     """An answer that is a table, so that spreadsheets open it."""
 
     @abstractmethod
-    def csv_rows(self) -> tuple[Sequence[str], Iterable[Iterable[Any]]]:
+    def csv_rows(self) -> tuple[Sequence[str], Iterable[Iterable[object]]]:
         """The head, names with units, and the rows."""
 
     @declared
@@ -77,7 +76,7 @@ def _word(text: str) -> str:
     return f"'{line}" if line.startswith(FORMULA) else line
 
 
-def _number(x: Any, decimal: str) -> str:
+def _number(x: object, decimal: str) -> str:
     return "" if x is None or x != x else str(x).replace(".", decimal)
 
 
@@ -92,7 +91,7 @@ def write_csv(chunks: Iterator[str] | list[str], path: AnyPath) -> None:
 
 def csv_of(
     head: Sequence[str],
-    rows: Iterable[Iterable[Any]],
+    rows: Iterable[Iterable[object]],
     path: AnyPath | None = None,
     separator: str = ",",
     decimal: str = ".",

@@ -22,7 +22,7 @@ from blockmech.result.columns import (
     without_noise,
 )
 from blockmech.result.quality import ADVICE, OK
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Array
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -163,7 +163,7 @@ def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
     return Selection(displayed, rows, gaps, numbers, omitted)
 
 
-def _largest(values: Any) -> float:
+def _largest(values: Array) -> float:
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max(initial=0.0))
 

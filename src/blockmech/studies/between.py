@@ -23,7 +23,7 @@ from blockmech.ground.errors import RequestError
 from blockmech.plan.plan import Plan
 from blockmech.result.samples import Samples, make_samples
 from blockmech.studies.reductions import EXTREMES, SIMPLE, Wanted
-from blockmech.typing import Array
+from blockmech.typing import Array, Nested, Values
 
 NEAR_LIMIT = 0.02  # margin [-] below which outputs may have peaks narrower than usual spacings
 
@@ -59,7 +59,7 @@ class Range:
         assert self.cycle is not None
         return np.unique(self.cycle.places_of(self.samples), return_index=True)
 
-    def output(self, w: Wanted, values: Any, coordinates: Array) -> Array:
+    def output(self, w: Wanted, values: Values, coordinates: Array) -> Array:
         """An output (k, n) of designs with these parameters, at places (k, n) of their own."""
         m = self.mechanism
         assert self.cycle is not None
@@ -76,7 +76,7 @@ class Range:
         with np.errstate(all="ignore"):
             return w.poses([outputs[i] for i in self.plan.layout[w.output]], coordinates.shape)
 
-    def extremes(self, w: Wanted, values: Any, y: Array, margins: Mapping[str, Array]) -> Peaks:
+    def extremes(self, w: Wanted, values: Values, y: Array, margins: Mapping[str, Array]) -> Peaks:
         """Extremes of an output that is y (m, n) at the poses, all finite; infinite errors where
         there is no range to follow."""
         if self.cycle is None:
@@ -118,7 +118,7 @@ def extremes_of(w: Wanted, output: Function, s: Array, y: Array, **search_settin
     return first._replace(value=value, error=error)
 
 
-def some_of(values: Any, row: Array) -> Any:
+def some_of(values: Nested, row: Array) -> Nested:
     """Parameters of some designs: tuples of columns (..., m, 1), or one array of numbers."""
     if isinstance(values, np.ndarray):
         return values.take(row, axis=0)

@@ -16,7 +16,6 @@ import fnmatch
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -50,7 +49,17 @@ from blockmech.studies.rests import rest_slopes
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.variation import GIVEN, Variation, moves_drivers
-from blockmech.typing import Arguments, Array, Coordinates, Data, FrictionMethod, Numbers, OnGap
+from blockmech.typing import (
+    Arguments,
+    Array,
+    Coordinates,
+    Data,
+    FrictionMethod,
+    Numbers,
+    OnGap,
+    Reals,
+    Values,
+)
 
 STEP = (16 * ROUNDING) ** 0.25  # of a number, for differences of courses
 CENTRAL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
@@ -145,7 +154,7 @@ def sensitivity(
     return Sensitivity(result, chosen, forward, {x: -d for x, d in behind.items()}, jumps, excluded)
 
 
-def program_numbers(plan: Plan, variation: Variation, seeds: Array) -> tuple[Any, ...]:
+def program_numbers(plan: Plan, variation: Variation, seeds: Array) -> Values:
     """The parameters of a program, with tangents in directions (k, m) of what varies."""
     with np.errstate(all="ignore"):
         return plan.program.values(*variation.design(seeds))
@@ -155,7 +164,7 @@ def _of_reductions(
     mechanism: Compiled,
     patterns: Sequence[str],
     to: Sequence[str],
-    at: Any,
+    at: Coordinates | None,
     arguments: Arguments,
     on_gap: OnGap,
 ) -> Sensitivity:
@@ -331,7 +340,7 @@ def _derived(
     return derivatives, {pair: np.abs(d) > REST_SHARE for pair, d in slips.items()}
 
 
-def _output_slopes(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:
+def _output_slopes(output: Output, columns: Reals, shape: tuple[int, int]) -> Array:
     value = output.read(*columns)
     if output.kind == "vector":
         return np.asarray(slope(value.real) + 1j * slope(value.imag)) + np.zeros(shape)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from blockmech.studies.variation import (
     of_links,
     planned_near,
 )
-from blockmech.typing import Arguments, Array, Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Array, Complex, Coordinates, FrictionMethod, Numbers, Values
 
 PROVED = "proved"
 
@@ -79,7 +78,7 @@ class Enclosure(Facts, Report, Mapping[str, Array]):
         """Whether the mechanism closes at all samples, for every part within its tolerance."""
         return bool((self.margin > 0.0).all())
 
-    def contains(self, output: str, values: Any) -> Any:
+    def contains(self, output: str, values: Array) -> Array:
         """Whether values (..., n) of an output are within its bounds."""
         low, high, x = self.low[output], self.high[output], np.asarray(values)
         inside = (low.real <= x.real) & (x.real <= high.real)
@@ -246,7 +245,7 @@ def _enclosed(
     )
 
 
-def _ends(y: Any) -> tuple[complex, complex]:
+def _ends(y: Complex) -> tuple[complex, complex]:
     """Bounds of a number, or of both components of a vector."""
     if isinstance(y, Form | float | int):
         y = form(y)
@@ -255,7 +254,7 @@ def _ends(y: Any) -> tuple[complex, complex]:
     return complex(x.low, y.low), complex(x.high, y.high)
 
 
-def _judged(plan: Plan, values: tuple[Any, ...]) -> tuple[float, str]:
+def _judged(plan: Plan, values: Values) -> tuple[float, str]:
     """The lower bound of the margins, and why nothing is proved of a sample; "" where it is."""
     lowest, word = 1.0, ""
     for block, at in plan.reports["margin"].items():

@@ -11,7 +11,6 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -46,7 +45,7 @@ def fingerprint(runner: Runner, chosen: Designs) -> str:
     return digest(json.dumps(question, default=content_of).encode())
 
 
-def content_of(x: Any) -> str:
+def content_of(x: object) -> str:
     """What stands for a function of Python, or for what one reads, in a fingerprint.
 
     Raises `RequestError` for a value that nothing tells from another one.
@@ -57,7 +56,7 @@ def content_of(x: Any) -> str:
     return sha.hexdigest()
 
 
-def _pieces(x: Any, above: set[int]) -> Iterator[bytes]:
+def _pieces(x: object, above: set[int]) -> Iterator[bytes]:
     """The content of a value, piece by piece; ``above`` are the functions that it stands in."""
     yield type(x).__qualname__.encode()
     if id(x) in above:

@@ -41,7 +41,7 @@ from blockmech.studies import family
 from blockmech.studies.differentiate import INPUTS, fitting, without_derivative
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.variation import designed, moves_drivers, planned_near
-from blockmech.typing import Data, FrictionMethod, Precision, Record
+from blockmech.typing import Data, FrictionMethod, Precision, Real, Record, Values
 
 TYPES = {"complex128": "float64", "complex64": "float32"}  # of the precisions of a run
 TIME = "time"
@@ -83,7 +83,7 @@ class ProgramOfDesigns:
             return {p: paths for part in parts for p, paths in part.items()}
         return places
 
-    def _values(self, parameters: Record, inputs: Record) -> tuple[Any, ...]:
+    def _values(self, parameters: Record, inputs: Record) -> Values:
         _refuse_strangers("parameters", parameters, self.parameters)
         numbers = {**self.parameters, **parameters}
         at = {path: numbers[p.address] for p, paths in self._places.items() for path in paths}
@@ -136,7 +136,7 @@ class Function(ProgramOfDesigns):
             ok = ok & truth
         return {**{name: self._read(name, values, ok.shape) for name in self.outputs}, "ok": ok}
 
-    def _read(self, name: str, values: tuple[Any, ...], shape: tuple[int, ...]) -> Any:
+    def _read(self, name: str, values: Values, shape: tuple[int, ...]) -> Real:
         """An output (...) of values of the program; of k drivers a matrix (..., k, k)."""
         columns = tuple(values[i] for i in self.plan.layout[name])
         y, k = self._engine.read(self.mechanism.outputs[name], columns, shape), len(columns)
@@ -154,8 +154,8 @@ class Rates(ProgramOfDesigns):
     """
 
     def __call__(
-        self, t: Any, state: tuple[Any, Any], parameters: Record | None = None
-    ) -> tuple[Any, Any]:
+        self, t: Real, state: tuple[Real, Real], parameters: Record | None = None
+    ) -> tuple[Real, Real]:
         """(q', q'') at a time [s] and a state (q, q') [rad or m, per s].
 
         Of k > 1 drivers q and q' are arrays (k, ...). q'' is NaN where there is no pose, and where

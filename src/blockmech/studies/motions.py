@@ -48,7 +48,7 @@ from blockmech.studies.reductions import (
 from blockmech.studies.rows import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Rows
 from blockmech.studies.runner import Runner
 from blockmech.studies.swings import FirstSwings
-from blockmech.typing import Arguments, Array, Data, Record
+from blockmech.typing import Arguments, Array, Complex, Data, Real, Record
 
 FEW = 16  # designs between two words of progress, and for which nothing is compiled
 TOGETHER = 256  # designs that move side by side: their steps stay in some megabytes
@@ -372,7 +372,7 @@ def _extremes(
     return extremes_of(w, output, share, y, remainder=EQUAL).value
 
 
-def reduced(w: Wanted, t: Array, y: Array, n: int) -> Any:
+def reduced(w: Wanted, t: Array, y: Array, n: int) -> Real:
     """The reduction of an output y at times t [s] of a motion; of all poses n numbers."""
     if w.how == "final":
         return y[-1]
@@ -414,7 +414,7 @@ def _share(text: str, name: str) -> float:
     return share
 
 
-def _empty_column(w: Wanted, n: int) -> Any:
+def _empty_column(w: Wanted, n: int) -> Complex:
     """A column of a design without an answer."""
     nan = complex(math.nan, math.nan) if w.kind == "vector" else math.nan
     return np.full(n, nan) if w.how == POSES else nan

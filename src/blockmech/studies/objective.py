@@ -8,7 +8,6 @@ does not assemble, or that its file would refuse, is infinitely bad.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from blockmech.studies.motions import MotionRunner, runner_of
 from blockmech.studies.reductions import WHOLE
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import as_sequence
-from blockmech.typing import Arguments, Array, Coordinates, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Array, Coordinates, Floats, FrictionMethod, Numbers
 
 INFEASIBLE = 1e9  # times the size of what is minimized: a design that cannot be
 STEP = ROUNDING**0.25  # of a number, for differences of motions
@@ -48,7 +47,7 @@ class Objective:
     def __repr__(self) -> str:
         return f"<Objective of {self.mechanism.name}: by {listed(self.addresses, 3)}>"
 
-    def __call__(self, x: Any) -> Any:
+    def __call__(self, x: Floats) -> float | Floats:
         """One number, or all that is kept (r,): of a vector its x, then its y."""
         family, numbers = self._runner.family, self.numbers(x)
         parameters = dict(zip(family.parameters, numbers.values(), strict=True))
@@ -57,7 +56,7 @@ class Objective:
         answer = np.where(np.isfinite(rows) & (not bad), rows, np.inf)
         return float(answer[0]) if len(answer) == 1 else answer
 
-    def jacobian(self, x: Any) -> Array:
+    def jacobian(self, x: Floats) -> Array:
         """Derivatives (k,) of one number, (r, k) of all; exact to rounding, one-sided at kinks.
 
         Raises `BlockmechError` for a design that does not assemble.
@@ -71,7 +70,7 @@ class Objective:
         jacobian = np.concatenate(rows)
         return jacobian[0] if len(jacobian) == 1 else jacobian
 
-    def numbers(self, x: Any) -> dict[str, float]:
+    def numbers(self, x: Floats) -> dict[str, float]:
         """Address -> number, for `Graph.replace`. Raises `RequestError` where they are not k."""
         try:
             row = np.atleast_1d(np.asarray(x, float))
@@ -92,7 +91,7 @@ class Objective:
 class MotionObjective(Objective):
     """What is kept of a design's motion as a function of its numbers."""
 
-    def jacobian(self, x: Any) -> Array:
+    def jacobian(self, x: Floats) -> Array:
         """Derivatives (k,) of one number, (r, k) of all, by differences of fourth order.
 
         A motion has no dual numbers: where it ends, and which pairs slip, is found on the way. Its

@@ -26,7 +26,7 @@ from blockmech.outputs.by_block import Catalogue
 from blockmech.plan.plan import Output
 from blockmech.result.samples import Samples
 from blockmech.studies.sampling import as_sequence
-from blockmech.typing import Array
+from blockmech.typing import Array, Kernel, Real, Reals
 
 TEXT = re.compile(r"(?P<how>\w+)\s*\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
 AT = re.compile(r"(?P<how>\w+)\(\s*(?P<at>[^()]+)\s*\)")
@@ -73,16 +73,16 @@ class Wanted:
     how: str
     unit: str
     kind: str
-    sample: Any = 0
+    sample: Real = 0
     vector: bool = False
-    read: Callable[..., Any] = field(default=float, compare=False)
+    read: Kernel = field(default=float, compare=False)
 
     @property
     def of_margin(self) -> bool:
         """Whether it is of a margin, which poses without an answer have as well."""
         return self.output.endswith(".margin")
 
-    def of(self, columns: Sequence[Any], shape: tuple[int, int], weights: Array) -> Array:
+    def of(self, columns: Reals, shape: tuple[int, int], weights: Array) -> Array:
         """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
         if self.how in (STROKE, REST):  # which are followed design by design
             return np.full(shape[0], complex(np.nan, np.nan) if self.kind == "vector" else np.nan)
@@ -91,7 +91,7 @@ class Wanted:
             return np.array([self.read(*row, weights) for row in zip(*rows, strict=True)])
         return self._reduced(self.poses(columns, shape))
 
-    def poses(self, columns: Sequence[Any], shape: tuple[int, int]) -> Array:
+    def poses(self, columns: Reals, shape: tuple[int, int]) -> Array:
         """The output at poses (m, n); of a vector its length where that is reduced."""
         y = self.read(*columns)
         if not self.vector:
@@ -144,7 +144,7 @@ def components(name: str, values: Array) -> list[tuple[str, Array]]:
     return [(f"{name}.x", values.real), (f"{name}.y", values.imag)] if vector else [(name, values)]
 
 
-def _finite(x: Any) -> Array:
+def _finite(x: Real) -> Array:
     """An output with NaN for what is infinite; the sum tells quickly that nothing is."""
     return np.asarray(x if np.isfinite(np.sum(x)) else np.where(np.isfinite(x), x, np.nan))
 

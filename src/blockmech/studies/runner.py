@@ -40,7 +40,7 @@ from blockmech.studies.reductions import EXTREMES, POSES, REST, STROKE, WHOLE, W
 from blockmech.studies.rests import rest_value
 from blockmech.studies.rows import COARSE, REASONS, Rows, Span
 from blockmech.studies.sampling import Designs
-from blockmech.typing import Arguments, Array, Data
+from blockmech.typing import Arguments, Array, Data, Values
 
 PART = 2**20  # samples of designs that are handed out at a time
 
@@ -197,7 +197,7 @@ class Runner:
         return Rows(values, word, np.array([reason], object), np.array([0]), np.array([n]))
 
 
-def summary(x: Any) -> str:
+def summary(x: object) -> str:
     """Values or a distribution, in a word."""
     return digest(x.tobytes()) if isinstance(x, np.ndarray) else repr(x)
 
@@ -230,7 +230,7 @@ class _Planned:
             name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
         )
 
-    def block(self, values: tuple[Any, ...], m: int) -> Rows:
+    def block(self, values: Values, m: int) -> Rows:
         """m designs with these parameters."""
         shape = (m, self.samples.n)
         engine: Any = self.engine
@@ -261,7 +261,7 @@ class _Planned:
             return rows
 
     def _failures(
-        self, outputs: tuple[Any, ...], margins: Mapping[str, Array], shape: tuple[int, int]
+        self, outputs: Values, margins: Mapping[str, Array], shape: tuple[int, int]
     ) -> Failures:
         """Why poses (m, n) of designs have no answer."""
         outcomes = {
@@ -294,7 +294,7 @@ class _Planned:
     def _followed(
         self,
         w: Wanted,
-        numbers: Any,
+        numbers: Values,
         y: Array,
         some: Array,
         margins: Mapping[str, Array],

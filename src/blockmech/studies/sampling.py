@@ -21,7 +21,7 @@ import numpy as np
 from blockmech.ground.errors import Problem, RequestError, as_names, listed, refused
 from blockmech.ground.values import is_count
 from blockmech.studies.distributions import Distribution, Sample
-from blockmech.typing import Floats, Record
+from blockmech.typing import Floats, Numbers, Record
 
 Sampling = Literal["grid", "paired", "latin", "sobol", "random"]
 OF_ARRAYS, OF_DISTRIBUTIONS = ("grid", "paired"), ("latin", "sobol", "random")
@@ -159,7 +159,7 @@ def _paired(method: str, lengths: Mapping[str, int]) -> int:
     return next(iter(lengths.values()))
 
 
-def _row(address: str, raw: Any, problems: list[Problem]) -> Floats:
+def _row(address: str, raw: Numbers, problems: list[Problem]) -> Floats:
     try:
         array = np.asarray(raw)
         if array.dtype.kind not in "iuf" or array.ndim > 1 or array.size == 0:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,10 @@ from blockmech.result.columns import driver_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted, flag_lines
 from blockmech.result.result import Result
 from blockmech.studies.reductions import POSES, Wanted, components
-from blockmech.typing import Arguments, Array, Data
+from blockmech.typing import Arguments, Array, Data, Real
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PERCENT = 0.01  # of a number's size: the change by which numbers are ranked
 
@@ -42,7 +45,7 @@ class Effect(NamedTuple):
     """
 
     parameter: Parameter
-    derivative: Any
+    derivative: Array
     unit: str
     sample: int
     change: float
@@ -141,7 +144,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     # -- shown ------------------------------------------------------------------------
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """The ranked bars of the first outputs."""
         ranked = {name: self._moving(name) for name in list(self)[: ink.PANELS]}
         heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
@@ -152,7 +155,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
             f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
             "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
         ) + self.doubts_text(ranked)
-        layout: Any = {"height_ratios": heights, "sharex": False, "ax": ax}
+        layout: Arguments = {"height_ratios": heights, "sharex": False, "ax": ax}
         with panelled(caption, sum(heights) + ink.ROW / 2, len(ranked), **layout) as panels:
             for (axes,), (name, effects) in zip(panels, ranked.items(), strict=True):
                 _bars(axes, name, self.unit_of(name), effects)
@@ -210,11 +213,11 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
             "left_out": dict(self.left_out),
         }
 
-    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
+    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:
         """A row an output (component) and sample, a column a number."""
         drivers = driver_columns(self.result)
 
-        def at(column: Any) -> Callable[[int, str], Any]:
+        def at(column: Column) -> Callable[[int, str], object]:
             return lambda k, output: "" if self.one_number(output) else column.values[k]
 
         where = [at(column) for column in drivers]
@@ -234,12 +237,12 @@ def size_of(p: Parameter, parameters: Iterable[Parameter]) -> float:
     return abs(p.value) or max(alike, default=0.0) or 1.0
 
 
-def _shown(x: Any) -> str:
+def _shown(x: Real) -> str:
     x = x + 0.0  # no -0
     return f"({x.real:.4g}, {x.imag:.4g})" if isinstance(x, complex) else f"{x:.6g}"
 
 
-def _bars(axes: Any, name: str, unit: str, effects: list[Effect]) -> None:
+def _bars(axes: Axes, name: str, unit: str, effects: list[Effect]) -> None:
     factor, scaled = scaled_unit(unit, effects[0].change)
     for row, e in enumerate(effects):
         if isinstance(e.derivative, complex):

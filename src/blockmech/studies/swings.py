@@ -70,7 +70,7 @@ from blockmech.engines.compiled_rates import CompiledRhs
 from blockmech.engines.kinds import Counts, Reals
 from blockmech.engines.llvm import addresses_of, machine_code, slots_of
 from blockmech.engines.stages import Fill
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Values
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
@@ -220,7 +220,7 @@ class FirstSwings(NamedTuple):
         arrays = np.concatenate(places), np.array(pieces, np.int64), start
         return cls(compiled(rates.dimension), rates, *arrays, request)
 
-    def moved(self, values: tuple[Any, ...], m: int) -> Motions:
+    def moved(self, values: Values, m: int) -> Motions:
         """Motions of m designs with these numbers of the program, without their tracks."""
         inputs, dimension, slots = self.rates.inputs, self.rates.dimension, slots_of(values)
         slots = np.ascontiguousarray(np.broadcast_to(slots, (m, slots.shape[1])))

@@ -24,9 +24,12 @@ from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
 from blockmech.studies.sampling import Designs
-from blockmech.typing import Array, Data
+from blockmech.typing import Arguments, Array, Data, Real
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
     from blockmech.studies.runner import Runner
 
 T = TypeVar("T")
@@ -125,7 +128,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         """A column as an array over the grid; NaN where the study did not get."""
         return self.filled(self[name], np.nan)
 
-    def filled(self, values: Array, fill: Any) -> Array:
+    def filled(self, values: Array, fill: Real) -> Array:
         """Values of the designs over the grid."""
         grid = np.full((self.designs.count, *values.shape[1:]), fill, values.dtype)
         grid[: self.n] = values
@@ -146,7 +149,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
             rows += [Column(name, w.unit, x, w.label) for name, x in components(w.label, values)]
         return rows
 
-    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
+    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:
         """A row a design; the last column says why it has no answer."""
         rows = self.table()
         reasons = (self.reason(i) or "ok" for i in range(self.n))
@@ -165,7 +168,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         reasons = [self.reason(i) or "ok" for i in range(self.n)]
         write_parquet(path, [*columns, ("status", reasons, None)], "to_parquet")
 
-    def to_dataframe(self) -> Any:
+    def to_dataframe(self) -> DataFrame:
         """The table as a pandas DataFrame; raises `MissingEngineError` without pandas."""
         return dataframe(self.table(), self.status)
 
@@ -194,7 +197,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
 
     # -- for people -----------------------------------------------------------------
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """Curves over one number, maps over two, a matrix of scatter over more.
 
         Designs without an answer are shown where they are: marked at the foot of a curve or a
@@ -213,14 +216,14 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         return (self._maps if mapped else self._matrix)(caption, results, numbers, ax)
 
     def _maps(
-        self, caption: str, results: Sequence[Column], numbers: Sequence[Column], ax: Any
+        self, caption: str, results: Sequence[Column], numbers: Sequence[Column], ax: Axes | None
     ) -> Any:
         """Every result by colours over two numbers."""
         first, second = numbers
         x, y = (self.grid(c.name) for c in numbers)
         columns = min(len(results), 2)
         rows = -(-len(results) // columns)
-        layout: Any = {"width": columns * ink.COLUMN, "sharex": False, "ax": ax}
+        layout: Arguments = {"width": columns * ink.COLUMN, "sharex": False, "ax": ax}
         height = rows * 1.25 * PANEL + ink.ROW / 2
         with panelled(caption, height, rows, columns, **layout) as panels:
             for axes in panels.flat[len(results) :]:
@@ -231,7 +234,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                 factor, unit = scaled_unit(column.unit, max(abs(low), abs(high)))
                 z = factor * self.filled(column.values, np.nan)
                 axes.patch.set(facecolor=ink.PAPER, hatch="////", edgecolor=ink.PALE)
-                look: Any = {"cmap": "cividis", "shading": "nearest", "rasterized": True}
+                look: Arguments = {"cmap": "cividis", "shading": "nearest", "rasterized": True}
                 mesh = axes.pcolormesh(x, y, z, vmin=factor * low, vmax=factor * high, **look)
                 bar = axes.figure.colorbar(mesh, ax=axes, pad=0.02, extend="both")
                 bar.set_label(axis_label(column.name, unit, PANEL), labelpad=2)
@@ -241,7 +244,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         return panels[0, 0].figure
 
     def _matrix(
-        self, caption: str, results: Sequence[Column], numbers: Sequence[Column], ax: Any
+        self, caption: str, results: Sequence[Column], numbers: Sequence[Column], ax: Axes | None
     ) -> Any:
         """Every result over every number that varies, as a curve over the only one of a grid."""
         curves = self.designs.sampling == "grid" and len(self.vary) == 1
@@ -252,7 +255,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
             height = len(results) * CELL + 3 * ink.TEXT
             width = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
             over = label_height = CELL * 0.9
-        layout: Any = {"width": width, "sharey": "row", "ax": ax}
+        layout: Arguments = {"width": width, "sharey": "row", "ax": ax}
         with panelled(
             caption, height + ink.ROW / 2, len(results), len(numbers), **layout
         ) as panels:
@@ -261,7 +264,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                 factor, unit = scaled_unit(column.unit, float(sizes.max(initial=0.0)))
                 y = factor * column.values
                 for axes, number in zip(row, numbers, strict=True):
-                    dots: Any = {"color": ink.FORWARD, "marker": "." if self.n <= 1 else ""}
+                    dots: Arguments = {"color": ink.FORWARD, "marker": "." if self.n <= 1 else ""}
                     if curves:
                         axes.plot(number.values, y, **dots)
                     else:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,10 @@ from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, designs
 from blockmech.studies.sensitivity import Sensitivity
 from blockmech.studies.workers import Work
-from blockmech.typing import Array, Coordinates, FrictionMethod, Numbers, Progress
+from blockmech.typing import Array, Coordinates, FrictionMethod, Numbers, Progress, Real
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PANEL = 11.0 * ink.TEXT  # [pt] height of a panel of a picture
 
@@ -92,7 +95,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
 
     # -- shown --------------------------------------------------------------------------
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """The first outputs with their bands and deviations."""
         result = self.sensitivity.result
         curves = [name for name in self if not self.sensitivity.one_number(name)]
@@ -118,7 +121,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
             panels[-1, 0].set_xlabel(across.words, labelpad=1)
         return panels[0, 0].figure
 
-    def _band(self, axes: Any, name: str, x: Any) -> None:
+    def _band(self, axes: Axes, name: str, x: Array) -> None:
         run, deviation = self.sensitivity, self[name]
         y = np.abs(run.value(name)) if name in run.reduced else values(run.result, name)
         factor, unit = scaled_unit(run.unit_of(name), float(np.nanmax(np.abs(y))))
@@ -129,7 +132,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
         axes.plot(x, y, color=ink.FORWARD, lw=0.8)
         axes.set_ylabel(f"{shown_name(name)} [{unit or '–'}]", labelpad=2)
 
-    def _draw_shares(self, axes: Any, name: str, x: Any, order: Any) -> None:
+    def _draw_shares(self, axes: Axes, name: str, x: Array, order: Array) -> None:
         deviation, shares = self[name], np.nan_to_num(self.shares(name))
         factor, unit = scaled_unit(self.sensitivity.unit_of(name), float(np.nanmax(deviation)))
         rows = [factor * deviation * shares[j] for j in order]
@@ -248,7 +251,7 @@ def _drawn(
     runner: Runner, chosen: Designs, linear: Sensitivity, progress: Progress | None
 ) -> dict[str, Scatter]:
     """Mean and deviation of outputs over random designs, block by block."""
-    sums: dict[str, list[Any]] = {name: [0, 0.0, 0.0] for name in linear}
+    sums: dict[str, list[Real]] = {name: [0, 0.0, 0.0] for name in linear}
     for (_, count), block in Work(runner, chosen).here(runner.checked(chosen)):
         assert block is not None  # as nothing is written
         for name, column in zip(sums, block.values.values(), strict=True):

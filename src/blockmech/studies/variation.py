@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.engines.dual import Dual
@@ -34,7 +33,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs.by_block import Catalogue
 from blockmech.passes.homotopy import path_of
-from blockmech.typing import Data
+from blockmech.typing import Array, Data
 
 GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
 PER_DRIVER = ("drivers", "initial", "stops", "motion")  # sections of a document
@@ -149,11 +148,11 @@ class Variation:
         """A mechanism whose plans hold for all designs near by, on the same paths from home."""
         return planned_near(self.base, {path: complex(x).real for path, x in self.numbers.items()})
 
-    def design(self, seeds: NDArray[Any]) -> tuple[Structure, Scene]:
+    def design(self, seeds: Array) -> tuple[Structure, Scene]:
         """The design with tangents in k directions (k, m) of the numbers that vary."""
         return designed(self.base, {path: _dual(x, seeds) for path, x in self.numbers.items()})
 
-    def outputs(self, seeds: NDArray[Any]) -> Catalogue:
+    def outputs(self, seeds: Array) -> Catalogue:
         """The outputs, which read the angles of a document's links with their tangents."""
         names = self.base.names
         if names is None:
@@ -165,5 +164,5 @@ class Variation:
         return Catalogue(self.base.structure, replace(names, links=links))
 
 
-def _dual(x: Varied, seeds: NDArray[Any]) -> Dual:
+def _dual(x: Varied, seeds: Array) -> Dual:
     return Dual(np.float64(complex(x).real), (seeds @ x.d.real)[:, None])

@@ -21,6 +21,7 @@ from blockmech.studies.motions import MotionRunner
 from blockmech.studies.objective import STEP
 from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.table import Study
+from blockmech.typing import Array
 
 P = ParamSpec("P")
 DESIGNS = 8  # of a study, made again
@@ -113,7 +114,7 @@ def _differences(mechanism: Compiled, derivatives: Sensitivity) -> Verification:
     return Verification(tuple(rows), run.n, condition)
 
 
-def _nearest_turn(centre: Any, run: Result, name: str) -> Any:
+def _nearest_turn(centre: Array, run: Result, name: str) -> Array:
     """An output (n,) of a design near by; angles without a turn more or less."""
     y = np.asarray(run[name])
     return y - math.tau * np.round((y - centre) / math.tau) if name.endswith("angle") else y

@@ -26,6 +26,7 @@ from blockmech.ground.values import is_count
 from blockmech.studies.rows import Parts, Rows, Span
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs
+from blockmech.typing import Values
 
 Answers = Generator[tuple[Span, Rows | None], None, None]
 
@@ -123,7 +124,7 @@ def answered(pickled: bytes, chosen: Designs, span: Span) -> Rows | None:
 
 
 def _rows(
-    runner: Runner, planned: Any, parts: Parts | None, chosen: Designs, span: Span
+    runner: Runner, planned: Values, parts: Parts | None, chosen: Designs, span: Span
 ) -> Rows | None:
     block = Rows.joined(list(runner.blocks(planned, chosen)))
     if parts is None:
@@ -133,7 +134,7 @@ def _rows(
 
 
 @lru_cache(1)
-def _at_hand(pickled: bytes) -> tuple[Runner, Any, Parts | None]:
+def _at_hand(pickled: bytes) -> tuple[Runner, Values, Parts | None]:
     """A study in this process, with its program."""
     runner, count, parts = pickle.loads(pickled)
     return runner, runner.prepared(count), parts

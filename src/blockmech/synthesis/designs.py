@@ -127,7 +127,7 @@ def design_of_path(task: Task, name: str, x: Floats, branch: int, margin: float)
     return Design(fourbar(x[:SHAPE], A, B, branch, name), theta, "dyad.P.p", miss, margin)
 
 
-def fourbar(shape: Any, A: complex, B: complex, branch: int, name: str = "fourbar") -> Graph:
+def fourbar(shape: Floats, A: complex, B: complex, branch: int, name: str = "fourbar") -> Graph:
     """The graph of a four-bar: its shape with crank 1, then turned and scaled by A, moved by B.
 
     >>> bm.synthesis.fourbar([0.0, 3.0, 3.0, 3.0, 1.0, 0.5], 1 + 0j, 0j, 1)

@@ -13,14 +13,12 @@ by the product with conj g (conj e) the derivatives of their angles.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Real, Reals, Vectors
 
-Points = NDArray[np.complex128]
 SHAPE = 6
 
 
@@ -31,15 +29,15 @@ class Pose(NamedTuple):
     coupler, rocker : angles [rad] of B -> C and D -> C, not unwrapped
     """
 
-    point: Points
+    point: Vectors
     coupler: Floats
     rocker: Floats
-    by_point: Points
+    by_point: Vectors
     by_coupler: Floats
     by_rocker: Floats
 
 
-def _directions(shape: Any, theta: Any, branch: Any) -> tuple[Any, ...]:
+def _directions(shape: Real, theta: Real, branch: Real) -> Reals:
     x = np.asarray(shape, float)[..., None, :]
     D = np.exp(x[..., 0] + 1j * x[..., 1])
     l, m = np.exp(x[..., 2]), np.exp(x[..., 3])
@@ -54,7 +52,7 @@ def _directions(shape: Any, theta: Any, branch: Any) -> tuple[Any, ...]:
     return x, D, B, l, m, e, g
 
 
-def coupler_point(shape: Any, theta: Any, branch: Any) -> Any:
+def coupler_point(shape: Real, theta: Real, branch: Real) -> Real:
     """Coupler point (..., n) of shapes (..., 6) in branches (...); NaN where it is open.
 
     >>> bm.synthesis.coupler_point([0.0, 3.0, 3.0, 3.0, 1.0, 0.5], [0.0, 1.0], 1).round(3)
@@ -64,19 +62,19 @@ def coupler_point(shape: Any, theta: Any, branch: Any) -> Any:
     return B + (x[..., 4] + 1j * x[..., 5]) * e
 
 
-def angles_and_point(shape: Any, theta: Any, branch: Any) -> tuple[Points, Floats, Floats]:
+def angles_and_point(shape: Real, theta: Real, branch: Real) -> tuple[Vectors, Floats, Floats]:
     """Coupler point and angles (..., n) [rad] of coupler and rocker."""
     x, _, B, _, _, e, g = _directions(shape, theta, branch)
     return B + (x[..., 4] + 1j * x[..., 5]) * e, np.angle(e), np.angle(g)
 
 
-def margin(shape: Any, theta: Any, branch: Any) -> Floats:
+def margin(shape: Real, theta: Real, branch: Real) -> Floats:
     """Margin (..., n) of the dyad, sin^2 of its transmission angle; NaN where it is open."""
     *_, e, g = _directions(shape, theta, branch)
     return np.asarray(((np.conj(g) * e).imag) ** 2)
 
 
-def pose(shape: Any, theta: Any, branch: Any) -> Pose:
+def pose(shape: Real, theta: Real, branch: Real) -> Pose:
     """Poses with exact derivatives."""
     x, D, B, l, m, e, g = _directions(shape, theta, branch)
     uv = x[..., 4] + 1j * x[..., 5]

@@ -39,10 +39,9 @@ from blockmech.plan.plan import Plan
 from blockmech.result.exported import aligned
 from blockmech.studies.variation import Variation
 from blockmech.synthesis.designs import Design
-from blockmech.synthesis.fourbar import Points
 from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar, size_of
 from blockmech.synthesis.structures import Structure, blank, structures
-from blockmech.typing import Data, Floats, Progress
+from blockmech.typing import Array, Data, Floats, Progress, Vectors
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -96,7 +95,7 @@ class _Family:
             laid_out[n + 2 * i : n + 2 * i + 2] = at.real, at.imag
         return laid_out
 
-    def tried(self, x: Floats, theta: Floats) -> Points:
+    def tried(self, x: Floats, theta: Floats) -> Vectors:
         """The tracing point (m, n) of designs at crank angles, NaN where they do not close."""
         column = f"poses({self.output})"
         vary = dict(zip(self.addresses, x.T, strict=True))
@@ -112,7 +111,7 @@ class _Family:
         variation = Variation.of(self.mechanism, [parameters[a] for a in self.addresses])
         return variation, variation.general.plan((self.output,), friction="none")
 
-    def traced(self, x: Floats, theta: Floats) -> tuple[Points, Any]:
+    def traced(self, x: Floats, theta: Floats) -> tuple[Vectors, Array]:
         """The tracing point (n,) at crank angles, and derivatives (n, k + 1) by numbers and angle.
 
         NaN where the design does not close.
@@ -135,7 +134,7 @@ class _Family:
             return z, np.asarray(slope(point.real) + 1j * slope(point.imag)).T
 
     def refined(
-        self, x: Floats, theta: Floats, targets: Points, free: bool
+        self, x: Floats, theta: Floats, targets: Vectors, free: bool
     ) -> tuple[Floats, Floats]:
         """Numbers and crank angles nearest to the points, by least squares."""
         from scipy.optimize import least_squares
@@ -167,7 +166,7 @@ class _Family:
         )  # fmt: skip
         return optimum.x[:k], np.append(theta[0], optimum.x[k:]) if free else theta
 
-    def _bounds(self, targets: Points, size: float) -> tuple[Floats, Floats]:
+    def _bounds(self, targets: Vectors, size: float) -> tuple[Floats, Floats]:
         """Lowest and highest numbers (k,): what can be built about a path of a size [m]."""
         n, middle = len(self.lengths), targets.mean()
         low, high = np.full((2, n), [[SMALL * size], [LARGE * size]])
@@ -178,7 +177,7 @@ class _Family:
         return low, high
 
     def judged(
-        self, x: Floats, theta: Floats, targets: Points, load: _Load
+        self, x: Floats, theta: Floats, targets: Vectors, load: _Load
     ) -> tuple[Design, float] | None:
         """A design and its largest driving moment; None where it has a defect on the way."""
         steps = np.diff(theta)
@@ -403,7 +402,7 @@ def path_over_structures(
 
 def _of_structure(
     s: Structure,
-    P: Points,
+    P: Vectors,
     theta: Floats | None,
     starts: int,
     refined: int,

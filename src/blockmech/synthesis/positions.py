@@ -36,9 +36,9 @@ from blockmech.synthesis.designs import (
     fourbar,
     proposed,
 )
-from blockmech.synthesis.fourbar import SHAPE, Points, angles_and_point, coupler_point
+from blockmech.synthesis.fourbar import SHAPE, angles_and_point, coupler_point
 from blockmech.synthesis.search import STARTS, Task
-from blockmech.typing import Floats, Progress
+from blockmech.typing import Array, Floats, Progress, Vectors
 
 TRIED = 32  # conditions that are drawn where positions are lacking
 CLOSE = DOUBLE_ROOT  # relative: misfit of a pin's conditions, and two pins that are one
@@ -272,9 +272,9 @@ class _FourBars(NamedTuple):
 
     shape: Floats  # (m, 6)
     theta: Floats  # (m, n)
-    branch: Any  # (m,)
-    crank: Points  # (m,)
-    pivot: Points  # (m,)
+    branch: Array  # (m,)
+    crank: Vectors  # (m,)
+    pivot: Vectors  # (m,)
 
 
 def _judged(rows: Floats, pairs: Sequence[Any]) -> tuple[_FourBars, Any, Floats]:
@@ -310,7 +310,7 @@ def _design(rows: Floats, fourbars: _FourBars, i: int, margin: float, name: str)
     return Design(graph, theta, "dyad.P.p", errors, margin)
 
 
-def _centre(z: Points) -> complex | None:
+def _centre(z: Vectors) -> complex | None:
     """Centre of the circle through three points; None where they lie on a line."""
     a, b = z[1] - z[0], z[2] - z[0]
     area = 2 * float((a.conjugate() * b).imag)

@@ -23,14 +23,8 @@ import numpy as np
 
 from blockmech.ground.errors import refused
 from blockmech.result.samples import DEFAULT_SAMPLES
-from blockmech.synthesis.fourbar import (
-    SHAPE,
-    Points,
-    angles_and_point,
-    margin,
-    pose,
-)
-from blockmech.typing import Floats, Progress
+from blockmech.synthesis.fourbar import SHAPE, angles_and_point, margin, pose
+from blockmech.typing import Array, Floats, Numbers, Progress, Vectors
 
 STARTS = 2**14  # shapes that are tried
 REFINED = 256  # of them are refined
@@ -55,7 +49,7 @@ class Task:
     closed : whether a free crank makes one full turn from the first position to the last
     """
 
-    points: Points | None = None
+    points: Vectors | None = None
     turns: Floats | None = None
     swings: Floats | None = None
     angles: Floats | None = None
@@ -83,7 +77,7 @@ class Task:
             crank[-1] = False
         return np.array([*shape, *similarity, *zero, *crank])
 
-    def start(self, shape: Floats, theta: Floats, branch: Any) -> tuple[Floats, Floats]:
+    def start(self, shape: Floats, theta: Floats, branch: Array) -> tuple[Floats, Floats]:
         """Unknowns (m, k) of shapes at crank angles (m, n), and their mean square residual (m,)."""
         c, coupler, rocker = angles_and_point(shape, theta, branch)
         x = np.zeros((len(shape), SHAPE + 5 + self.n))
@@ -97,7 +91,7 @@ class Task:
         cost = (self.residual(x, branch) ** 2).mean(axis=1)
         return x, np.where(np.isnan(coupler).any(axis=1), np.inf, cost)
 
-    def residual(self, x: Floats, branch: Any) -> Floats:
+    def residual(self, x: Floats, branch: Array) -> Floats:
         """Residuals (m, r), each by the size of its kind."""
         shape, theta, zero = x[:, :SHAPE], x[:, SHAPE + 5 :], x[:, SHAPE + 4, None]
         c, coupler, rocker = angles_and_point(shape, theta, branch)
@@ -111,7 +105,7 @@ class Task:
         closes = ~np.isnan(coupler)
         return np.concatenate([np.where(closes, y, FAR) for y in rows], axis=1)
 
-    def slopes(self, x: Floats, branch: Any) -> Floats:
+    def slopes(self, x: Floats, branch: Array) -> Floats:
         """Derivatives (m, r, k) of the residuals by the free unknowns."""
         fourbar = pose(x[:, :SHAPE], x[:, SHAPE + 5 :], branch)
         (m, k), n = x.shape, self.n
@@ -143,7 +137,7 @@ class Task:
         x[:, 4:SHAPE] = np.clip(x[:, 4:SHAPE], -math.exp(MOST), math.exp(MOST))
         return x
 
-    def sound(self, x: Floats, branch: Any) -> tuple[Any, Floats]:
+    def sound(self, x: Floats, branch: Array) -> tuple[Array, Floats]:
         """Which designs (m,) have no defect of circuit, branch or order, and their margins (m,)."""
         theta = x[:, SHAPE + 5 :]
         steps = np.diff(theta, axis=1)
@@ -154,12 +148,12 @@ class Task:
         return ordered & (least > 0) & (turns <= math.tau * (1 + 1e-12)), least
 
 
-def size_of(points: Points) -> float:
+def size_of(points: Vectors) -> float:
     """Size of a path [m]: how far its points are from their mean."""
     return float(np.abs(points - points.mean()).max())
 
 
-def similar(c: Points, P: Points) -> tuple[Points, Points]:
+def similar(c: Vectors, P: Vectors) -> tuple[Vectors, Vectors]:
     """The best A, B (m,) of P = A c + B for shapes c (m, n)."""
     middle, centre = c.mean(axis=-1, keepdims=True), P.mean()
     z, p = c - middle, P - centre
@@ -168,12 +162,12 @@ def similar(c: Points, P: Points) -> tuple[Points, Points]:
     return A, centre - A * middle[..., 0]
 
 
-def _complex(x: Floats, i: int) -> Points:
+def _complex(x: Floats, i: int) -> Vectors:
     """The unknown A (i = 0) or B (i = 2) of rows (m, k), as a column (m, 1)."""
     return np.asarray(x[:, SHAPE + i, None] + 1j * x[:, SHAPE + i + 1, None])
 
 
-def refine(task: Task, x: Floats, branch: Any, steps: int) -> tuple[Floats, Floats]:
+def refine(task: Task, x: Floats, branch: Array, steps: int) -> tuple[Floats, Floats]:
     """Least squares from many starts (m, k) at once, and the mean squares (m,) that are left.
 
     Steps follow the valley's bend: the second derivative along a step, from one more residual.
@@ -220,7 +214,7 @@ class Candidates(NamedTuple):
     """
 
     x: Floats
-    branch: Any
+    branch: Array
     margin: Floats
     left_out: int
 
@@ -266,7 +260,7 @@ def _timing(task: Task, draw: Floats) -> Floats:
     return np.asarray((direction * part)[:, None] * math.tau * along / along[-1] + 0.0)  # no -0
 
 
-def monotonic(name: str, angles: Any, n: int) -> Floats:
+def monotonic(name: str, angles: Numbers, n: int) -> Floats:
     """Angles (n,) that rise or fall. Raises `RequestError` for others."""
     try:
         theta = np.asarray(angles, float)
@@ -278,7 +272,7 @@ def monotonic(name: str, angles: Any, n: int) -> Floats:
     return theta
 
 
-def path_of(points: Any, angles: Any) -> tuple[Points, Floats | None]:
+def path_of(points: Any, angles: Any) -> tuple[Vectors, Floats | None]:
     """Points and angles of a request. Raises `RequestError` for what is none."""
     try:
         P = np.asarray(points)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -163,7 +163,7 @@ def measured(
     budget lasts.
     """
     settings = tuple(question.settings())
-    points: dict[tuple[Any, ...], Point] = {}  # by method, cost and answer
+    points: dict[tuple[Hashable, ...], Point] = {}  # by method, cost and answer
     skipped: list[Skipped] = []
     refused: set[str] = set()  # methods of which no finer setting is tried
     try:

@@ -6,7 +6,7 @@ import math
 import platform
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,10 @@ from blockmech.figures.paper import legend_above, panelled, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.report import DEGREES, Facts, as_json
 from blockmech.result.exported import CsvTable, aligned
-from blockmech.typing import Data
+from blockmech.typing import Arguments, Data
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -126,7 +129,7 @@ class Trade(CsvTable, Facts, Pictured):
             by_method.setdefault(point.method, []).append(point)
         return by_method
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """The work-precision diagram: error over cost, log-log, one series a method.
 
         The Pareto front is a broad line behind, the floor of the reference hatched. Above the
@@ -134,7 +137,7 @@ class Trade(CsvTable, Facts, Pictured):
         """
         series = self.series()
         height = len(COSTS) * PANEL + ink.ROW * len(series) / 2
-        layout: Any = {"sharex": False, "ax": ax}
+        layout: Arguments = {"sharex": False, "ax": ax}
         with panelled(self._caption(), height, len(COSTS), **layout) as panels:
             for (axes,), (cost, axis_label) in zip(panels, COSTS.items(), strict=True):
                 axes.set_xlabel(axis_label, labelpad=1)
@@ -163,7 +166,7 @@ class Trade(CsvTable, Facts, Pictured):
             "(c64: complex64; n: iterations; a number: accuracy asked for, or step)."
         )
 
-    def _draw(self, axes: Any, cost: str) -> None:
+    def _draw(self, axes: Axes, cost: str) -> None:
         floor = self.reference.floor
         axes.set_xscale("log")
         axes.set_yscale("log")
@@ -285,7 +288,7 @@ class Trade(CsvTable, Facts, Pictured):
             "machine": machine(),
         }
 
-    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
+    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:
         """The points, one a row."""
         rows = [row | {"floor": self.reference.floor} for _, row in self._rows()]
         names = [name for name in (rows[0] if rows else {}) if name != "options"]

@@ -25,7 +25,7 @@ from blockmech.loads.contract import Element
 from blockmech.model.structure import JointRef, Structure
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Nested
 
 ANGLE = 0.7  # [rad] no symmetry of anything
 E = cmath.rect(1.0, ANGLE)
@@ -115,5 +115,5 @@ def _in_precision(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any
     return exact if _near(rough, plain) else engine._cast(rough)
 
 
-def _near(a: Any, b: Any) -> bool:
+def _near(a: Nested, b: Nested) -> bool:
     return bool(np.allclose(a, b, rtol=ROUNDING, atol=0.0))

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.engines import trace
 from blockmech.engines.nodes import PARAMETER, Node, Untraceable
@@ -34,9 +33,8 @@ from blockmech.result.quality import (
     UNDEFINED,
     WORDS,
 )
-from blockmech.typing import Record
+from blockmech.typing import Floats, Record
 
-Array = NDArray[np.float64]
 READINGS: dict[str, Callable[..., Any]] = {
     "arctan2": lambda y, x: _node_of(y, x).trace.node("atan2", y, x),
     "hypot": lambda x, y: _node_of(x, y).trace.node("hypot", x, y),
@@ -64,7 +62,7 @@ class ClosedTrace(Trace):
     """
 
     def __init__(self, program: Program, eps: float = EPS) -> None:
-        self.tables: list[Array] = []
+        self.tables: list[Floats] = []
         self._places = len(leaves(tuple(program.parameters.values())))
         super().__init__(program, eps=eps)
 
@@ -84,7 +82,7 @@ class ClosedTrace(Trace):
         # A number of NumPy would ask here again what a sum with it is.
         return READINGS[name](*(x.item() if isinstance(x, np.generic) else x for x in args))
 
-    def _table(self, column: Array) -> tuple[Node, ...]:
+    def _table(self, column: Floats) -> tuple[Node, ...]:
         """The numbers of a table as parameters."""
         first = self._places
         self.tables.append(column)
@@ -139,7 +137,7 @@ def _on_the_arc(x: Any, home: float, low: float, high: float, rotary: bool) -> t
     return nearest, largest
 
 
-def _knots(path: Path) -> tuple[Array, Array, Array]:
+def _knots(path: Path) -> tuple[Floats, Floats, Floats]:
     """Driver values (k,) in order, places (k, m, 4) of the group's own links, and their slopes."""
     turns = path.knots.turns
     if turns:

@@ -51,7 +51,7 @@ from blockmech.ground.errors import close_match, listed, shown
 from blockmech.ground.plane import has_arithmetic
 from blockmech.ground.registry import Registry
 from blockmech.ground.values import StrictModel, mistake
-from blockmech.typing import Data, Real
+from blockmech.typing import Data, Kernel, Parameters, Real
 
 LAWS = Registry("friction law", code="unknown-friction-law")
 """Every friction law by the name that files give it."""
@@ -144,7 +144,7 @@ class FrictionLaw(StrictModel):
         fields = ((name, getattr(self, name)) for name in type(self).model_fields)
         return {name: float(x) if isinstance(x, int) else x for name, x in fields if _is_number(x)}
 
-    def parameters(self) -> Any:
+    def parameters(self) -> Parameters:
         """The same as the named tuple that kernels read as ``p``."""
         numbers = self.numbers()
         return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())
@@ -162,7 +162,7 @@ class FrictionLaw(StrictModel):
         terms: FrictionTerms = self.sliding()(speed, load)
         return terms
 
-    def sliding(self, bind: Callable[[Any], Any] = lambda kernel: kernel) -> Callable[..., Any]:
+    def sliding(self, bind: Callable[[Kernel], Kernel] = lambda kernel: kernel) -> Kernel:
         """The function behind `at`, of numbers of any type that ``bind`` gives kernels."""
         kernel, p = bind(self.kernel()), self.parameters()
         if self.remembers:
@@ -197,12 +197,12 @@ class FrictionLaw(StrictModel):
 
 
 @functools.lru_cache
-def _read(kernel: Callable[..., Any]) -> tuple[str, ...]:
+def _read(kernel: Kernel) -> tuple[str, ...]:
     """What a kernel reads, by the names of its arguments."""
     return tuple(inspect.signature(kernel).parameters)
 
 
-def _check(kernel: Callable[..., Any] | None, readable: Sequence[tuple[str, ...]]) -> None:
+def _check(kernel: Kernel | None, readable: Sequence[tuple[str, ...]]) -> None:
     """Raise `TypeError` for a kernel that reads, before the law's numbers, what is not there."""
     names = _read(kernel) if kernel is not None else ("p",)
     if names[:-1] not in readable or not names:
@@ -211,7 +211,7 @@ def _check(kernel: Callable[..., Any] | None, readable: Sequence[tuple[str, ...]
         raise TypeError(f"{where}: a kernel of a friction law takes {fit}, not {names}")
 
 
-def _is_number(x: Any) -> bool:
+def _is_number(x: object) -> bool:
     return (
         isinstance(x, int | float | np.floating | np.integer) and not isinstance(x, bool)
     ) or has_arithmetic(x)

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -137,7 +137,7 @@ class Hydrodynamic(FrictionLaw):
         """Not with a table."""
         return not len(self.sommerfeld)
 
-    def parameters(self) -> Any:
+    def parameters(self) -> Parameters:
         """The numbers, of a table with its cubics."""
         if self.smooth:
             return super().parameters()

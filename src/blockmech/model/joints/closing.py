@@ -19,7 +19,7 @@ import cmath
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from blockmech.ground.plane import dot
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT, ROUNDING
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Pose, Poses
-from blockmech.typing import Floats
+from blockmech.typing import Array, Floats
 
 CLOSED = 100 * ROUNDING  # [-] of the size, rad: gaps that are left to rounding and conditioning
 
@@ -165,7 +165,7 @@ class Closing:
             if gap <= enough or not math.isfinite(gap) or (gap < CLOSED and gap >= last / 2):
                 break
             last = gap
-            step: Any = np.linalg.lstsq(matrix, -values, rcond=DOUBLE_ROOT)[0]
+            step: Array = np.linalg.lstsq(matrix, -values, rcond=DOUBLE_ROOT)[0]
             longest = np.abs(step).max(initial=LONGEST_STEP)
             poses = self.moved(poses, step * (LONGEST_STEP / longest))
         return best

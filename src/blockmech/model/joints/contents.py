@@ -7,7 +7,7 @@ made from the registry when they are asked for; nothing is said twice.
 from __future__ import annotations
 
 import functools
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
@@ -84,7 +84,7 @@ class _Joint(StrictModel):
     at: Annotated[list[Place], Field(min_length=2)]
 
     @model_validator(mode="after")
-    def _consistent(self) -> Any:
+    def _consistent(self) -> Self:
         for key in ("at", "angle", "dir"):
             values = getattr(self, key, None)
             if values is not None and len(values) != len(self.links):
@@ -104,7 +104,7 @@ class _Pair(_Joint):
         return Axis.of(getattr(self, "type"))._replace(known=outside.known)  # noqa: B009
 
     @model_validator(mode="after")
-    def _rubs_as_it_can(self) -> Any:
+    def _rubs_as_it_can(self) -> Self:
         if self.friction is not None:
             try:
                 self.friction.check_for(getattr(self, "type"), "the joint")  # noqa: B009
@@ -118,7 +118,7 @@ class _Directed(_Joint):
     dir: list[Vector] | None = None
 
     @model_validator(mode="after")
-    def _one_direction(self) -> Any:
+    def _one_direction(self) -> Self:
         if self.angle is not None and self.dir is not None:
             raise mistake(
                 "bad-direction", "the directions are given twice", "", 'keep "angle" or "dir"'
@@ -177,7 +177,7 @@ class _Made(StrictModel):
 
     made_by: ClassVar[tuple[Any, type[StrictModel]]]
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         return _blank, type(self).made_by, self.__getstate__()
 
 
@@ -237,7 +237,7 @@ class _BetweenLinks(_Made):
         return axis._replace(coordinate=(inner if driven else axis).coordinate)
 
     @model_validator(mode="after")
-    def _links_or_joint(self) -> Any:
+    def _links_or_joint(self) -> Self:
         links, joint = getattr(self, "links", None), getattr(self, "joint", None)
         if (links is None) == (joint is None):
             message = (

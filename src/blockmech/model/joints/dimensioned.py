@@ -33,7 +33,7 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import Varied, settled
 from blockmech.model.parameters import Path, value_at
-from blockmech.typing import Floats
+from blockmech.typing import Complex, Floats, Real
 
 
 class Side(NamedTuple):
@@ -148,7 +148,7 @@ class _Drawing:
         if plain:
             self.dimensions = {name: _settled(x) for name, x in linkage.dimensions.items()}
         self.sides: dict[str, list[Side]] = {}
-        self.start: dict[str, Any] = {}
+        self.start: Complex = {}
         for name, joint in linkage.joints.items():
             for k, (link, at) in enumerate(zip(joint.links, joint.at, strict=True)):
                 self._side(name, ("joints", name, "at", k), at.z, link, layout.welds, plain)
@@ -165,7 +165,7 @@ class _Drawing:
         self,
         name: str,
         path: Path,
-        z: Any,
+        z: Complex,
         link: str,
         welds: Mapping[str, LinkPlacement],
         plain: bool,
@@ -177,7 +177,7 @@ class _Drawing:
         self.start.setdefault(name, pose.point(weld.place(z)))
         self.sides.setdefault(name, []).append(Side(path, pose.direction(weld.direction(1 + 0j))))
 
-    def rows(self, positions: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    def rows(self, positions: Complex) -> Iterator[tuple[str, Real]]:
         """Dimension and residual. Raises `GraphError` for a line whose ends coincide."""
         for name, dimension in self.dimensions.items():
             z = [positions[point] for point in dimension.points]
@@ -207,7 +207,7 @@ class _Drawing:
     def fit(self) -> tuple[Floats, Floats, Floats]:
         """Unknowns (2n,) where the dimensions hold best, residuals (m,), derivatives (m, 2n)."""
         z = np.array([self.start[name] for name in self.points]) / self.size
-        x: Any = np.stack([z.real, z.imag], 1).ravel()
+        x: Floats = np.stack([z.real, z.imag], 1).ravel()
         values, matrix = self._residuals(x)
         for _ in range(NEWTON_STEPS):
             step = -np.linalg.lstsq(matrix, values, rcond=EQUAL)[0]
@@ -219,9 +219,9 @@ class _Drawing:
                 break
         return x, values, matrix
 
-    def numbers(self, positions: Mapping[str, Any]) -> dict[Path, Any]:
+    def numbers(self, positions: Complex) -> dict[Path, Complex]:
         """Path -> number of the document with points at other positions."""
-        numbers: dict[Path, Any] = {}
+        numbers: dict[Path, Complex] = {}
         sections = self.linkage.sections()
         for name, sides in self.sides.items():
             step = positions[name] - self.start[name]

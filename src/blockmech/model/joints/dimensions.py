@@ -7,14 +7,15 @@ positions of its points, lengths over the size of the drawing, which are zero wh
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field
 
 from blockmech.ground.plane import apply, cross, dot
 from blockmech.ground.values import Angle, Place, Positive, StrictModel, in_unit
+from blockmech.typing import Planars, Real
 
 
 class Dimension(StrictModel):
@@ -25,7 +26,7 @@ class Dimension(StrictModel):
     points: list[str]
 
     @abstractmethod
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """Zero where it holds; z [m] are the positions of its points."""
 
 
@@ -36,7 +37,7 @@ class Length(Dimension):
     points: Annotated[list[str], Field(min_length=2, max_length=2)]
     value: Annotated[Positive, in_unit("m")]
 
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """|AB| less the value."""
         yield (abs(z[1] - z[0]) - self.value) * (1 / size)
 
@@ -48,7 +49,7 @@ class AngleOfLines(Dimension):
     points: Annotated[list[str], Field(min_length=2, max_length=3)]
     value: Angle
 
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """What is left of the turn, between -pi and pi."""
         *first, corner, last = z if len(z) == 3 else (z[0] + 1.0, *z)
         yield apply("angle", apply("expi", self.value) * (first[0] - corner), last - corner)
@@ -60,7 +61,7 @@ class Parallel(Dimension):
     type: Literal["parallel"]
     points: Annotated[list[str], Field(min_length=4, max_length=4)]
 
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """Sine of the angle between them."""
         u, v = z[1] - z[0], z[3] - z[2]
         yield cross(u, v) / (abs(u) * abs(v))
@@ -71,7 +72,7 @@ class Perpendicular(Parallel):
 
     type: Literal["perpendicular"]  # type: ignore[assignment]
 
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """Cosine of the angle between them."""
         u, v = z[1] - z[0], z[3] - z[2]
         yield dot(u, v) / (abs(u) * abs(v))
@@ -82,7 +83,7 @@ class Equal(Parallel):
 
     type: Literal["equal"]  # type: ignore[assignment]
 
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """|AB| less |CD|."""
         yield (abs(z[1] - z[0]) - abs(z[3] - z[2])) * (1 / size)
 
@@ -93,7 +94,7 @@ class InLine(Dimension):
     type: Literal["in_line"]
     points: Annotated[list[str], Field(min_length=3)]
 
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """Distances from the line through the first and the last point."""
         line = z[-1] - z[0]
         for point in z[1:-1]:
@@ -106,7 +107,7 @@ class OnCircle(Dimension):
     type: Literal["on_circle"]
     points: Annotated[list[str], Field(min_length=3)]
 
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """Differences of neighbouring radii."""
         for a, b in pairwise(abs(point - z[0]) for point in z[1:]):
             yield (b - a) * (1 / size)
@@ -119,7 +120,7 @@ class Position(Dimension):
     points: Annotated[list[str], Field(min_length=1, max_length=1)]
     value: Place
 
-    def residuals(self, z: Sequence[Any], size: float) -> Iterator[Any]:
+    def residuals(self, z: Planars, size: float) -> Iterator[Real]:
         """How far it is off, in both directions."""
         deviation = (z[0] - self.value.z) * (1 / size)
         yield from (deviation.real, deviation.imag)

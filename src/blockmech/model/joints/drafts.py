@@ -26,7 +26,7 @@ from blockmech.ground.values import xy
 from blockmech.model.joints.closing import CLOSED
 from blockmech.model.joints.layout import Connection, Connections, LinkPlacement, Pose, Poses
 from blockmech.model.joints.varied import phase, settled
-from blockmech.typing import Data, Guide
+from blockmech.typing import Complex, Data, Guide, Planars
 
 GENERAL = "group.general"
 DEAD = 64 * EPS
@@ -235,7 +235,7 @@ def _mode(
     poses: Poses,
 ) -> tuple[Data, str, Poses]:
     """The branch of the mode that stands nearest, or why the pose does not tell it; its poses."""
-    supports: list[Any] = []
+    supports: list[Complex] = []
     for name, c in at.items():
         joint = block.joints[name]
         if joint.outer:
@@ -281,7 +281,7 @@ def general_group(unit: Unit, pairs: Connections) -> BlockDraft:
         later = c.second if inner or c.second in inside else c.first
         turned = driven and c.kind == "P" and later == c.first
         data[name] = {"type": c.kind, "links": list(c.links), "at": [xy(z) for z in c.at]}
-        guides: Any = [phase(u) for u in c.along]
+        guides: Planars = [phase(u) for u in c.along]
         owner = "j" if c.slider else "i"
         if not inner:
             data[name] = {"type": c.kind, "link": later, "at": xy(c.on(later))}

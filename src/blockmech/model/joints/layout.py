@@ -22,7 +22,7 @@ from blockmech.ground.errors import GraphError, Problem, path_text
 from blockmech.model.joints.contents import FRAME, GuideGiven, WeldGiven
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.varied import phase, settled
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Complex
 
 
 class Pose(NamedTuple):
@@ -99,7 +99,7 @@ class Connection(Pair):
         return self.along[self.links.index(link)]
 
     @property
-    def turn(self) -> Any:
+    def turn(self) -> Complex:
         """Angle [rad] of the second direction less that of the first, each in its link's frame."""
         first, second = self.along
         return 0.0 if first == second else phase(second * first.conjugate())

@@ -14,13 +14,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import is_dataclass, replace
 from operator import is_
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.plane import angle, apply, primitives_of
-from blockmech.typing import Record
+from blockmech.typing import Array, Complex, Real, Record
 
 
 class Varied(complex):
@@ -29,9 +27,9 @@ class Varied(complex):
     Larger and smaller are those of the values.
     """
 
-    d: NDArray[Any]
+    d: Array
 
-    def __new__(cls, value: complex, d: Any) -> Varied:
+    def __new__(cls, value: complex, d: Real) -> Varied:
         number = super().__new__(cls, value)
         number.d = np.asarray(d)
         return number
@@ -98,7 +96,7 @@ class Varied(complex):
         return complex(self).real > complex(operand).real
 
 
-def tangents(x: Any) -> Any:
+def tangents(x: Real) -> Real:
     """The derivatives of a number; zero of one that does not vary."""
     return x.d if isinstance(x, Varied) else 0.0
 
@@ -123,12 +121,12 @@ def _angle(a: complex, b: complex) -> Varied:
     return Varied(angle(x, y), turn.imag)
 
 
-def phase(z: complex) -> Any:
+def phase(z: complex) -> Complex:
     """Angle [rad] of a vector from the x axis."""
     return apply("angle", 1 + 0j, z)
 
 
-def remainder(x: Any, period: float) -> Any:
+def remainder(x: Real, period: float) -> Real:
     """A number less whole periods, nearest to zero."""
     at = settled(x)
     return math.remainder(at, period) + (x - at)
@@ -137,7 +135,7 @@ def remainder(x: Any, period: float) -> Any:
 PLAIN = frozenset({float, complex, int, bool, str, type(None)})
 
 
-def settled(x: Any) -> Any:
+def settled(x: Real) -> Real:
     """Numbers without derivatives, also inside records, lists and mappings.
 
     What holds none with derivatives is given back itself.
