@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
-from blockmech.editor.document import Revision
+from blockmech.editor.revision import Revision
 from blockmech.editor.sharing import link_of, packed
 from blockmech.exchange.page.files import MODULES, _module
 from blockmech.exchange.page.script import Script, numbers

@@ -2,9 +2,9 @@
 
 from blockmech.editor import state
 from blockmech.editor.acts import acted
-from blockmech.editor.answers import Question
-from blockmech.editor.files import Filed
 from blockmech.editor.pins import pins_of
+from blockmech.editor.revision import Question
+from blockmech.editor.sheets import Sheet
 from blockmech.ground.errors import BlockmechError
 
 
@@ -12,7 +12,7 @@ class Hand:
     """A sheet under a hand; ``said`` is the last refusal, or what the sheet is."""
 
     def __init__(self, document=None, folder=None):
-        self.sheet = Filed(document, folder)
+        self.sheet = Sheet(document, folder)
         self.said = ""
 
     @property
@@ -47,4 +47,4 @@ class Hand:
             self.do("pin", at=[complex(z).real, complex(z).imag])
 
     def ask(self, **data):
-        return Question.of(self.sheet.now, data)
+        return Question(self.sheet.now, data)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.editor import answers
+from blockmech.editor.analyses import synthesis, wishes
 from tests.studio.hand import Hand
 
 
@@ -18,7 +18,7 @@ def drawn(places, links=()):
 
 def test_positions_of_a_body_are_lone_links():
     pane = drawn([0j, 1j, 2 + 0j, 3 + 0j, 5 + 0j, 5 - 2j, 9 + 9j], ["AB", "CD", "EF"])
-    points, positions = answers.wishes(pane.form)
+    points, positions = wishes(pane.form)
     assert points == [9 + 9j]
     assert positions == [(0.0, 0.0, np.pi / 2), (2.0, 0.0, 0.0), (5.0, 0.0, -np.pi / 2)]
 
@@ -27,7 +27,7 @@ def test_a_candidate_passes_the_points_and_is_taken_as_a_drawing():
     places = [0j, 1 + 0.5j, 2 + 0.6j]
     pane = drawn(places)
     before = pane.form
-    made = answers.synthesis(pane.ask())["designs"]
+    made = synthesis(pane.ask())["designs"]
     sizes = [card["size"] for card in made]
     assert sizes == sorted(sizes)  # the smallest is proposed first
     assert made[0]["picture"].startswith("<?xml")
@@ -45,4 +45,4 @@ def test_a_candidate_passes_the_points_and_is_taken_as_a_drawing():
 
 def test_too_few_points_are_refused_with_the_reason():
     with pytest.raises(bm.RequestError, match="three"):
-        answers.synthesis(drawn([0j, 1 + 0j]).ask())
+        synthesis(drawn([0j, 1 + 0j]).ask())

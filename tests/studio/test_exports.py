@@ -9,8 +9,8 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.cli import main
-from blockmech.editor.answers import Question, exported, formats
-from blockmech.editor.document import Revision
+from blockmech.editor.exports import exported, formats
+from blockmech.editor.revision import Question, Revision
 from blockmech.ground.errors import BlockmechError
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
@@ -39,7 +39,7 @@ def asked(name):
     document = opened(GRAPHS / "joints" / name)
     now = Revision(1, document.to_data(), document)
     (driver, *_) = now.mechanism.drivers
-    return Question.of(now, {"names": [f"driver.{driver}.drive"]})
+    return Question(now, {"names": [f"driver.{driver}.drive"]})
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_every_kind_is_a_file(shown, kind):
 def test_nothing_is_exported_of_what_does_not_move():
     document = bm.Linkage("empty")
     with pytest.raises(BlockmechError, match="there is no moving link"):
-        exported("numbers .csv", Question.of(Revision(1, document.to_data(), document), {}))
+        exported("numbers .csv", Question(Revision(1, document.to_data(), document), {}))
 
 
 def test_the_numbers_are_those_of_the_command_line(tmp_path):

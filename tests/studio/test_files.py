@@ -13,9 +13,9 @@ from blockmech.builders import opened
 from blockmech.editor import edits
 from blockmech.editor.diagram import kinds
 from blockmech.editor.fields import Units, item_at
-from blockmech.editor.files import Desk, Filed
 from blockmech.editor.forms import fields_by_path, form_of, parts_of
 from blockmech.editor.server import bound
+from blockmech.editor.sheets import Desk, Sheet
 from blockmech.testing.graph_files import gallery
 from tests.studio.hand import Hand
 
@@ -56,7 +56,7 @@ def test_what_is_wrong_stands_under_its_field():
 
 
 def test_a_file_is_saved_as_it_was_read(folder):
-    sheet = Filed(None, folder)
+    sheet = Sheet(None, folder)
     sheet.open("a.json")
     sheet.save("b.json")
     bm.Graph.load(folder / "a.json").save(folder / "c.json")
@@ -67,7 +67,7 @@ def test_nothing_outside_of_the_folder_is_read_or_written(folder):
     inner = folder / "inner"
     inner.mkdir()
     (inner / "link.json").symlink_to(folder / "a.json")
-    sheet = Filed(None, inner)
+    sheet = Sheet(None, inner)
     for name in ("../a.json", str(folder / "a.json"), "link.json"):
         with pytest.raises(bm.RequestError, match="outside of the folder"):
             sheet.open(name)
@@ -83,7 +83,7 @@ def test_a_port_that_another_has_is_refused():
 
 
 def test_a_file_that_changed_since_is_not_overwritten_silently(folder):
-    sheet = Filed(None, folder)
+    sheet = Sheet(None, folder)
     sheet.open("a.json")
     (folder / "a.json").write_text("{}", encoding="utf-8")
     with pytest.raises(bm.RequestError, match="changed by somebody else"):

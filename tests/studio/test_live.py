@@ -13,11 +13,11 @@ import blockmech as bm
 from blockmech import editor
 from blockmech.builders import opened
 from blockmech.editor import drawing, sketching
-from blockmech.editor.document import Revision
 from blockmech.editor.dragging import Hold, dragged
 from blockmech.editor.live import live
 from blockmech.editor.pins import guide_of, pins_of
-from blockmech.editor.turn import poses_of, shown_motion
+from blockmech.editor.revision import Revision
+from blockmech.editor.turn import poses_of
 from blockmech.testing.graph_files import gallery
 
 NODE = shutil.which("node")
@@ -78,8 +78,8 @@ def now_of(document):
     return Revision(1, document.to_data(), document)
 
 
-def motion_of(document, mechanism):
-    motion, _ = shown_motion(document.to_data(), mechanism, (), "", {})
+def motion_of(document):
+    motion, _ = now_of(document).shown_motion()
     return motion
 
 
@@ -91,7 +91,7 @@ def size_of(motion):
 def test_poses_of_blocks_are_those_of_a_run(name, tmp_path):
     document = opened(gallery()[name])
     mechanism = document.compile()
-    motion = motion_of(document, mechanism)
+    motion = motion_of(document)
     some, rows = rows_of(motion)
     poses = in_the_page(tmp_path, live(now_of(document), mechanism), rows)
     compare(poses, motion, some, size_of(motion))
@@ -112,8 +112,7 @@ def test_what_is_seen_while_all_pins_are_dragged_is_what_is_committed(name, tmp_
         to[pin] = shared if shared is not None else pins[pin].z + off
     assert functions.pins.keys() == pins.keys()
     moved = bm.Linkage.from_data(sketching.moved(form, to))
-    mechanism = moved.compile()
-    motion = motion_of(moved, mechanism)
+    motion = motion_of(moved)
     some, rows = rows_of(motion)
     positions = {pin: [z.real, z.imag] for pin, z in to.items()}
     poses = in_the_page(tmp_path, functions, rows, positions)
@@ -161,7 +160,7 @@ def test_what_is_seen_while_a_joint_of_blocks_is_dragged_is_what_is_committed(na
     """Each joint a little elsewhere: numbers as the page has them, and a document compiled."""
     document = opened(gallery()[name])
     mechanism, now = document.compile(), now_of(document)
-    motion = motion_of(document, mechanism)
+    motion = motion_of(document)
     size, shake = size_of(motion), random.Random(name)
     home = {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
     handles = [pin["name"] for pin in drawing.of_blocks(motion)["pins"] if pin["held"]]
@@ -174,7 +173,7 @@ def test_what_is_seen_while_a_joint_of_blocks_is_dragged_is_what_is_committed(na
         functions = live(now, mechanism, (handle, home))
         assert functions.pins == {handle: 0}
         changed = bm.Graph.from_data(form)
-        after = motion_of(changed, changed.compile())
+        after = motion_of(changed)
         some, rows = rows_of(after)
         poses = in_the_page(tmp_path, functions, rows, {handle: [new.real, new.imag]})
         compare(poses, after, some, size)
@@ -184,7 +183,7 @@ def test_what_is_seen_while_a_joint_of_blocks_is_dragged_is_what_is_committed(na
 def test_a_joint_of_blocks_that_the_page_cannot_follow(name):
     document = opened(gallery()[name])
     mechanism = document.compile()
-    motion = motion_of(document, mechanism)
+    motion = motion_of(document)
     home = {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
     pin, *_ = (pin for pin in drawing.of_blocks(motion)["pins"] if pin["held"])
     functions = live(now_of(document), mechanism, (pin["name"], home))

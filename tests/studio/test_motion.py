@@ -9,12 +9,12 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.draw.sketch import sketch_of
-from blockmech.editor import answers
-from blockmech.editor.document import Revision
+from blockmech.editor.analyses import analysis
+from blockmech.editor.curves import curves, simulation, wire_text
 from blockmech.editor.dragging import dragged, handles_of
-from blockmech.editor.files import Filed
+from blockmech.editor.revision import Question, Revision, blamed_blocks, what_moves
 from blockmech.editor.state import View, state_of
-from blockmech.editor.turn import blamed_blocks, dead_centres, travel, turn, what_moves
+from blockmech.editor.turn import dead_centres, travel, turn
 from blockmech.ground.errors import BlockmechError
 from blockmech.result.wires import wires_of
 from tests.studio.hand import Hand
@@ -36,7 +36,7 @@ def now_of(form):
 
 def state(form):
     now = now_of(form)
-    return state_of(Filed(now.document), View(now))
+    return state_of(View(now))
 
 
 def test_a_gap_has_its_sentence():
@@ -137,7 +137,7 @@ def angle_of_crank(mechanism, old, new, motion, k):
 
 def test_what_cannot_be_dragged_says_why():
     hand = Hand(opened(GRAPHS / "elliptic_trammel.json"))
-    shown = state_of(hand.sheet, View(hand.sheet.now))
+    shown = state_of(View(hand.sheet.now))
     refused = set()
     for pin in shown["drawing"]["pins"]:
         hand.do("drag", name=pin["name"], to=[1.0, 1.0], q=shown["motion"]["home"])
@@ -150,22 +150,22 @@ def test_what_cannot_be_dragged_says_why():
 
 def ask(name, **data):
     document = opened(GRAPHS / f"{name}.json")
-    return answers.Question.of(Revision(1, document.to_data(), document), data)
+    return Question(Revision(1, document.to_data(), document), data)
 
 
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "engine"])
 def test_wires_say_what_travels(name):
     question = ask(name, pose=30)
     for wire in wires_of(question.motion.structure):
-        text = answers.wire_text(question, str(wire))
+        text = wire_text(question, str(wire))
         assert text.startswith("→ p = ("), wire
         assert "\n← F = (" in text
-    assert answers.wire_text(question, "a.B -> c.D") == ""
+    assert wire_text(question, "a.B -> c.D") == ""
 
 
 def test_an_accuracy_chooses_the_method():
-    curves = answers.curves(ask("excavator", names=["boom.drive"], accuracy=1e-9))
-    assert "1e-09" in curves["said"]
+    answer = curves(ask("excavator", names=["boom.drive"], accuracy=1e-9))
+    assert "1e-09" in answer["said"]
 
 
 @pytest.mark.parametrize("name", ["Limits", "Modes", "Equilibria", "Extremes", "Verify", "Cost"])
@@ -173,7 +173,7 @@ def test_analyses_say_what_the_package_says(name):
     falls = name == "Equilibria"
     file, output = ("fivebar_falling", "left.drive") if falls else ("ruiz_fourbar", "crank.drive")
     question = ask(file, names=[output])
-    reply = answers.analysis(question, name)
+    reply = analysis(question, name)
     mechanism = question.mechanism
     if name == "Modes":
         assert reply["text"] == str(mechanism.modes())
@@ -191,19 +191,17 @@ def test_a_tolerance_is_that_of_the_lengths_by_the_chosen_share():
         if p.unit == "m" and p.value
     }
     tolerance = mechanism.tolerance(lengths, "crank.drive", samples=361)
-    assert answers.analysis(question, "Tolerance")["text"] == str(tolerance)
+    assert analysis(question, "Tolerance")["text"] == str(tolerance)
 
 
 def test_a_family_has_the_curves_of_five_designs():
-    reply = answers.analysis(
-        ask("ruiz_fourbar", names=["crank.drive"], number="dyad.l_i"), "Family"
-    )
+    reply = analysis(ask("ruiz_fourbar", names=["crank.drive"], number="dyad.l_i"), "Family")
     assert reply["text"] == "crank.drive for 5 values of dyad.l_i"
     assert reply["picture"].startswith("<?xml")
 
 
 def test_a_simulation_is_played_in_time():
-    motion, answer = answers.simulation(ask("fivebar_falling", until="time=0.3"))
+    motion, answer = simulation(ask("fivebar_falling", until="time=0.3"))
     assert answer["motion"]["time"][-1] == pytest.approx(0.3)
     assert answer["motion"]["forward"]
     assert motion.result.motion is not None
@@ -213,7 +211,7 @@ def test_a_simulation_is_played_in_time():
 @pytest.mark.parametrize("until", ["lunch", "time=-1"])
 def test_what_cannot_be_is_a_sentence(until):
     with pytest.raises(BlockmechError):
-        answers.simulation(ask("fivebar_falling", until=until))
+        simulation(ask("fivebar_falling", until=until))
 
 
 def test_masses_are_given_to_all_links_or_it_says_which_have_none():

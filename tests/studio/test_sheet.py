@@ -6,7 +6,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
-from blockmech.editor.document import Sheet
+from blockmech.editor.sheets import Sheet
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 
@@ -84,10 +84,10 @@ def test_what_a_mechanism_lacks_is_a_problem_and_no_refusal():
     assert sheet.now.mechanism is not None
 
 
-def test_a_kept_file_is_saved_until_the_next_change(tmp_path):
-    sheet = Sheet(fourbar())
+def test_a_written_file_is_saved_until_the_next_change(tmp_path):
+    sheet = Sheet(fourbar(), tmp_path)
     longer(sheet, 2.1)
-    sheet.keep(tmp_path / "a.json")
+    sheet.save("a.json")
     assert (sheet.saved, sheet.path) == (True, tmp_path / "a.json")
     sheet.undo()
     assert not sheet.saved

@@ -13,14 +13,13 @@ from typing import Any
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Linkage
 from blockmech.editor import applied, edits, sketching
-from blockmech.editor.document import Revision, Step
 from blockmech.editor.dragging import Hold, dragged, undraggable
 from blockmech.editor.fields import Units, item_at
 from blockmech.editor.forms import typed
 from blockmech.editor.pins import pins_of
 from blockmech.editor.redraw import as_links
+from blockmech.editor.revision import Revision, Step
 from blockmech.editor.sketching import Form
-from blockmech.editor.turn import shown_motion
 from blockmech.figures.palette import ROW
 from blockmech.ground.errors import GraphError, listed, refused
 from blockmech.ground.names import numbered_name
@@ -164,8 +163,8 @@ def _remove(now: Revision, request: Request) -> Step:
 
 def _redrawn(now: Revision, request: Request) -> Step:
     """Blocks as links and joints; the diagram then follows from these."""
-    motion, message = shown_motion(now.form, now.mechanism, (), "", {})
-    if motion is None:
+    motion, message = now.shown_motion()
+    if motion is None or now.problems:
         raise refused("blocks", message, "mend them first")
     return Step(as_links(now.form, motion), "drawn as links and joints")
 

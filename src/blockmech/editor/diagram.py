@@ -11,8 +11,8 @@ from functools import cache
 from blockmech.blocks.registry import REGISTRY
 from blockmech.draw.boxes import content_of
 from blockmech.editor.canvas import PIXELS, Canvas
-from blockmech.editor.document import Revision
 from blockmech.editor.fields import simplest
+from blockmech.editor.revision import Revision
 from blockmech.figures.palette import ROW
 from blockmech.ground.errors import Problem
 from blockmech.model import graph

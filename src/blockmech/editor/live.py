@@ -22,9 +22,9 @@ import numpy as np
 from blockmech.builders import Graph, Linkage
 from blockmech.compiled import Compiled
 from blockmech.editor import sketching
-from blockmech.editor.document import Revision
 from blockmech.editor.dragging import Hold, dragged
 from blockmech.editor.pins import pins_of, standing_at
+from blockmech.editor.revision import Revision
 from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import Planar, leaves
 from blockmech.engines.trace import PRIMITIVES, angle, expi, sqrt

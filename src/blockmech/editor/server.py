@@ -22,18 +22,20 @@ from starlette.staticfiles import StaticFiles
 
 import blockmech
 from blockmech.builders import Linkage, Opened, opened
-from blockmech.editor import answers
 from blockmech.editor.acts import acted
+from blockmech.editor.analyses import ANALYSES
+from blockmech.editor.curves import curves, vectors, wire_text
 from blockmech.editor.diagram import diagram_of, kinds
-from blockmech.editor.document import Revision
+from blockmech.editor.exports import formats
 from blockmech.editor.fields import CHOICES, Units
-from blockmech.editor.files import Desk, Filed, files_of
 from blockmech.editor.forms import form_of
 from blockmech.editor.gallery import title_of
 from blockmech.editor.guard import HOST, Guard
 from blockmech.editor.jobs import Job, Jobs
 from blockmech.editor.live import live, module
+from blockmech.editor.revision import Question, Revision
 from blockmech.editor.sharing import link_of, packed
+from blockmech.editor.sheets import Desk, Sheet, files_of
 from blockmech.editor.sketching import posed
 from blockmech.editor.state import View, state_of
 from blockmech.editor.turn import poses_of
@@ -65,7 +67,7 @@ class OpenSheet:
         *("wire", "curves", "vectors", "link"),
     )
 
-    def __init__(self, sheet: Filed) -> None:
+    def __init__(self, sheet: Sheet) -> None:
         self.sheet = sheet
         self._key: ViewKey | None = None
         self._view: View | None = None
@@ -79,16 +81,16 @@ class OpenSheet:
             self._key, self._view = key, View(now, moved, coordinates)
         return self._view
 
-    def question(self, body: Body) -> answers.Question:
+    def question(self, body: Body) -> Question:
         """A question about the motion of the view."""
-        return answers.Question.of(self.sheet.now, body, computed=self.view(body).motion)
+        return Question(self.sheet.now, body, computed=self.view(body).motion)
 
     # -- changes -----------------------------------------------------------------------------
 
     def edit(self, body: Body) -> Answer:
         """Do an act, as one step; ``base`` is the revision that it is meant for."""
 
-        def act(sheet: Filed) -> None:
+        def act(sheet: Sheet) -> None:
             if "base" in body and body["base"] != sheet.now.number:
                 raise Stale
             sheet.change(*acted(sheet.now, body))
@@ -97,18 +99,18 @@ class OpenSheet:
 
     def undo(self, body: Body) -> Answer:
         """Take back the last step."""
-        return self._change(body, Filed.undo)
+        return self._change(body, Sheet.undo)
 
     def redo(self, body: Body) -> Answer:
         """Do a step again."""
-        return self._change(body, Filed.redo)
+        return self._change(body, Sheet.redo)
 
     def save(self, body: Body) -> Answer:
         """Write the file."""
         name, replace = str(body.get("name", "")), bool(body.get("replace"))
         return self._change(body, lambda sheet: sheet.save(name, replace))
 
-    def _change(self, body: Body, change: Callable[[Filed], Any]) -> Answer:
+    def _change(self, body: Body, change: Callable[[Sheet], Any]) -> Answer:
         with self.sheet.lock:
             change(self.sheet)
             return self.state(body)
@@ -118,7 +120,7 @@ class OpenSheet:
     def state(self, body: Body) -> Answer:
         """All that the page shows, with curves where something moves."""
         view = self.view(body)
-        data = state_of(self.sheet, view)
+        data = {**self.sheet.data(), **state_of(view)}
         if view.motion is not None:
             body = {**body, "names": body.get("names") or data["drives"]}
             try:
@@ -163,15 +165,15 @@ class OpenSheet:
         if body.get("may"):
             problems = document.problems_of(Wire(body["from"], body["to"]))
             return {"said": " ".join(map(str, problems))}
-        return {"said": answers.wire_text(self.question(body), wire)}
+        return {"said": wire_text(self.question(body), wire)}
 
     def curves(self, body: Body) -> Answer:
         """Curves of chosen outputs."""
-        return answers.curves(self.question(body))
+        return curves(self.question(body))
 
     def vectors(self, body: Body) -> list[Answer]:
         """Velocities, reactions or friction circles along the motion."""
-        return answers.vectors(self.question(body), str(body.get("what", "")))
+        return vectors(self.question(body))
 
     def link(self, body: Body) -> Answer:
         """The document, with what moves it, as what stands behind an address."""
@@ -228,9 +230,9 @@ class Studio:
             {
                 "version": blockmech.__version__,
                 "kinds": kinds(),
-                "formats": answers.formats(),
+                "formats": formats(),
                 "units": CHOICES,
-                "analyses": {name: about for name, (about, _) in answers.ANALYSES.items()},
+                "analyses": {name: about for name, (about, _) in ANALYSES.items()},
             }
         )
 
@@ -445,7 +447,7 @@ def started(
     """A server of the studio, as the function that answers until its end.
 
     ``announce`` is called with its address, which shows ``document``, a file of the folder or a
-    document; without one the gallery. Raises like `Filed.open` for the file, and `RequestError`
+    document; without one the gallery. Raises like `Sheet.open` for the file, and `RequestError`
     for a port that cannot be had.
     """
     import uvicorn
@@ -478,7 +480,7 @@ def _prepare() -> None:
     four-bar.
     """
     for name in ("joints/ruiz_fourbar", "ruiz_fourbar"):
-        sheet = OpenSheet(Filed(opened(gallery()[name])))
+        sheet = OpenSheet(Sheet(opened(gallery()[name])))
         for question in (sheet.state, sheet.live, sheet.diagram, sheet.fields):
             question({})
     gc.collect()

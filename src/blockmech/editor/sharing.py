@@ -23,7 +23,7 @@ from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.writing import canonical_text
 
 if TYPE_CHECKING:
-    from blockmech.editor.document import Revision
+    from blockmech.editor.revision import Revision
 
 KEY = "#doc="
 MOST = 4 << 20  # bytes of a link that is unpacked

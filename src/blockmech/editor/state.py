@@ -9,8 +9,8 @@ from typing import Any
 from blockmech.builders import Linkage
 from blockmech.draw.motion import Motion
 from blockmech.editor import drawing
-from blockmech.editor.document import Revision, Sheet
-from blockmech.editor.turn import motion_data, shown_motion
+from blockmech.editor.revision import Revision
+from blockmech.editor.turn import motion_data
 from blockmech.ground.errors import BlockmechError
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.layout import Layout
@@ -34,9 +34,7 @@ class View:
         self.motion: Motion | None = None
         if not now.empty:
             try:
-                self.motion, self.said = shown_motion(
-                    now.form, now.mechanism, now.problems, moved, at or {}, now.document.file
-                )
+                self.motion, self.said = now.shown_motion(moved, at)
             except BlockmechError as error:
                 self.said = str(error)
 
@@ -68,17 +66,13 @@ class View:
         return {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
 
 
-def state_of(sheet: Sheet, view: View) -> Data:
-    """All that the page shows of a sheet but answers."""
-    now = sheet.now
+def state_of(view: View) -> Data:
+    """All that the page shows of a revision but answers."""
+    now = view.now
     return {
         "revision": now.number,
         "name": now.form["name"],
         "title": now.form.get("title", ""),
-        "file": sheet.path.relative_to(sheet.folder).as_posix() if sheet.path else "",
-        "saved": sheet.saved,
-        "undoable": sheet.undoable,
-        "redoable": sheet.redoable,
         "problems": [problem.to_dict() for problem in now.problems],
         "status": status_of(now),
         "empty": now.empty,

@@ -1,62 +1,29 @@
-"""The poses that the studio shows: a turn of the drivers, and the part that moves at all."""
+"""The poses that the studio shows: a turn of the drivers."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import networkx as nx
 import numpy as np
 
 from blockmech.analysis.closure import travel as slide_travel
 from blockmech.analysis.limits import Limits, limits
-from blockmech.builders import Graph
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion, moves, moves_of_result
 from blockmech.draw.simulation import screen_time
-from blockmech.editor.edits import without
 from blockmech.figures.curves import abscissa
 from blockmech.figures.panels import Abscissa
-from blockmech.ground.errors import BlockmechError, Problem
-from blockmech.mechanism import Mechanism
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.spots import marker_place
 from blockmech.result.failures import why_not
 from blockmech.result.samples import DEFAULT_SAMPLES
-from blockmech.typing import Arguments, Data, Record
+from blockmech.typing import Arguments, Data
 
 SECONDS = 3.0  # that a turn is played
 MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each
-
-
-def shown_motion(
-    form: Record,
-    mechanism: Compiled | None,
-    problems: Iterable[Problem],
-    moved: str,
-    at: Mapping[str, float],
-    file: str = "",
-) -> tuple[Motion | None, str]:
-    """The `turn` of a sheet's mechanism, or of the part of it that closes; and what is wrong.
-
-    ``file`` is where the form is from: graphs inside of it are found from there.
-
-    Raises `RequestError` where a law cannot be followed.
-    """
-    message, blamed = " ".join(map(str, problems)), blamed_blocks(form, problems)
-    if mechanism is None:
-        mechanism = what_moves(form, blamed, file)
-    while mechanism is not None:
-        motion = turn(mechanism, moved, at)
-        if motion.feasible.any():
-            return motion, message
-        message = message or gaps_of(motion)[0].why
-        blamed |= set(motion.quality.blame.values())
-        mechanism = what_moves(form, blamed, file)
-    return None, message
 
 
 def turn(mechanism: Compiled, moved: str = "", at: Mapping[str, float] | None = None) -> Motion:
@@ -185,35 +152,6 @@ def gaps_of(motion: Motion) -> list[Gap]:
     bad[list(motion.quality.gaps)] = True
     edges = np.flatnonzero(np.diff(np.pad(bad.astype(int), 1)))
     return [Gap(motion, int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
-
-
-def part_of(form: Record, failing: Collection[str]) -> Data:
-    """A graph's form without some blocks, and without all that hangs on them."""
-    wires = ((wire["from"].split(".")[0], wire["to"].split(".")[0]) for wire in form["wires"])
-    after = nx.DiGraph(wires)
-    gone = {*failing}.union(*(nx.descendants(after, name) for name in failing if name in after))
-    return without({key: x for key, x in form.items() if key not in ("expect", "view")}, gone)
-
-
-def blamed_blocks(form: Record, problems: Iterable[Problem]) -> set[str]:
-    """The blocks that problems are about."""
-    names = {word for p in problems for word in re.split(r", |[.\[]", p.where)}
-    return names & set(form.get("blocks", ()))
-
-
-def what_moves(form: Record, failing: Iterable[str], file: str = "") -> Mechanism | None:
-    """The largest part of a graph without the failing blocks that is a mechanism, or None."""
-    gone = set(failing)
-    while gone and form.get("blocks"):
-        form = part_of(form, gone)
-        try:
-            graph = Graph.from_data(form, (), file)
-            if not (problems := graph.check()):
-                return graph.compile()
-        except BlockmechError as error:
-            problems = list(error.problems)
-        gone = blamed_blocks(form, problems)
-    return None
 
 
 # -- as the page gets it ------------------------------------------------------------------

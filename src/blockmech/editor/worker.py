@@ -16,9 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from blockmech.builders import read_text
-from blockmech.editor import answers
-from blockmech.editor.document import Revision
+from blockmech.editor.analyses import analysis, synthesis
+from blockmech.editor.curves import curves, simulation
+from blockmech.editor.exports import exported
 from blockmech.editor.gallery import picture_of
+from blockmech.editor.revision import Question, Revision
 from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.typing import Arguments, Data
@@ -79,21 +81,19 @@ class Answerer:
             now = Revision(task["revision"], document.to_data(), document)
             text, motion = self.simulated.get(task["sheet"], ("", None))
             previous = motion if task.get("simulated") and text == task["text"] else None
-            ask = answers.Question.of(now, task, report=report, computed=previous)
-            question = task["what"]
+            question, ask = task["what"], Question(now, task, report, previous)
             if question == "simulate":
-                ask = replace(ask, computed=None)
-                motion, reply = answers.simulation(ask)
+                motion, reply = simulation(replace(ask, computed=None))
                 self.simulated = {task["sheet"]: (task["text"], motion)}
                 return reply
             if question == "export":
-                name, data = answers.exported(task["kind"], ask)
+                name, data = exported(task["kind"], ask)
                 return {"name": name, "data": data}
             if question == "synthesis":
-                return answers.synthesis(ask)
+                return synthesis(ask)
             if question == "curves":
-                return answers.curves(ask)
-            return answers.analysis(ask, question)
+                return curves(ask)
+            return analysis(ask, question)
 
 
 if __name__ == "__main__":

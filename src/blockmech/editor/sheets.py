@@ -1,4 +1,8 @@
-"""Files of the studio: nothing outside of the folder it was started in is read or written."""
+"""Sheets: documents under work with their steps, and the files that they stand for.
+
+Nothing outside of the folder that the studio was started in is read or written, and nothing here
+knows of servers or browsers.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +11,17 @@ import os
 import secrets
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from threading import Lock
 
-from blockmech.builders import Graph, Linkage, Opened, opened, read_text
-from blockmech.editor.document import Sheet
+from blockmech.builders import Graph, Linkage, Opened, from_data, opened, read_text
+from blockmech.editor.revision import Revision, Step
 from blockmech.editor.sharing import unpacked
 from blockmech.ground.errors import FormatError, refused
 from blockmech.model.reading import text_of
 from blockmech.model.subgraph import Resolver, resolving
+from blockmech.model.writing import canonical_text
 from blockmech.testing.graph_files import gallery
-from blockmech.typing import Record
+from blockmech.typing import Data, Record
 
 
 def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
@@ -40,13 +46,53 @@ def files_of(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in paths)
 
 
-class Filed(Sheet):
-    """A sheet that knows its file as it was last read or written.
+class Sheet:
+    """A document under work.
 
-    So a file that somebody else changed since is not overwritten without a word.
+    It always holds what could be saved and read again: a change that could not be is refused as a
+    whole, with the sentences of the reader, and leaves the sheet as it was. What a mechanism still
+    lacks (joints without wires, no frame) are the ``problems`` of its revision.
+
+    Attributes
+    ----------
+    now : the `Revision` that it shows
+    path : the file that the sheet stands for, None before it has one
+    stamp : of that file as it was last read or written; what somebody else changed since is not
+        overwritten without a word
+    folder : no file outside of it is read or written
+    lock : who changes the sheet holds it
     """
 
-    stamp = ""
+    def __init__(self, document: Opened | None = None, folder: Path | None = None) -> None:
+        self.folder = (folder or Path.cwd()).resolve()
+        self.lock, self._count = Lock(), 0
+        self.path: Path | None = None
+        self.stamp = ""
+        self._done: list[Step] = []
+        self._undone: list[Step] = []
+        self._in_file = ""
+        self.now: Revision
+        self.begin(Graph() if document is None else document)
+
+    def begin(self, document: Opened, path: Path | None = None) -> None:
+        """Show a document as it stands in a file; what was done before is forgotten."""
+        self._done = [Step(document.to_data(), "")]
+        self._undone = []
+        self._in_file = document.to_json()
+        self._show(document, path)
+
+    def change(self, form: Data, label: str) -> None:
+        """Take another form, as one step that can be undone; an equal one is no step.
+
+        Raises `FormatError` or `GraphError` for a form that could not be read again, with
+        all that is wrong; the sheet then stays as it is.
+        """
+        document = self.read(form)
+        text = document.to_json()
+        if text != self.text():
+            self._done.append(Step(document.to_data(), label))
+            self._undone.clear()
+            self._show(document, self.path)
 
     def open(self, name: str) -> None:
         """Show a file of the folder. Raises `FormatError`, `GraphError`, `RequestError`."""
@@ -77,7 +123,65 @@ class Filed(Sheet):
         if moved.to_json() != document.to_json():  # paths to files inside are others there
             with resolving(Resolver(str(self.folder))):
                 self.begin(opened(path), path)
-        self.keep(path)
+        self._in_file, self.path = self.text(), path
+
+    def undo(self) -> str:
+        """Take back the last change, if there is one; what it was."""
+        return self._step(self._done, self._undone, 1)
+
+    def redo(self) -> str:
+        """Do again what was taken back last, if anything was; what it was."""
+        return self._step(self._undone, self._done, 0)
+
+    @property
+    def form(self) -> Data:
+        """The content of the file."""
+        return self.now.form
+
+    @property
+    def saved(self) -> bool:
+        """Whether the file holds this form; an empty sheet counts as saved."""
+        return self.text() == self._in_file
+
+    @property
+    def undoable(self) -> str:
+        """What `undo` would take back, "" for nothing."""
+        return self._done[-1].said
+
+    @property
+    def redoable(self) -> str:
+        """What `redo` would do again, "" for nothing."""
+        return self._undone[-1].said if self._undone else ""
+
+    def data(self) -> Data:
+        """Its file and its steps, for the page."""
+        return {
+            "file": self.path.relative_to(self.folder).as_posix() if self.path else "",
+            "saved": self.saved,
+            "undoable": self.undoable,
+            "redoable": self.redoable,
+        }
+
+    def text(self) -> str:
+        """The file's text, as `Graph.save` writes it."""
+        return canonical_text(self.form)
+
+    def read(self, form: Data) -> Opened:
+        """The document of a form; of other files it takes those of the folder alone."""
+        with resolving(Resolver(str(self.folder))):
+            return from_data(form, self.path)
+
+    def _step(self, source: list[Step], target: list[Step], minimum: int) -> str:
+        if len(source) <= minimum:
+            return ""
+        target.append(source.pop())
+        self._show(self.read(self._done[-1].form), self.path)
+        return target[-1].said
+
+    def _show(self, document: Opened, path: Path | None) -> None:
+        """Show what the last step made."""
+        self._count += 1
+        self.path, self.now = path, Revision(self._count, self._done[-1].form, document)
 
 
 READERS: Mapping[str, Callable[[str, Record], Opened]] = {
@@ -104,11 +208,11 @@ class Desk:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
-        self.sheets: dict[str, Filed] = {}
+        self.sheets: dict[str, Sheet] = {}
 
     def put(self, document: Opened | None = None, file: str = "") -> str:
-        """A new sheet of a document, or of a file; its name. Raises like `Filed.open`."""
-        sheet, name = Filed(document, self.folder), secrets.token_hex(4)
+        """A new sheet of a document, or of a file; its name. Raises like `Sheet.open`."""
+        sheet, name = Sheet(document, self.folder), secrets.token_hex(4)
         if file:
             sheet.open(file)
         self.sheets[name] = sheet
@@ -128,7 +232,7 @@ class Desk:
         return self.put(READERS[key](word, source))
 
     def open(self, file: str) -> str:
-        """The sheet of a file of the folder. Raises like `Filed.open`."""
+        """The sheet of a file of the folder. Raises like `Sheet.open`."""
         path = (self.folder / file).resolve()
         names = (name for name, sheet in self.sheets.items() if sheet.path == path)
         return next(names, "") or self.put(file=file)
