@@ -19,15 +19,11 @@ from jsonschema import Draft202012Validator
 
 import blockmech as bm
 from blockmech.ground.files import folder, writing
-from blockmech.result.exported import (
-    csv_chunks,
-    html_table,
-    json_chunks,
-    result_schema,
-    table,
-    write_csv,
-)
+from blockmech.result.data import json_chunks
+from blockmech.result.exported import result_schema
 from blockmech.result.motion import fact_unit
+from blockmech.result.spreadsheet import csv_chunks, write_csv
+from blockmech.result.tables import html_table, table
 from examples.wire_ruiz import fourbar
 from tests.analysis.linkages import fivebar, short_fourbar
 

@@ -60,3 +60,73 @@ def test_a_key_that_is_like_none_is_not_simply_removed():
         bm.Link(colour=3)
     with pytest.raises(bm.GraphError, match='did you mean "k"'):
         bm.signals.Gain(gain=0.5)
+
+
+@pytest.mark.parametrize(
+    ("word", "valid", "name"),
+    [
+        ("revolute", ("R", "P", "weld"), "R"),
+        ("prismatic", ("R", "P", "weld"), "P"),
+        ("ground", ("frame", "crank", "rod"), "frame"),
+        ("torque", ("driver.motor.q", "driver.motor.drive"), "driver.motor.drive"),
+        ("link.coupler.P", ("link.coupler.v", "link.coupler.P.p"), "link.coupler.P.p"),
+        ("A", ("joint.B.p", "joint.A.p", "joint.A.reaction"), "joint.A.p"),
+        ("links.rod.ineria", ("links.rod.mass", "links.rod.inertia"), "links.rod.inertia"),
+    ],
+)
+def test_the_words_of_other_tools_are_known(word, valid, name):
+    assert close_match(word, valid) == f'did you mean "{name}"?'
+
+
+def test_a_length_is_not_taken_for_the_inertia_of_the_link():
+    assert close_match("links.rod.length", ("links.rod.mass", "links.rod.inertia")) == ""
+    with pytest.raises(bm.RequestError, match="add_dimension"):
+        bm.read("graphs/joints/slider_crank.json").replace({"links.rod.length": 0.3})
+
+
+@pytest.mark.parametrize(
+    ("lacks", "hint"),
+    [
+        (lambda: bm.read("graphs/joints/slider_crank.json").animate, "blockmech.draw.animate"),
+        (lambda: bm.Graph("empty").show, "run().plot"),
+        (lambda: bm.Graph("empty").grashof, "compile().limits"),
+        (lambda: MECHANISM.plot, "run().plot"),
+        (lambda: MECHANISM.run(at=0.5).extremes, "mechanism.extremes"),
+        (lambda: MECHANISM.run(at=0.5).to_pandas, "to_dataframe"),
+        (
+            lambda: MECHANISM.study({"dyad.l_i": [6.0]}, want="max(crank.drive)").best,
+            "numpy.argmin",
+        ),
+        (lambda: bm.animate, "blockmech.draw.animate"),
+        (lambda: bm.load, "read"),
+        (lambda: bm.Slider, "SlideDrive"),
+    ],
+)
+def test_a_missing_attribute_says_what_has_it(lacks, hint):
+    with pytest.raises(AttributeError) as caught:
+        lacks()
+    assert hint in str(caught.value)
+
+
+def test_a_missing_argument_is_known_by_other_words():
+    with pytest.raises(TypeError, match='did you mean "until"'):
+        MECHANISM.simulate(t_end=2.0)
+    with pytest.raises(TypeError, match='did you mean "dir"'):
+        bm.Linkage("guide").add_joint("S", "P", ["frame", "rod"], direction=(1, 0))
+
+
+def test_keys_of_a_driver_without_a_law_ask_for_the_law():
+    m = bm.read("graphs/joints/slider_crank.json")
+    with pytest.raises(bm.GraphError, match="name its law first: constant_rate"):
+        m.add_driver("second", "A", rpm=300)
+
+
+def test_a_mechanism_is_not_saved_as_json_by_the_name_of_a_drawing(tmp_path):
+    with pytest.raises(bm.RequestError, match=r"blockmech\.write"):
+        bm.Linkage("drawing").save(tmp_path / "links.dxf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_an_angle_of_a_joint_is_names_both_links():
+    outputs = bm.read("graphs/joints/ruiz_fourbar.json").compile().outputs
+    assert outputs["joint.B.coordinate"].about.startswith("angle of coupler against crank")

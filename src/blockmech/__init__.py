@@ -45,6 +45,8 @@ with uncollected():  # all that is made here is kept
         Problem,
         RequestError,
         SingularError,
+        close_match,
+        elsewhere,
     )
     from blockmech.ground.values import Link, Marker
     from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
@@ -151,7 +153,11 @@ if not TYPE_CHECKING:  # which tells of names that are not there by itself
             return import_module(_NAMESPACES[name])
         if name in _LATER:
             return getattr(import_module(_LATER[name]), name)
-        raise AttributeError(f"module 'blockmech' has no attribute {name!r}")
+        message = f"module 'blockmech' has no attribute {name!r}"
+        if not name.startswith("_"):
+            hint = elsewhere(name, {"blockmech.draw.{}": "blockmech.draw"})
+            message += hint or f". {close_match(name, __all__)}".rstrip(". ")
+        raise AttributeError(message, name=name)
 
 
 def __dir__() -> list[str]:

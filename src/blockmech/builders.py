@@ -39,16 +39,10 @@ class Uncompiled(Runnable["Mechanism"]):
 
     draw = blockmech.draw.draw
     run = blockmech.compiled.Compiled.run
-
-    if not TYPE_CHECKING:  # which tells of names that are not there by itself
-
-        def __getattr__(self, name: str) -> Any:
-            from blockmech.mechanism import Mechanism
-
-            message = f"{type(self).__name__!r} object has no attribute {name!r}"
-            if not name.startswith("_") and hasattr(Mechanism, name):
-                message += f": a mechanism has, write compile().{name}"
-            raise AttributeError(message, name=name, obj=self)
+    _homes = {
+        "compile().{}": "blockmech.mechanism.Mechanism",
+        "run().{}": "blockmech.result.result.Result",
+    }
 
 
 class Graph(graph.Graph, Uncompiled):

@@ -77,6 +77,7 @@ class Mechanism(Compiled["Mechanism"]):
     trade = blockmech.analysis.trade.trade
     velocity_ratio = blockmech.analysis.instant_centres.velocity_ratio
     verify = blockmech.studies.verify.verify
+    _homes = {"run().{}": "blockmech.result.result.Result"}
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, with its drivers at zero."""

@@ -14,7 +14,7 @@ import pytest
 
 from blockmech.cli import output, terminal
 from blockmech.cli.output import NUMBERS
-from blockmech.result.exported import csv_chunks
+from blockmech.result.spreadsheet import csv_chunks
 from tests.gallery import GRAPHS
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to a console")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.result.exported import table
+from blockmech.result.tables import table
 
 DEGREES = math.pi / 180
 

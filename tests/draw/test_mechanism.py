@@ -19,7 +19,7 @@ from blockmech.draw.sketch import hull, sketch_of
 from blockmech.figures import palette
 from blockmech.figures.paper import styled
 from blockmech.ground.report import DEGREES
-from blockmech.result.exported import table
+from blockmech.result.tables import table
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
 from tests.gallery import GRAPHS
 from tests.machines import chain, ruiz, toggle, watt

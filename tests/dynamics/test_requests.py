@@ -46,7 +46,13 @@ def test_an_angle_may_be_in_degrees():
     assert motion.q_end == pytest.approx(-math.pi / 3, abs=motion.error)
 
 
-@pytest.mark.parametrize("size", [0, -1.0, NAN, math.inf, "small"])
+def test_a_size_is_a_number():
+    assert "a number is meant" in said(rod(), "time=1", accuracy="small")
+    step = bm.FixedStep("rk4", "small")
+    assert "'small' is not a number above zero" in said(rod(), "time=1", method=step)
+
+
+@pytest.mark.parametrize("size", [0, -1.0, NAN, math.inf])
 def test_sizes_are_above_zero(size):
     for request in ({"accuracy": size}, {"method": bm.FixedStep("rk4", size)}):
         assert f"{size!r} is not a number above zero" in said(rod(), "time=1", **request)

@@ -39,7 +39,7 @@ def test_an_svg_is_to_scale(tmp_path):
     box = [float(x) for x in root.get("viewBox").split()]
     assert root.get("width") == f"{box[2]!r}mm"
     groups = [g.get("id") for g in root.iter("{http://www.w3.org/2000/svg}g") if g.get("id")]
-    assert {"frame.frame", "crank.crank"} <= set(groups)
+    assert {"frame", "crank.crank"} <= set(groups)
     radii = [float(c.get("r")) for c in root.iter("{http://www.w3.org/2000/svg}circle")]
     assert radii
     assert all(math.isfinite(x) and x > 0 for x in box[2:])
@@ -65,3 +65,13 @@ def test_ezdxf_knows_that_outlines_are_millimetres(tmp_path):
     drawing = ezdxf.readfile(path)
     assert drawing.units == ezdxf.units.MM
     assert len(list(drawing.modelspace().query("CIRCLE"))) >= 8
+
+
+def test_outlines_of_a_drawing_come_back_with_its_links(tmp_path):
+    linkage = bm.read("graphs/joints/ruiz_fourbar.json")
+    (path,) = bm.write(linkage, tmp_path / "a.dxf", at=[0.7])
+    again = bm.read(path)  # R12 has names in capitals
+    assert {link.lower() for link in again.links} == set(linkage.links) - {"frame"}
+    (path,) = bm.write(linkage, tmp_path / "address", "address", at=[0.7])
+    text = path.read_text("utf-8")
+    assert all(f",{link}," in text for link in set(linkage.links) - {"frame"})

@@ -42,6 +42,13 @@ def test_the_same_numbers_make_the_same_mechanism(path):
     assert parameters_of(again.sections()) == parameters
 
 
+def test_a_place_is_replaced_by_a_text_with_its_unit():
+    m = bm.read("graphs/joints/slider_crank.json")
+    assert m.replace({"joints.B.at[0].x": "300 mm"}).joints["B"].at[0].z.real == pytest.approx(0.3)
+    with pytest.raises(bm.BlockmechError, match="finite"):
+        m.replace({"joints.B.at[0].x": "300 kg"})
+
+
 def test_a_replaced_number_is_that_of_the_new_document_alone():
     graph = bm.Graph.load(GRAPHS / "engine.json")
     parameters = parameters_of(graph.sections())

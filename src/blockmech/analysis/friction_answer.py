@@ -24,10 +24,11 @@ from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.report import DEGREES, WIDTH, Facts, as_json, places
 from blockmech.ground.units import shown_in
-from blockmech.result.columns import output_columns
-from blockmech.result.exported import Column, CsvTable, aligned, counted
+from blockmech.result.columns import Column, output_columns
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
+from blockmech.result.spreadsheet import CsvTable
+from blockmech.result.tables import aligned, counted
 from blockmech.typing import Array, Data, Floats, Indices
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from blockmech.cli.terminal import answer, reading
 from blockmech.ground.errors import refused
 from blockmech.model.naming import JointName
 from blockmech.model.structure import Structure
-from blockmech.result.exported import aligned
+from blockmech.result.tables import aligned
 from blockmech.typing import Data
 
 if TYPE_CHECKING:

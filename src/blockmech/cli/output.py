@@ -25,7 +25,9 @@ from blockmech.cli.terminal import (
 from blockmech.ground.errors import refused
 from blockmech.ground.files import folder, refuse_spared
 from blockmech.ground.report import DEGREES, Facts, Report, as_json
-from blockmech.result.exported import csv_chunks, json_chunks, table, write_csv
+from blockmech.result.data import json_chunks
+from blockmech.result.spreadsheet import csv_chunks, write_csv
+from blockmech.result.tables import table
 from blockmech.typing import Data
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from blockmech.cli.options import (
 from blockmech.cli.output import Output
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.ground.runnable import EVERYTHING
-from blockmech.result.exported import gap_lines, leading
+from blockmech.result.tables import gap_lines, leading
 from blockmech.typing import Arguments
 
 if TYPE_CHECKING:

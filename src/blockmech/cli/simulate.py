@@ -31,7 +31,7 @@ from blockmech.cli.output import Output
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.units import shown_in
-from blockmech.result.exported import gap_lines
+from blockmech.result.tables import gap_lines
 from blockmech.typing import Arguments, FixedStep
 
 if TYPE_CHECKING:

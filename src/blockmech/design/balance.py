@@ -25,8 +25,8 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, with_unit
-from blockmech.result.exported import aligned
 from blockmech.result.result import Result
+from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import chosen_numbers, sensitivity
 from blockmech.studies.family import remade
 from blockmech.studies.objective import INFEASIBLE

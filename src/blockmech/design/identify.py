@@ -48,7 +48,7 @@ from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter
 from blockmech.plan.plan import Plan
-from blockmech.result.exported import aligned
+from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import chosen_numbers, program_numbers
 from blockmech.studies.family import remade
 from blockmech.studies.objective import INFEASIBLE

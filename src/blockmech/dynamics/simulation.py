@@ -42,6 +42,7 @@ from blockmech.dynamics.roles import RolesGiven, unused_laws
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.user_functions import refuse_memory
+from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed
 from blockmech.ground.progress import with_bar
 from blockmech.plan.settings import friction_asked
@@ -66,6 +67,7 @@ AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to w
 
 
 @with_bar
+@declared
 @np.errstate(all="ignore")  # what is not finite ends a motion by name
 def simulate(
     mechanism: Compiled[M],

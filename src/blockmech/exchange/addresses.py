@@ -133,7 +133,9 @@ class _Sheet:
                 numbers = (body.mass / units.mass, body.inertia / units.inertia)
                 numbers_ = thousandths(*numbers, body.cm.real, body.cm.imag)
                 joints = ",".join(self.bodies[link])
-                links.append(f"YR{names[link]},{_named(link)},{numbers_},c5cae9,{joints},,")
+                links.append(
+                    f"YR{names[link]},{_named(self.pose.called(ref))},{numbers_},c5cae9,{joints},,"
+                )
         links += [f"YP{a}{b},{a}{b},0,0,0,0,,{a},{b},," for a, b in self.blocks]
         joints = ".".join(self.records)
         for link, name in names.items():

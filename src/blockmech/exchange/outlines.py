@@ -62,7 +62,7 @@ def outlines(order: Order) -> dict[str, list[Shape]]:
         if ref in pose.direction:
             continue
         for link in (s.earlier_link(ref), s.later_link(ref)):
-            pins = positions.setdefault(str(link), [])
+            pins = positions.setdefault(pose.called(link), [])
             z = pose.pin(ref) * MM
             if all(abs(z - pin) > 1e-9 for pin in pins):
                 pins.append(z)
@@ -72,7 +72,7 @@ def outlines(order: Order) -> dict[str, list[Shape]]:
     hole = order.positive("hole", width / MM / 3, "m", "20mm") * MM
     if not 0 < hole < width:
         raise refused("hole", f"{hole:g} mm in a link of {width:g} mm", "make it smaller")
-    frame = str(s.frame_link)
+    frame = pose.called(s.frame_link)
     shapes: dict[str, list[Shape]] = {}
     for name, pins in positions.items():
         outline: list[Shape] = [] if name == frame else list(_outline(hull(pins), width / 2))

@@ -32,6 +32,8 @@ class Standing:
     def __init__(self, order: Order) -> None:
         mechanism = order.mechanism._of_blocks
         self.structure = s = mechanism.structure
+        names = order.mechanism.names
+        self._called = dict(names.of_links if names else {}) | {s.frame_link: "frame"}
         at = dict(order.at)
         if not at:
             at = {"at": {d: mechanism.scene.start_of(d)[0] for d in mechanism.drivers}}
@@ -51,6 +53,10 @@ class Standing:
             return self.point[ref]
         position = self.place.get(f"{ref}.p")
         return self.place[f"{self.structure.feeds[ref]}.p"] if position is None else position
+
+    def called(self, link: LinkRef) -> str:
+        """The link's name in the document; of blocks that of the block and the link."""
+        return self._called.get(link, str(link))
 
     def centre(self, link: LinkRef) -> complex:
         """The centre of mass [m] of a link."""

@@ -7,7 +7,8 @@ from typing import IO
 
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.ground.errors import needed
-from blockmech.result.exported import csv_chunks, json_chunks, write_csv
+from blockmech.result.data import json_chunks
+from blockmech.result.spreadsheet import csv_chunks, write_csv
 
 
 def write_table(order: Order, path: Path) -> list[Path]:

@@ -12,7 +12,7 @@ from typing import IO, Any
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.figures.palette import PANELS
 from blockmech.ground.errors import needed, printable
-from blockmech.result.exported import columns
+from blockmech.result.columns import columns
 from blockmech.result.result import Result
 
 LONGEST = 1_048_000  # rows of a sheet

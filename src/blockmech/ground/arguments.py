@@ -20,7 +20,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
-from blockmech.ground.errors import Problem, RequestError
+from blockmech.ground.errors import Problem, RequestError, close_match
 from blockmech.typing import Kernel
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -54,7 +54,11 @@ def declared(function: F) -> F:
     def call(*args: Any, **kwargs: Any) -> Any:
         try:
             arguments = signature().bind(*args, **kwargs).arguments
-        except TypeError:  # Python says itself what is missing or too much
+        except TypeError as error:  # Python says itself what is missing or too much
+            names = signature().parameters
+            hints = filter(None, (close_match(x, names) for x in kwargs if x not in names))
+            if remedy := next(hints, ""):
+                raise TypeError(f"{function.__name__}(): {error}. {remedy}") from None
             return function(*args, **kwargs)
         pairs = ((name, x) for name, value in arguments.items() for x in several(name, value))
         if wrong := [

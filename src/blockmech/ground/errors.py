@@ -10,11 +10,12 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from itertools import islice
-from typing import Any, TypeAlias, TypeVar
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 Path: TypeAlias = Sequence[str | int]
 """A place in a JSON document: keys and indices."""
@@ -238,7 +239,7 @@ LONGEST_NAME, MOST_NAMES = 64, 300  # what is compared, so that any file is answ
 SYNONYMS = {
     term: names
     for terms, names in (
-        ("torque", ("drive", "moment", "couple")),
+        ("torque", ("drive", "moment", "couple", "law")),
         ("moment", ("drive", "couple")),
         ("force", ("reaction", "drive")),
         ("omega", ("rate",)),
@@ -252,10 +253,10 @@ SYNONYMS = {
         ("c", ("damping",)),
         ("gain", ("k",)),
         ("com cog cg centre center", ("cm",)),
-        ("m weight", ("mass",)),
+        ("m weight density", ("mass",)),
         ("i j", ("inertia",)),
         ("mu coeff friction_coefficient", ("coefficient",)),
-        ("radii", ("radius",)),
+        ("radii d diameter", ("radius", "mean_diameter")),
         ("r", ("radius", "length")),
         ("l", ("length", "l_i")),
         ("len", ("length", "l", "l_i")),
@@ -265,6 +266,29 @@ SYNONYMS = {
         ("h_1", ("h_i", "h1")),
         ("h_2", ("h_j", "h2")),
         ("t", ("times", "time", "duration")),
+        ("t_end", ("until",)),
+        ("x", ("arguments",)),
+        ("y", ("values",)),
+        ("direction", ("dir",)),
+        ("efficiency", ("friction_efficiency",)),
+        ("want outputs", ("names",)),
+        ("revolute pin hinge rotational", ("R",)),
+        ("prismatic slider translational", ("P",)),
+        ("fixed rigid", ("weld",)),
+        ("ground base world", ("frame",)),
+        ("gas pressure", ("thrust",)),
+        ("damper", ("spring",)),
+        ("film movie gif animation", ("animate",)),
+        ("plot show picture", ("plot", "draw")),
+        ("max min maximum minimum range", ("extremes",)),
+        ("dead_centres dead_centers grashof", ("limits",)),
+        ("frequencies natural_frequencies", ("linearize", "equilibria")),
+        ("optimize optimise minimize", ("objective", "study")),
+        ("best", ("argmin",)),
+        ("export save to_dxf to_excel", ("write",)),
+        ("to_pandas df", ("to_dataframe",)),
+        ("load open", ("read",)),
+        ("dyad", ("RRR",)),
     )
     for term in terms.split()
 }
@@ -274,29 +298,61 @@ SHORT = 2  # letters of symbols: which one is like another says nothing of what 
 
 def close_match(word: str, valid: Iterable[str]) -> str:
     """A remedy that names the nearest valid word, or an empty string."""
-    if len(word) > LONGEST_NAME:
-        return ""
-    names = list(islice(valid, MOST_NAMES))
-    if parts := [name for name in names if word.endswith(f".{name}")]:  # a root too many
-        return f'did you mean "{max(parts, key=len)}"?'
+    match = next(_matches(word, list(islice(valid, MOST_NAMES))), "")
+    return f'did you mean "{match}"?' if match and len(word) <= LONGEST_NAME else ""
+
+
+def _matches(word: str, names: list[str]) -> Iterator[str]:
+    """The names that a word may mean, the likeliest first."""
+    roots = [name for name in names if word.endswith(f".{name}")]  # a root too many
+    yield from sorted(roots, key=len, reverse=True)
+    yield from (name for name in names if f".{word}." in f".{name}")  # a link, joint or marker
     head, dot, last = word.rpartition(".")
     synonyms = SYNONYMS.get(last.lower(), ())
-    for name in (f"{head}{dot}{synonym}" for synonym in synonyms):
-        if name in names:
-            return f'did you mean "{name}"?'
-    for synonym in synonyms if dot else ():  # of a driver by another name
-        if alike := [name for name in names if name.endswith(f".{synonym}")]:
-            return f'did you mean "{alike[0]}"?'
+    yield from (f"{head}{dot}{x}" for x in synonyms if f"{head}{dot}{x}" in names)
+    for synonym in (word, *synonyms):  # of a driver by another name
+        yield from (name for name in names if name.endswith(f".{synonym}"))
     if len(word) <= SHORT:
-        spelt = [name for name in names if _letters(name) == _letters(word)]
-        return f'did you mean "{spelt[0]}"?' if spelt else ""
-    names = [name for name in names if abs(len(name) - len(word)) <= len(word)]
-    match = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
-    return f'did you mean "{match[0]}"?' if match else ""
+        yield from (name for name in names if _letters(name) == _letters(word))
+        return
+    siblings = {x.rpartition(".")[2]: x for x in names if x.rpartition(".")[:2] == (head, dot)}
+    ends, end = (siblings, last) if siblings else ({name: name for name in names}, word)
+    like = [x for x in ends if abs(len(x) - len(end)) <= len(end)]
+    yield from (ends[x] for x in difflib.get_close_matches(end, like, n=1, cutoff=0.6))
 
 
 def _letters(name: str) -> str:
     return name.replace("_", "").lower()
+
+
+def elsewhere(name: str, homes: Mapping[str, object]) -> str:
+    """What to write for a name that an object lacks, or an empty string.
+
+    ``homes`` is phrase -> what may have that name or a synonym, also as a dotted path.
+    """
+    modules = {x: resolve_name(at) if isinstance(at, str) else at for x, at in homes.items()}
+    synonyms = dict.fromkeys((name, *SYNONYMS.get(name.lower(), ())))
+    phrases = [
+        x.format(word) for word in synonyms for x, at in modules.items() if hasattr(at, word)
+    ]
+    return f": write {' or '.join(phrases[:2])}" if phrases else ""
+
+
+EVERYWHERE = {"blockmech.draw.{}": "blockmech.draw", "blockmech.{}": "blockmech"}
+
+
+class Guided:
+    """A class that says, where an attribute is missing, what has it: phrase -> path of that."""
+
+    _homes: ClassVar[Mapping[str, str]] = {}
+
+    if not TYPE_CHECKING:  # which tells of names that are not there by itself
+
+        def __getattr__(self, name: str) -> Any:
+            message = f"{type(self).__name__!r} object has no attribute {name!r}"
+            if not name.startswith("_"):
+                message += elsewhere(name, {"{}": type(self), **self._homes, **EVERYWHERE})
+            raise AttributeError(message, name=name, obj=self)
 
 
 def listed(items: Iterable[str], limit: int = 12) -> str:

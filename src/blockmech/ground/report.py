@@ -13,6 +13,7 @@ from dataclasses import fields, is_dataclass
 from numbers import Complex, Integral, Real
 from typing import Any, ClassVar
 
+from blockmech.ground.errors import Guided
 from blockmech.ground.units import shown_in
 from blockmech.typing import Data
 
@@ -87,7 +88,7 @@ class Facts:
         return {name: as_json(getattr(self, name)) for name in names}
 
 
-class Report(ABC):
+class Report(Guided, ABC):
     """What people read: ``print`` shows all, `repr` is one line of it, a notebook shows HTML."""
 
     @abstractmethod

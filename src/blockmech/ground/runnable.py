@@ -8,6 +8,7 @@ from pkgutil import resolve_name
 from types import MethodType
 from typing import Any, Generic
 
+from blockmech.ground.errors import Guided
 from blockmech.typing import M
 
 EVERYTHING = ("*",)
@@ -41,7 +42,7 @@ class LazyMethod:
         return method if instance is None else MethodType(method, instance)
 
 
-class Runnable(ABC, Generic[M]):
+class Runnable(Guided, ABC, Generic[M]):
     """What can be compiled, and so be run."""
 
     _called = "a graph, a linkage or a mechanism"

@@ -13,9 +13,10 @@ from typing import Any, ClassVar, Self, TypeVar
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import FormatError, GraphError, Problem, close_match, in_file, listed
 from blockmech.ground.garbage import uncollected
+from blockmech.ground.units import number_in_si
 from blockmech.model.diagram import Wire
 from blockmech.model.form import EXTRAS, Draft, Form
-from blockmech.model.parameters import Path, named, parameters_of, replaced
+from blockmech.model.parameters import PARTS, Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.scene import Initial, Locked, Stops
 from blockmech.model.versions import current
@@ -107,9 +108,15 @@ class Document:
         >>> bm.read("fourbar.json").name
         'ruiz_fourbar'
         """
-        from blockmech.ground.files import writing
+        from blockmech.ground.files import cannot_write, writing
 
         where = os.fspath(path)
+        if os.path.splitext(where)[1] not in ("", ".json"):
+            message, remedy = (
+                "a mechanism is saved as JSON",
+                "name it .json, or use blockmech.write",
+            )
+            raise cannot_write(where, message, remedy)
         text = self.in_folder(os.path.dirname(where)).to_json()
         self.from_data(*data_of(text), where)  # what a file does not hold is not written
         with writing(path) as stream:
@@ -216,7 +223,9 @@ class Document:
         6.1
         """
         numbers = named(parameters_of(self.sections()), values)
-        return self.with_checked({p.path: x for p, x in numbers.items()})
+        texts = {p: x for p, x in numbers.items() if isinstance(x, str) and p.path[-1] in PARTS}
+        parts = {p: number_in_si(x, p.unit) for p, x in texts.items()}
+        return self.with_checked({p.path: x for p, x in (numbers | parts).items()})
 
     def with_checked(self, numbers: Mapping[Path, float]) -> Self:
         """A copy with other numbers at some paths, checked like a file; see `replace`.

@@ -231,6 +231,8 @@ def _unknown(address: object, numbers: Mapping[str, Parameter]) -> Problem:
     neighbours = [a for a in numbers if a.split(".")[0] == head]
     valid = f"addresses there: {listed(neighbours or numbers, 16)}"
     remedy = close_match(str(address), list(numbers))
+    if not remedy and any(a.startswith("joints.") for a in numbers):
+        remedy = 'a length between pins is a number by add_dimension("rod", "length", ["A", "B"])'
     return Problem("unknown-parameter", str(address), message, valid, remedy)
 
 

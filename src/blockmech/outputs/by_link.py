@@ -81,7 +81,7 @@ def outputs_by_link(
         if reading.turn or reading.wrapped:
             output = _rotated(output, reading.turn)
         by, on = (link_names.get(link, link) for link in (output.by, output.on))
-        if by and reading.between:
+        if reading.between:
             by, on = (x or y for x, y in zip(reading.between, (by, on), strict=True))
         return Output(reading.name, *output[1:5], by, on, output.words)
 

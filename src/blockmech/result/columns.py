@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.ground.errors import Guided
 from blockmech.ground.files import AnyPath
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.units import shown_in
@@ -20,7 +21,7 @@ from blockmech.typing import Arguments, Floats, Named, Real
 __all__ = ["AnyPath", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
 
-class Labelled(Mapping[str, Floats]):
+class Labelled(Guided, Mapping[str, Floats]):
     """What the exports need of a result: outputs by name, and what they are.
 
     ``motion`` is that of a simulation, ``accuracy`` what was chosen for a wanted one; of other

@@ -10,42 +10,9 @@ import json
 from importlib import resources
 
 from blockmech.result import data, spreadsheet
-from blockmech.result.columns import Column, Labelled, columns
-from blockmech.result.data import json_chunks, to_dataframe, to_dict, to_npz, to_xarray
-from blockmech.result.spreadsheet import CsvTable, csv_chunks, to_csv, write_csv
-from blockmech.result.tables import (
-    aligned,
-    counted,
-    flag_lines,
-    gap_lines,
-    html_table,
-    leading,
-    table,
-)
+from blockmech.result.columns import Labelled
+from blockmech.result.tables import html_table, table
 from blockmech.typing import Data
-
-__all__ = [
-    "Column",
-    "CsvTable",
-    "Exported",
-    "aligned",
-    "columns",
-    "counted",
-    "csv_chunks",
-    "flag_lines",
-    "gap_lines",
-    "html_table",
-    "json_chunks",
-    "leading",
-    "result_schema",
-    "table",
-    "to_csv",
-    "to_dataframe",
-    "to_dict",
-    "to_npz",
-    "to_xarray",
-    "write_csv",
-]
 
 
 class Exported(Labelled):

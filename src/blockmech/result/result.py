@@ -61,6 +61,7 @@ class Result(Exported, Generic[M]):
 
     _called = "a result"
     _instead = "its plot() draws its outputs; the mechanism is its .mechanism"
+    _homes = {"mechanism.{}": "blockmech.mechanism.Mechanism"}
 
     plot = LazyMethod("blockmech.figures.curves.plot")
     stroke = LazyMethod("blockmech.analysis.stroke.stroke")

@@ -22,8 +22,8 @@ from blockmech.ground.report import DEGREES, Facts, Report, sections
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.parameters import Parameter, Path
 from blockmech.plan.plan import Plan
-from blockmech.result.exported import aligned
 from blockmech.result.result import Result
+from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.variation import (
     designed,

@@ -25,7 +25,7 @@ from blockmech.model.structure import Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
-from blockmech.result.exported import aligned
+from blockmech.result.tables import aligned
 from blockmech.studies.variation import (
     Variation,
     designed,

@@ -31,9 +31,9 @@ from blockmech.ground.tolerances import EQUAL
 from blockmech.model.parameters import Parameter
 from blockmech.plan.plan import Plan
 from blockmech.plan.settings import check_static, friction_asked
-from blockmech.result.exported import counted
 from blockmech.result.quality import NO_ASSEMBLY, Failures, at_most_one, failures
 from blockmech.result.samples import Samples, make_samples
+from blockmech.result.tables import counted
 from blockmech.studies.between import Range, doubt, some_of
 from blockmech.studies.family import Family, document_value, remade
 from blockmech.studies.reductions import EXTREMES, POSES, REST, STROKE, WHOLE, Wanted, wanted

@@ -19,9 +19,10 @@ from blockmech.ground.errors import held, listed
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, LINES, as_json, sections
 from blockmech.model.parameters import Parameter
-from blockmech.result.columns import driver_columns
-from blockmech.result.exported import Column, CsvTable, aligned, counted, flag_lines
+from blockmech.result.columns import Column, driver_columns
 from blockmech.result.result import Result
+from blockmech.result.spreadsheet import CsvTable
+from blockmech.result.tables import aligned, counted, flag_lines
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.typing import Arguments, Array, Data, Real
 

@@ -19,8 +19,10 @@ from blockmech.ground.errors import held, listed, needed, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.report import DEGREES, LINES
 from blockmech.model.parameters import Parameter
+from blockmech.result.columns import Column
 from blockmech.result.data import dataframe, pint_unit
-from blockmech.result.exported import Column, CsvTable, aligned, counted
+from blockmech.result.spreadsheet import CsvTable
+from blockmech.result.tables import aligned, counted
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
 from blockmech.studies.sampling import Designs
@@ -55,6 +57,8 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     engine : the engine that was taken
     runner : what ran the designs, and can run them again
     """
+
+    _homes = {"numpy.{}": "numpy"}
 
     name: str
     parameters: Mapping[str, Parameter]

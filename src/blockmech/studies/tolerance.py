@@ -29,7 +29,7 @@ from blockmech.ground.errors import Problem, RequestError
 from blockmech.ground.progress import with_bar
 from blockmech.ground.report import DEGREES, sections
 from blockmech.model.parameters import named
-from blockmech.result.exported import aligned
+from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.distributions import Distribution, Sample
 from blockmech.studies.family import Family, parameters, remade

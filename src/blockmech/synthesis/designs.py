@@ -14,7 +14,7 @@ from blockmech.builders import Graph
 from blockmech.ground.report import DEGREES, Facts, Report
 from blockmech.ground.tolerances import EQUAL
 from blockmech.model.versions import VERSION
-from blockmech.result.exported import aligned
+from blockmech.result.tables import aligned
 from blockmech.synthesis.fourbar import SHAPE, coupler_point
 from blockmech.synthesis.search import Task, search
 from blockmech.typing import Floats, Progress
@@ -39,6 +39,8 @@ class Design(Facts, Report):
     >>> best.graph
     <Graph path_generator: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II RRR(dyad: 2,3)>
     """
+
+    _homes = {"graph.{}": "blockmech.Graph"}
 
     graph: Graph
     at: Floats

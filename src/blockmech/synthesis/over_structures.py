@@ -36,7 +36,7 @@ from blockmech.ground.report import DEGREES, Facts, Report
 from blockmech.ground.tolerances import BLUR, EQUAL
 from blockmech.model.joints.varied import Varied
 from blockmech.plan.plan import Plan
-from blockmech.result.exported import aligned
+from blockmech.result.tables import aligned
 from blockmech.studies.variation import Variation
 from blockmech.synthesis.designs import Design
 from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar, size_of

@@ -30,7 +30,7 @@ from blockmech.ground.errors import (
 from blockmech.ground.report import LINES, Facts
 from blockmech.ground.validation_errors import validated
 from blockmech.model.expect import Expectation
-from blockmech.result.exported import aligned
+from blockmech.result.tables import aligned
 from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:

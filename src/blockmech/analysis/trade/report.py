@@ -16,7 +16,8 @@ from blockmech.figures.panels import log_ticks, power_of_ten
 from blockmech.figures.paper import legend_above, panelled, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.report import DEGREES, Facts, as_json
-from blockmech.result.exported import CsvTable, aligned
+from blockmech.result.spreadsheet import CsvTable
+from blockmech.result.tables import aligned
 from blockmech.typing import Arguments, Data
 
 if TYPE_CHECKING:

@@ -419,10 +419,14 @@ class Linkage(Document):
             items[name] = model(**keys)
         except GraphError as error:
             path, cls = path_text((f"{kind_of_item}s", name)), model.__name__
-            raise GraphError(
+            problems = [
                 replace(p, where=p.where.replace(cls, path, 1), found=p.found.replace(cls, path, 1))
                 for p in error.problems
-            ) from None
+            ]
+            if section.key and not kind:  # its keys are those of a kind that was not named
+                remedy = f"name its {section.key} first: {listed(section.kinds)}"
+                problems = [replace(p, remedy=remedy) for p in problems]
+            raise GraphError(problems) from None
 
     @property
     def driven(self) -> dict[str, str]:
