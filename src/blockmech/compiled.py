@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import weakref
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
@@ -43,7 +43,9 @@ from blockmech.typing import (
     Numbers,
     OnGap,
     Precision,
+    Real,
     Record,
+    Values,
 )
 
 if TYPE_CHECKING:
@@ -67,7 +69,7 @@ class Compiled(Runnable[M]):
     names: Names | None
     document: Document | None
     _plans: Callable[..., Plan]
-    _cache: dict[Any, Any]
+    _cache: dict[Hashable, Any]
 
     def __init__(
         self,
@@ -121,7 +123,7 @@ class Compiled(Runnable[M]):
         remedy = "set it on the graph or linkage, and compile that again"
         raise GraphError(Problem("frozen", where, message, "", remedy))
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Pickled as what it was compiled of; plans and programs are made again when asked for."""
         structure = replace(self.structure, sensors={})  # without what was found from its fields
         return type(self), (structure, self.scene, self.name, self.names, self.document)
@@ -323,7 +325,7 @@ class Compiled(Runnable[M]):
         engine: str = "auto",
         precision: str = "complex128",
         chunk: int | None = None,
-    ) -> tuple[tuple[Any, ...], str]:
+    ) -> tuple[Values, str]:
         """Values of a plan's program at samples, and the name of the engine."""
         check_chunk(chunk)
         if engine == "auto":
@@ -345,9 +347,7 @@ class Compiled(Runnable[M]):
             values = self._doubts_in_double(plan, values, inputs, samples.n)
         return values, "numpy"
 
-    def _doubts_in_double(
-        self, plan: Plan, values: tuple[Any, ...], inputs: Record, n: int
-    ) -> tuple[Any, ...]:
+    def _doubts_in_double(self, plan: Plan, values: Values, inputs: Record, n: int) -> Values:
         """Values in single precision, but with friction that it cannot tell from double.
 
         Those are samples at which a slow pair counts as one at rest, and those near or beyond the
@@ -364,7 +364,7 @@ class Compiled(Runnable[M]):
         doubted = {name: np.broadcast_to(inputs[name], n)[i] for name in plan.program.inputs}
         better = self._engine(plan, "numpy", "complex128").run(doubted, i.size)
 
-        def mended(x: Any, y: Any) -> Any:
+        def mended(x: Real, y: Real) -> Real:
             merged = np.array(x)
             merged[i] = y
             return merged

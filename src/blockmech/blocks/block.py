@@ -21,6 +21,7 @@ from blockmech.ground.errors import close_match, listed
 from blockmech.ground.names import NAME_RULE, is_name
 from blockmech.ground.plane import has_arithmetic
 from blockmech.ground.values import Link, Marker, Pair, StrictModel, mistake
+from blockmech.typing import Parameters
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
 """Where in a model, and what is wrong there."""
@@ -92,7 +93,7 @@ class Block(StrictModel):
         """The block's own numbers, in the order of declaration."""
         return tuple(n for n in cls.model_fields if n not in NOT_FOR_KERNELS)
 
-    def parameters(self) -> Any:
+    def parameters(self) -> Parameters:
         """The block's numbers as the named tuple that kernels read as ``p``."""
         values = {n: _number(getattr(self, n)) for n in self.parameter_names()}
         numbers = {n: x for n, x in values.items() if x is not None}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
+
+from blockmech.typing import Kernel, Real
 
 PairKind = Literal["R", "P"]
 Reading = Literal["point", "guide"]
@@ -122,7 +124,7 @@ class Coordinate(NamedTuple):
     sign: int = 1
     offset: float = 0.0
 
-    def of_joint(self, q: Any) -> Any:
+    def of_joint(self, q: Real) -> Real:
         """Coordinate of the joint where the driver's is q, a number or an array."""
         return self.sign * q + self.offset
 
@@ -167,10 +169,10 @@ class Kernels:
     not hold it.
     """
 
-    position: Callable[..., Any]
-    velocity: Callable[..., Any]
-    acceleration: Callable[..., Any]
-    reactions: Callable[..., Any]
-    transmission: Callable[..., Any] | None = None
-    size: Callable[..., Any] | None = None
-    margin: Callable[..., Any] | None = None
+    position: Kernel
+    velocity: Kernel
+    acceleration: Kernel
+    reactions: Kernel
+    transmission: Kernel | None = None
+    size: Kernel | None = None
+    margin: Kernel | None = None

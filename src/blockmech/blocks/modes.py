@@ -28,7 +28,7 @@ from blockmech.blocks.contract import AssurGroup
 from blockmech.ground.errors import shown
 from blockmech.ground.plane import EPS, cross, sign, sqrt
 from blockmech.ground.values import Axis, Branch, Finite, StrictModel, Units, mistake
-from blockmech.typing import Complex, LinkPosition, Real
+from blockmech.typing import Complex, LinkPosition, Parameters, Real
 
 FOLLOW = "follow"
 
@@ -114,7 +114,7 @@ class TwoModes(Dyad):
         """Whether the branch changes at change points."""
         return bool(getattr(self, "branch", None) == FOLLOW)
 
-    def parameters(self) -> Any:
+    def parameters(self) -> Parameters:
         """The block's numbers; of a branch that follows, the one at home."""
         block: Any = self
         if not self.follows:

@@ -23,7 +23,15 @@ from blockmech.blocks.motion import DyadAcceleration, DyadVelocity
 from blockmech.blocks.points import Point, branch_of, given_points
 from blockmech.ground.plane import cross, dot, hyp, imul, mul, sqrt
 from blockmech.ground.values import Length
-from blockmech.typing import Complex, Data, LinkAcceleration, LinkPosition, LinkVelocity, Load, Real
+from blockmech.typing import (
+    Complex,
+    Data,
+    LinkAcceleration,
+    LinkPosition,
+    LinkVelocity,
+    Load,
+    Real,
+)
 
 Bent: TypeAlias = Any
 """A pose of two pinned links: u = C - B, w = C - D [m], det = cross(u, w) [m2]."""

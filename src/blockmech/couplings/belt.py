@@ -13,9 +13,9 @@ Source: Niemann & Winter, Maschinenelemente III, 2004, ch. 27.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from pydantic import StrictBool
 
@@ -32,7 +32,7 @@ from blockmech.couplings.laws import SHARES
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import always, dot, imul, mul, sqrt
 from blockmech.ground.values import Angle, Lengths, NotNegative, default, in_unit
-from blockmech.typing import Complex, Load, Real
+from blockmech.typing import Complex, Kernel, Load, Real
 
 
 class BeltNumbers(NamedTuple):
@@ -124,7 +124,7 @@ class Belt(LossyCoupling, type="coupling.belt"):
     transmission = always(running)
     contact = always(pull)
 
-    def tension(self) -> Callable[..., Any] | None:
+    def tension(self) -> Kernel | None:
         """`preloading`, of a belt that has some."""
         return None if self.sided else preloading
 

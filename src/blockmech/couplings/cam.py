@@ -24,7 +24,7 @@ import cmath
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Annotated, Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Literal, NamedTuple, Protocol
 
 from pydantic import Field, model_validator
 
@@ -63,7 +63,7 @@ from blockmech.ground.values import (
     in_unit,
     mistake,
 )
-from blockmech.typing import Complex, Parameters, Real
+from blockmech.typing import Complex, Floats, Kernel, Parameters, Real
 
 
 class Shape(NamedTuple):
@@ -247,7 +247,7 @@ class Cam(Coupling, type="coupling.cam"):
             raise mistake("open-profile", message, "a period goes into a turn", "change the period")
         return self
 
-    def transmission(self, pair: str) -> Callable[..., Any]:
+    def transmission(self, pair: str) -> Kernel:
         """The law's kernel; of points a spline's."""
         return self.law.kernel()
 
@@ -385,7 +385,7 @@ class Cam(Coupling, type="coupling.cam"):
         return _rising(np.unwrap(x)[::-1], q[::-1])
 
 
-def _outline(points: Sequence[complex]) -> tuple[Any, Any]:
+def _outline(points: Sequence[complex]) -> tuple[Floats, Floats]:
     """A closed curve through points, densely, counter-clockwise, and its outward normal."""
     import numpy as np
     from scipy.interpolate import make_interp_spline
@@ -401,7 +401,7 @@ def _outline(points: Sequence[complex]) -> tuple[Any, Any]:
     return x + 1j * y, -1j * tangent / abs(tangent)
 
 
-def _swung(arm: complex, d: complex, cosine: Any, start: float) -> Any:
+def _swung(arm: complex, d: complex, cosine: Floats, start: float) -> Floats:
     """Angle by which an arm turns until its angle to d has a cosine, on the side it is near."""
     import numpy as np
 
@@ -409,7 +409,7 @@ def _swung(arm: complex, d: complex, cosine: Any, start: float) -> Any:
     return math.copysign(1.0, now) * np.arccos(cosine) - now + start
 
 
-def _rising(x: Any, q: Any) -> tuple[list[float], list[float]]:
+def _rising(x: Floats, q: Floats) -> tuple[list[float], list[float]]:
     """Rows of a table of one turn, of which none goes back; from 0 on."""
     import numpy as np
 

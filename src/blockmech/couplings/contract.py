@@ -44,7 +44,7 @@ import cmath
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field
 
@@ -52,7 +52,7 @@ from blockmech.blocks.block import Block
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import cross, dot, imul, mul
 from blockmech.ground.values import Axis, Number, Units, default, in_unit
-from blockmech.typing import Complex, Guide, Load, Parameters, Real
+from blockmech.typing import Complex, Guide, Kernel, Load, Parameters, Real
 
 ROUND = 72  # straight pieces of a drawn circle
 
@@ -91,7 +91,7 @@ class Reading(NamedTuple):
     """
 
     unit: str
-    kernel: Callable[..., Any]
+    kernel: Kernel
     of_load: bool = False
     flag: str = ""
     about: str = ""
@@ -202,7 +202,7 @@ def by_slide(pose: Meshing) -> Load:
     return Load(mul(pose.a.u, 1.0), 0.0)
 
 
-LOSSES: Mapping[str, Callable[..., Any]] = {
+LOSSES: Mapping[str, Kernel] = {
     "RR": between_wheels,
     "RP": on_slide,
     "PR": by_slide,
@@ -236,15 +236,15 @@ class Coupling(Block):
         """A phase is in the unit of the driven coordinate."""
         return {"phase": axis.effort}
 
-    def transmission(self, pair: str) -> Callable[..., Any]:
+    def transmission(self, pair: str) -> Kernel:
         """The kernel of rule 1; ``pair`` is one of `pairs`."""
         raise TypeError(f"{type(self).__name__} declares no transmission")
 
-    def contact(self, pair: str) -> Callable[..., Any] | None:
+    def contact(self, pair: str) -> Kernel | None:
         """The kernel of rule 2, of links that touch `pushed`; None for a black box."""
         return None if self.touch(pair) is None else pushed
 
-    def tension(self) -> Callable[..., Any] | None:
+    def tension(self) -> Kernel | None:
         """The kernel of rule 3; None where nothing is tensioned."""
         return None
 
@@ -252,7 +252,7 @@ class Coupling(Block):
         """Further outputs by name; of couplings with a contact."""
         return {}
 
-    def numbers(self, pair: str, at_zero: Callable[[], Meshing]) -> Any:
+    def numbers(self, pair: str, at_zero: Callable[[], Meshing]) -> Parameters:
         """What kernels read as ``p``; ``at_zero`` gives both sides where all drivers are at 0."""
         return self.parameters()
 
@@ -264,7 +264,7 @@ class Coupling(Block):
         """What cannot work where the parts are; ``where`` is the coupling's name."""
         yield from ()
 
-    def touch(self, pair: str) -> Callable[..., Any] | None:
+    def touch(self, pair: str) -> Kernel | None:
         """The kernel of rule 4; None where links touch in more places than one, or in none."""
         return None
 

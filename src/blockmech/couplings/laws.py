@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import accumulate
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -37,7 +37,7 @@ from blockmech.ground.values import (
     default,
     mistake,
 )
-from blockmech.typing import Real
+from blockmech.typing import Real, Values
 
 SHARES = 10_000  # largest number of indexing steps of a turn
 
@@ -54,7 +54,7 @@ class LawNumbers(NamedTuple):
     slopes: Rows
     curves: Rows
     sines: Rows  # a, w, f and two rows that give s; empty where no piece has one
-    shape: Any = ()  # what a contact reads beside the law
+    shape: Values = ()  # what a contact reads beside the law
 
 
 def value_at(u: Real, law: LawNumbers) -> Transmission:

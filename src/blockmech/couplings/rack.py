@@ -13,16 +13,16 @@ Source: Niemann & Winter, Maschinenelemente II, 2003, ch. 21.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
 from blockmech.couplings.contract import Curve, LossyCoupling, Meshing, Transmission, Where, circle
 from blockmech.ground.plane import apply, cross, imul, mul
 from blockmech.ground.values import Angle, Length, Number, default, in_unit, no_boolean
-from blockmech.typing import Load, Real
+from blockmech.typing import Kernel, Load, Real
 
 Side = Annotated[Literal[-1, 1], no_boolean(-1, 1)]
 
@@ -93,11 +93,11 @@ class Rack(LossyCoupling, type="coupling.rack"):
         side = float(self.side)
         return RackNumbers(side * self.radius, side, self.phase, slant.imag / slant.real)
 
-    def transmission(self, pair: str) -> Callable[..., Any]:
+    def transmission(self, pair: str) -> Kernel:
         """`rolling`, or `turning` where the rack leads."""
         return rolling if pair == "RP" else turning
 
-    def contact(self, pair: str) -> Callable[..., Any]:
+    def contact(self, pair: str) -> Kernel:
         """On the one that follows."""
         return on_rack if pair == "RP" else on_pinion
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from fractions import Fraction
-from typing import Any
 
 from blockmech.couplings.contract import LossyCoupling, Meshing
 from blockmech.couplings.laws import AnyLaw, LawNumbers
 from blockmech.ground.values import Number, default
+from blockmech.typing import Kernel
 
 
 class Ratio(LossyCoupling, type="coupling.ratio"):
@@ -35,7 +35,7 @@ class Ratio(LossyCoupling, type="coupling.ratio"):
     law: AnyLaw
     phase: Number = default(0.0)
 
-    def transmission(self, pair: str) -> Callable[..., Any]:
+    def transmission(self, pair: str) -> Kernel:
         """The law's kernel."""
         return self.law.kernel()
 

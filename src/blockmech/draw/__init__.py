@@ -250,7 +250,7 @@ def _mechanism(subject: Subject, **poses: Any) -> Any:
     return draw_mechanism(subject.compile(), **poses).figure
 
 
-def _schedule(subject: Subject, want: Any) -> Any:
+def _schedule(subject: Subject, want: Iterable[str] | str) -> Any:
     return draw_schedule(subject.compile().plan(want))
 
 

@@ -15,7 +15,7 @@ import math
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -314,7 +314,7 @@ def player_data(film: Animation) -> Data:
     }
 
 
-def _numbers(z: Any) -> list[float]:
+def _numbers(z: Sequence[complex] | Vectors) -> list[float]:
     """Places [pt] as x, y, x, y ..., to hundredths of a point."""
     flat: list[float] = np.round(np.stack([np.real(z), np.imag(z)], axis=-1), 2).ravel().tolist()
     return flat

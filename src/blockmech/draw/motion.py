@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from blockmech.model.spots import Spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.result.quality import Quality
 from blockmech.result.result import Result
-from blockmech.typing import Arguments, Coordinates, Data, Floats, Vectors
+from blockmech.typing import Arguments, Array, Coordinates, Data, Floats, Vectors
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ class Motion:
         margins = [*self.quality.margin.values(), self.feasible]
         return int(np.argmax(np.where(self.feasible, np.min(margins, axis=0), -1.0)))
 
-    def only(self, samples: Sequence[int] | NDArray[Any]) -> Motion:
+    def only(self, samples: Sequence[int] | Array) -> Motion:
         """Some of the samples, in their order; indices or a mask (n,)."""
         rows: Data = {
             name: {key: row[samples] for key, row in getattr(self, name).items()}

@@ -13,7 +13,7 @@ from blockmech.draw.labels import Crowd, Place
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
 from blockmech.figures.paper import new_figure, wrapped
-from blockmech.typing import Arguments, Vectors
+from blockmech.typing import Arguments, Complex, Vectors
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
 
@@ -118,11 +118,11 @@ class Page:
         self.caption.set_text("\n".join(self.lines(text)))
         return self.caption
 
-    def points(self, z: Any) -> Any:
+    def points(self, z: Complex) -> Complex:
         """Places [m] in points of the page, from the axes' lower left corner."""
         return (z - self.corner) / self.unit
 
-    def metres(self, z: Any) -> Any:
+    def metres(self, z: Complex) -> Complex:
         """The places [m] of points of the page."""
         return z * self.unit + self.corner
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from blockmech.draw.sketch import LoadMark, Sketch, Slider
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
 from blockmech.model.spots import Spot, pin_spot
-from blockmech.typing import Vectors
+from blockmech.typing import Arguments, Real, Vectors
 
 Vector: TypeAlias = tuple[Spot, Vectors]
 """Where something acts, and its values (n,)."""
@@ -59,7 +59,7 @@ def shapes_of(stage: Stage) -> list[Shape]:
         shapes.append(Shape(name, "disc", z, 6, fill=ink.PAPER, radius=SIZES.pin))
     for wheel in stage.sketch.wheels:
         points, dash = stage.motion.at(wheel.link, np.array(wheel.points)), (9.0, 2.0, 2.0, 2.0)
-        look: Any = {"width": 0.9, "dash": dash if wheel.chain else ()}
+        look: Arguments = {"width": 0.9, "dash": dash if wheel.chain else ()}
         shapes.append(Shape(f"wheel:{wheel.name}", "line", points, 4.7, ink.GREY, **look))
     for load in stage.sketch.loads:
         shapes += _load(stage, load)
@@ -156,7 +156,7 @@ def _arc(radius: float, start: float, turn: float) -> Vectors:
     return arc
 
 
-def _mirrored(arc: Vectors, sense: Any) -> Vectors:
+def _mirrored(arc: Vectors, sense: Real) -> Vectors:
     """An arc (p, n) that turns the other way where ``sense`` (n,) is negative."""
     mirrored: Vectors = arc.real[:, None] + 1j * sense * arc.imag[:, None]
     return mirrored
@@ -188,7 +188,7 @@ def load_ways(stage: Stage, load: LoadMark) -> list[Vectors]:
     return ways
 
 
-def _size(value: Vectors) -> Any:
+def _size(value: Vectors) -> Real:
     """Magnitudes (n,); NaN where there is nothing to show."""
     return np.where(np.isfinite(value) & (value != 0), np.abs(value), np.nan)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
@@ -16,7 +17,7 @@ from blockmech.engines import loops
 from blockmech.engines.cost import loops_pay
 from blockmech.engines.llvm import has_code, machine_code
 from blockmech.ground.errors import MissingEngineError
-from blockmech.typing import Array, Kernel
+from blockmech.typing import Array, Real
 
 SAVED = 1e-3  # [s] that a motion takes longer interpreted
 LINES = 5_100  # of text that take as long to compile as the loops
@@ -26,10 +27,10 @@ LOOPS = path_loops.over_pieces, path_loops.compare, path_loops.again, path_loops
 class PathCode(NamedTuple):
     """The loops, called with arrays and numbers, but for nodes and the room T."""
 
-    over_pieces: Kernel
-    compare: Kernel
-    again: Kernel
-    placed: Kernel | None  # by arrays `Panels` is quicker
+    over_pieces: Callable[..., Real]
+    compare: Callable[..., Real]
+    again: Callable[..., Real]
+    placed: Callable[..., Real] | None  # by arrays `Panels` is quicker
     engine: str
 
     @staticmethod
@@ -72,12 +73,12 @@ class PathCode(NamedTuple):
 
 
 @np.errstate(all="ignore")  # what is not finite is no panel, and another motion
-def _by_numpy(function: Kernel, of: Sizes, matrices: Nodes, *arguments: Array) -> Any:
+def _by_numpy(function: Callable[..., Real], of: Sizes, matrices: Nodes, *arguments: Array) -> Real:
     """A function of the loops, run by Python."""
     return function(of, matrices, np.empty((of.n + 2, of.n + 2)), *arguments)
 
 
-def _by_place(function: Kernel, matrices: Any, *arguments: Array) -> Any:
+def _by_place(function: Callable[..., Real], matrices: Any, *arguments: Array) -> Real:
     """The same by machine code."""
     begin: Any = ctypes.c_char.from_buffer  # quicker than an array's own word for where it is
     arrays = np.empty((FINE + 2, FINE + 2)), *arguments

@@ -310,7 +310,7 @@ class Units(NamedTuple):
             return text
 
 
-def _is_number(x: Any) -> bool:
+def _is_number(x: object) -> bool:
     return isinstance(x, int | float) and not isinstance(x, bool)
 
 

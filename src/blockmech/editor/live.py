@@ -39,7 +39,7 @@ from blockmech.model.spots import marker_place
 from blockmech.model.structure import Structure
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.studies.variation import designed, planned_near
-from blockmech.typing import Data, Record
+from blockmech.typing import Complex, Data, Real, Record
 
 NUMBER = 20  # letters of a number in JSON
 KEPT = 64  # modules
@@ -56,7 +56,7 @@ class Tape:
         self.constants: dict[float, Node] = {}
         self._made: dict[Any, Node] = {}
 
-    def node(self, op: str, *args: Any) -> Node:
+    def node(self, op: str, *args: Real) -> Node:
         """An operation; numbers but 0 and 1 are constants, which are no part of a text."""
         operands = tuple(x if isinstance(x, Node) else self._constant(x) for x in args)
         key = (op, *(x.number if isinstance(x, Node) else repr(x) for x in operands))
@@ -64,7 +64,7 @@ class Tape:
             self._made[key] = Node(self, op, operands, 0)
         return self._made[key]
 
-    def _constant(self, x: float) -> Any:
+    def _constant(self, x: float) -> Real:
         if abs(x) in (0.0, 1.0) or not math.isfinite(x):
             return float(x)
         if x not in self.constants:
@@ -87,10 +87,10 @@ class Recorded(Varied):
     Derivatives decide what stays equal; real numbers are nodes, vectors pairs of them.
     """
 
-    z: Any
+    z: Complex
 
     @classmethod
-    def of(cls, x: complex, real: Any, imag: Any = 0.0) -> Recorded:
+    def of(cls, x: complex, real: Real, imag: Real = 0.0) -> Recorded:
         """A varied number with its parts on the tape."""
         number: Any = cls.__new__(cls, complex(x), tangents(x))
         number.z = real if _is_nought(imag) else Planar(real, imag)
@@ -164,21 +164,21 @@ def _recorded_primitives(x: object) -> Record:
     return {"planar": planar, "expi": turned, "angle": between}
 
 
-def _xy(x: Any) -> tuple[Any, Any]:
+def _xy(x: Complex) -> tuple[Real, Real]:
     """x and y of a number: nodes, or numbers where they are constant."""
     z = x.z if isinstance(x, Recorded) else x
     return z.real, z.imag
 
 
-def _is_nought(x: Any) -> bool:
+def _is_nought(x: Real) -> bool:
     return not isinstance(x, Node) and x == 0
 
 
-def _sum(x: Any, y: Any) -> Any:
+def _sum(x: Complex, y: Complex) -> Complex:
     return y if _is_nought(x) else x if _is_nought(y) else x + y
 
 
-def _product(x: Any, y: Any) -> Any:
+def _product(x: Complex, y: Complex) -> Complex:
     return 0.0 if _is_nought(x) or _is_nought(y) else x * y
 
 
@@ -382,7 +382,7 @@ def _module(script: Script) -> str:
     return FAST + numbers()[numbers().index("function rest(") :] + text
 
 
-def _numbers(tape: Tape, nodes: list[Any]) -> str:
+def _numbers(tape: Tape, nodes: list[Real]) -> str:
     """``numbers(x, c, p)``: writes what follows from the places x, with constants c."""
     count = 1 + max((node.args[0] for node in tape.nodes if node.op == "input"), default=0)
     inputs = [f"x[{i}]" for i in range(count)]

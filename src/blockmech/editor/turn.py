@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.spots import marker_place
 from blockmech.result.failures import why_not
 from blockmech.result.samples import DEFAULT_SAMPLES
-from blockmech.typing import Arguments, Data
+from blockmech.typing import Arguments, Array, Data
 
 SECONDS = 3.0  # that a turn is played
 MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each
@@ -209,7 +208,7 @@ def poses_of(motion: Motion) -> dict[str, list[list[float | None]]]:
     }
 
 
-def numbers(x: Any) -> list[float | None]:
+def numbers(x: Array) -> list[float | None]:
     """Numbers as JSON has them: none for what is not there."""
     row = np.asarray(x, float)
     return [float(v) if np.isfinite(v) else None for v in row.tolist()]

@@ -72,7 +72,7 @@ def primitives(xp: ModuleType, dtype: Any) -> Data:
         plain = isinstance(x, float | int) and not isinstance(x, bool)
         return xp.asarray(x, dtype=dtype) if plain else xp.asarray(x)
 
-    def on_arrays(function: Kernel) -> Kernel:
+    def on_arrays(function: Callable[..., Real]) -> Callable[..., Real]:
         return lambda *x: function(*map(array, x))
 
     arithmetic = {name: on_arrays(getattr(xp, name)) for name in ARITHMETIC}
@@ -107,7 +107,7 @@ def primitives(xp: ModuleType, dtype: Any) -> Data:
     def each(function: Callable[..., float], *x: Real) -> Real:
         return xp.asarray(each_of(function, *map(np.asarray, x)), dtype=dtype)
 
-    def one_by_one(function: Kernel, *x: Real) -> NoReturn:
+    def one_by_one(function: Callable[..., float], *x: Real) -> NoReturn:
         raise underivable_table()
 
     def planar(x: Real, y: Real) -> Planar:
@@ -166,7 +166,7 @@ class ArrayEngine:
         """The primitives of the plane on these arrays."""
         return primitives(self.xp, self.dtype)
 
-    def foreign(self, function: Kernel) -> Kernel:
+    def foreign(self, function: Callable[..., Nested]) -> Callable[..., Nested]:
         """What stands for a function that is no kernel: the guess of a group's pose."""
 
         def answer(*x: Nested) -> Nested:

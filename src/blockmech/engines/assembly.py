@@ -20,7 +20,7 @@ Source: LLVM Language Reference Manual.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 
@@ -28,7 +28,7 @@ from blockmech.engines.kinds import Reals
 from blockmech.engines.loops import text
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, by_depth, is_truth, needed
 from blockmech.engines.singular_values import Lanes, spread
-from blockmech.typing import Data, Kernel, Real
+from blockmech.typing import Data, Real
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}
@@ -69,7 +69,7 @@ class Text:
         rows: Sequence[Node],
         summed: Sequence[Node] = (),
         cached: Sequence[Node] = (),
-        loops: Mapping[str, Kernel] = MappingProxyType({}),
+        loops: Mapping[str, Callable[..., object]] = MappingProxyType({}),
     ) -> str:
         """The text of the module; ``rows`` are what is stored, in the order of ``out``.
 

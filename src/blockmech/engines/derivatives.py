@@ -125,7 +125,7 @@ def each(function: Callable[..., float], *x: Real) -> Array:
     return plain.each(function, *map(value, x))
 
 
-def underivable(function: Kernel) -> RequestError:
+def underivable(function: Callable[..., object]) -> RequestError:
     """The error of a derivative by what a user's function is a function of."""
     law = getattr(function, "__self__", function)
     name = getattr(getattr(law, "call", law), "__name__", "function")
@@ -297,7 +297,7 @@ class DualEngine:
         return tuple(each_part(_joined, *columns) for columns in zip(*chunks, strict=True))
 
 
-def _by_value(function: Kernel) -> Kernel:
+def _by_value(function: Callable[..., Nested]) -> Callable[..., Nested]:
     """A function that is no kernel, such as a general group's path from home, asked by value."""
     return lambda *arguments: function(*values(arguments))
 

@@ -10,7 +10,7 @@ functions).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache, partial
 from typing import Any, NoReturn
 
@@ -113,7 +113,7 @@ def uniform(
     return same(first), following, form
 
 
-def called(function: Kernel, x: Values, like: Nested, dtype: DTypeLike) -> Nested:
+def called(function: Callable[..., Nested], x: Values, like: Nested, dtype: DTypeLike) -> Nested:
     """What a function of Python says, asked while the compiled program runs."""
     numbers, form = jax.tree.flatten(x)
     kind = jax.ShapeDtypeStruct(np.broadcast_shapes(*map(np.shape, numbers)), dtype)
@@ -177,7 +177,7 @@ def primitives(dtype: Any) -> Record:
         first, following, form = uniform(step, state, data, dtype)
         return jax.tree.unflatten(form, lax.fori_loop(0, count, lambda _, s: following(s), first))
 
-    def each(function: Kernel, *x: Real) -> Real:
+    def each(function: Callable[..., float], *x: Real) -> Real:
         def refuse(x: Sequence[Real], changes: Sequence[Real]) -> NoReturn:
             raise underivable(function)
 
@@ -209,7 +209,7 @@ class JaxEngine(arrays.ArrayEngine):
         """The primitives of the plane on these arrays."""
         return primitives(self.dtype)
 
-    def foreign(self, function: Kernel) -> Kernel:
+    def foreign(self, function: Callable[..., Nested]) -> Callable[..., Nested]:
         """The guess of a group's pose, asked by value."""
 
         def answer(*x: Nested) -> Nested:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias, get_args, get_origin, get_type_hi
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.typing import Data, Kernel, Record
+from blockmech.typing import Data, Record
 
 Reals: TypeAlias = NDArray[np.float64]
 Counts: TypeAlias = NDArray[np.int64]
@@ -30,7 +30,7 @@ IN_C: Data = {
     NOTHING: None,
 }
 NAMES = {REAL: "a float", COUNT: "an int", TRUTH: "a truth value", PLACE: "an array"}
-MATH: dict[Kernel, str] = {
+MATH: dict[Callable[..., object], str] = {
     getattr(math, name): name for name in ("sqrt", "sin", "cos", "exp", "copysign")
 }
 LANEWISE = MATH | {
@@ -77,7 +77,7 @@ class Value(NamedTuple):
         return f"<{self.lanes} x {self.kind}>" if self.lanes else self.kind
 
 
-def parts_of(function: Kernel) -> tuple[Kernel, Data]:
+def parts_of(function: Callable[..., object]) -> tuple[Callable[..., object], Data]:
     """A function, and what is given of its arguments, see `partial`."""
     return (function.func, function.keywords) if isinstance(function, partial) else (function, {})
 

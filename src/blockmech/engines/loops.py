@@ -72,12 +72,12 @@ from blockmech.engines.kinds import (
     parts_of,
 )
 from blockmech.engines.nodes import Untraceable
-from blockmech.typing import Arguments, Kernel
+from blockmech.typing import Arguments
 
 TOGETHER = 16  # columns of a product: eight registers at least
 
 
-def text(**functions: Kernel) -> str:
+def text(**functions: Callable[..., object]) -> str:
     """The text of functions, or partials of them, by their names in the module.
 
     Raises TypeError, with the line, for what is no part of the language, and `Untraceable` where
@@ -89,7 +89,7 @@ def text(**functions: Kernel) -> str:
     return "\n".join([*module.declared, *module.parts])
 
 
-def signature(function: Kernel) -> Any:
+def signature(function: Callable[..., object]) -> Any:
     """How ctypes calls a function, or a partial of one: arrays by their places."""
     target, bound = parts_of(function)
     hints = get_type_hints(target, include_extras=True)
@@ -111,7 +111,7 @@ class _Module:
         self.declared, self.parts = dict[str, None](), list[str]()
         self.known = dict[Any, Value]()
 
-    def add(self, function: Kernel, name: str = "") -> Value:
+    def add(self, function: Callable[..., object], name: str = "") -> Value:
         """A function, and those that it calls; how it is called."""
         target, bound = parts_of(function)
         key = name, target, *bound.items()
@@ -125,7 +125,9 @@ class _Module:
 class _Translation:
     """One function under way."""
 
-    def __init__(self, module: _Module, function: Kernel, bound: Arguments, name: str) -> None:
+    def __init__(
+        self, module: _Module, function: Callable[..., object], bound: Arguments, name: str
+    ) -> None:
         code, self.module = function.__code__, module
         self.file, self.line = code.co_filename, code.co_firstlineno
         if self.line not in functions_by_line(self.file):

@@ -173,7 +173,7 @@ def each(function: Callable[..., float], *x: Real) -> Array:
     return np.array(values, columns[0].dtype).reshape(columns[0].shape)
 
 
-def each_part(function: Kernel, *values: Any, vector: Kernel = Planar) -> Any:
+def each_part(function: Callable[..., Nested], *values: Any, vector: type = Planar) -> Any:
     """A nested tuple of batches with a function of each real batch in it; a ``vector`` of two.
 
     Of several nested tuples, a function of the batches that stand at the same place.

@@ -32,7 +32,7 @@ FOLLOWED = "it follows a group without closed form from its home"
 class Question(NamedTuple):
     """A function that is no kernel, and its arguments: indices among the inputs."""
 
-    function: Kernel
+    function: Callable[..., Nested]
     indices: Values
 
 
@@ -96,7 +96,7 @@ class Trace:
         """A function of NumPy that is asked of nodes: no kernel does, readings of outputs may."""
         raise Untraceable(f"a kernel asks NumPy's {name}")
 
-    def _foreign(self, function: Kernel) -> Kernel:
+    def _foreign(self, function: Callable[..., Nested]) -> Callable[..., Nested]:
         """What stands for a function that is no kernel while a program is traced."""
 
         def answer(*arguments: Nested) -> Nested:
@@ -104,7 +104,7 @@ class Trace:
 
         return answer
 
-    def answer(self, function: Kernel, arguments: Values, like: Nested) -> Nested:
+    def answer(self, function: Callable[..., Nested], arguments: Values, like: Nested) -> Nested:
         """What a function of inputs alone says: inputs of their own, worked out beforehand.
 
         ``like`` is an answer of it, which tells of what parts it is made.
@@ -137,7 +137,7 @@ class Trace:
         return filled(state, lambda: next(after))
 
 
-def filled(value: Nested, fresh: Callable[[], Real], pair: Kernel = Planar) -> Nested:
+def filled(value: Nested, fresh: Callable[[], Real], pair: type = Planar) -> Nested:
     """A nested tuple with fresh numbers in the place of its own, and pairs of them as vectors."""
     if isinstance(value, tuple):
         parts = [filled(x, fresh, pair) for x in value]
@@ -145,7 +145,7 @@ def filled(value: Nested, fresh: Callable[[], Real], pair: Kernel = Planar) -> N
     return pair(fresh(), fresh()) if isinstance(value, complex | Planar) else fresh()
 
 
-def answer_of(function: Kernel, arguments: Values) -> Nested:
+def answer_of(function: Callable[..., Nested], arguments: Values) -> Nested:
     """An answer of a function that is no kernel, to tell the form of all of them."""
     return getattr(function, "answer", None) or function(*filled(arguments, float))
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import IO, TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import IO, TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
 from blockmech.exchange.drawing import Drawing
@@ -87,7 +87,7 @@ class Writer(NamedTuple):
     options: Mapping[str, str] = {}
 
 
-def file_writer(fill: Callable[[Order, IO[bytes]], Any]) -> Callable[[Order, Path], list[Path]]:
+def file_writer(fill: Callable[[Order, IO[bytes]], object]) -> Callable[[Order, Path], list[Path]]:
     """The ``write`` of a format of one file, from what fills its stream; whole or not at all."""
 
     @wraps(fill)

@@ -12,7 +12,7 @@ import cmath
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from blockmech.draw.sketch import hull
@@ -99,7 +99,7 @@ def _outline(corners: Sequence[complex], radius: float) -> Iterator[Shape]:
 def dxf(shapes: dict[str, list[Shape]]) -> str:
     """R12 text; a layer for each link."""
     layers = _layers(shapes)
-    pairs: list[tuple[int, Any]] = [
+    pairs: list[tuple[int, object]] = [
         *((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009")),
         *((9, "$INSUNITS"), (70, 4), (9, "$MEASUREMENT"), (70, 1), (0, "ENDSEC")),  # mm, metric
         *((0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LAYER"), (70, len(layers))),
@@ -114,7 +114,7 @@ def dxf(shapes: dict[str, list[Shape]]) -> str:
     return "".join(f"{code}\n{value}\n" for code, value in pairs)
 
 
-def _entity(shape: Shape, layer: str) -> list[tuple[int, Any]]:
+def _entity(shape: Shape, layer: str) -> list[tuple[int, object]]:
     if isinstance(shape, Line):
         ends = [(10, shape.a.real), (20, shape.a.imag), (11, shape.b.real), (21, shape.b.imag)]
         return [(0, "LINE"), (8, layer), *((c, repr(float(x))) for c, x in ends)]

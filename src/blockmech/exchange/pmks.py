@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, Wheels
 from blockmech.exchange.formats import Reader
@@ -98,7 +98,7 @@ def _name(i: int) -> str:
     return LETTERS[i] if i < len(LETTERS) else f"J{i}"
 
 
-def _kind(raw: Any, where: str) -> str:
+def _kind(raw: object, where: str) -> str:
     kind = str(raw).upper()
     if kind not in TYPES:
         raise wrong(where, f'no joint type "{raw}"', f"types: {', '.join(TYPES)}")

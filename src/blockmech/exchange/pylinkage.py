@@ -126,7 +126,7 @@ def _rigid(drawing: Drawing, point: str, anchors: list[str], where: str) -> None
 # -- live objects -------------------------------------------------------------------
 
 
-def is_live(subject: Any) -> bool:
+def is_live(subject: object) -> bool:
     """Whether it is a linkage or mechanism of pylinkage."""
     return type(subject).__module__.partition(".")[0] == "pylinkage"
 

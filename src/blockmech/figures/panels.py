@@ -78,7 +78,7 @@ def draw_panels(panels: Sequence[Panel], abscissa: Abscissa, ax: Axes | None = N
     """
     columns = 1 if len(panels) <= TALL else 2
     rows = math.ceil(len(panels) / columns)
-    layout: Any = {"width": columns * ink.COLUMN, "sharex": False, "ax": ax}
+    layout: Arguments = {"width": columns * ink.COLUMN, "sharex": False, "ax": ax}
     with panelled("", BOTTOM + rows * PANEL, rows, columns, **layout) as grid:
         every = grid.T.ravel()
         lines = np.zeros(columns * rows, int)

@@ -38,7 +38,7 @@ from blockmech.friction.equations import (
     slope,
 )
 from blockmech.ground.plane import EPS, NAN, implicit, maximum, minimum, repeat, times, where
-from blockmech.typing import Edges, Influences, Kernel, Planars, Real, Reals, Values
+from blockmech.typing import Edges, Influences, Planars, Real, Reals, Values
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
 SMALL_CHANGE = 1e-7  # of the largest load: the paper's 1e-3 N at its reactions of 1e4 N
@@ -82,7 +82,7 @@ def tangent_step(
 
 
 def by_tangents(
-    laws: Kernel,
+    laws: Callable[..., tuple[Reals, Reals]],
     steepest: Reals,
     solve: Callable[..., Solution],
     options: Values,
@@ -109,7 +109,7 @@ def by_tangents(
 def balanced(
     solve: Callable[..., Solution],
     options: Values,
-    laws: Kernel,
+    laws: Callable[..., tuple[Reals, Reals]],
     steepest: Reals,
     edges: Edges,
     base: Planars,

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from blockmech.ground.plane import apply
-from blockmech.typing import Real
+from blockmech.typing import Real, Reals
 
 Row: TypeAlias = tuple[float, ...]
 Rows: TypeAlias = tuple[Row, ...]
@@ -48,7 +48,7 @@ def cubic(x: Sequence[float], y: Sequence[float], repeats: bool) -> Rows:
     return tuple(flat[k : k + n] for k in range(0, len(flat), n))
 
 
-def derivatives(pieces: Sequence[Sequence[Any]]) -> tuple[Rows, Rows, Rows]:
+def derivatives(pieces: Sequence[Reals]) -> tuple[Rows, Rows, Rows]:
     """Rows of pieces by their coefficients, from s^0 on, and of their first two derivatives."""
     n = max(3, *map(len, pieces))
     rows = []

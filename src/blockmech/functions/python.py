@@ -9,7 +9,7 @@ from typing import Any
 from blockmech.ground.errors import RequestError, refused, shown
 
 
-def parameters_of(call: Callable[..., Any]) -> list[inspect.Parameter] | None:
+def parameters_of(call: Callable[..., float]) -> list[inspect.Parameter] | None:
     """The parameters of a function; None where nobody knows them, as of some builtins."""
     try:
         return list(inspect.signature(call).parameters.values())

@@ -21,7 +21,6 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 import numpy as np
 
 from blockmech.ground.errors import Problem, RequestError, close_match
-from blockmech.typing import Kernel
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -77,7 +76,7 @@ def _problem(name: str, value: object, hint: Any) -> Problem:
     return Problem("wrong-type", name, message, valid, getattr(value, "_instead", ""))
 
 
-def _hint(annotation: object, function: Kernel) -> Any:
+def _hint(annotation: object, function: Callable[..., object]) -> Any:
     """The type that an annotation stands for; any where it is only known to type checkers."""
     if not isinstance(annotation, str):
         return Any

@@ -6,12 +6,11 @@ import functools
 import html
 import sys
 import time
+from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Any, TypeVar, cast
 
-from blockmech.typing import Kernel
-
-F = TypeVar("F", bound=Kernel)
+F = TypeVar("F", bound=Callable[..., object])
 PATIENCE, REFRESH = 1.0, 0.2  # [s] before the bar is shown, and between two of its states
 
 FOLLOWED = ContextVar("followed", default=False)

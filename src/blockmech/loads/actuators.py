@@ -11,15 +11,12 @@ position and velocity).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 from pydantic import field_validator
 
 from blockmech.ground.plane import always, angle, dot, hyp, imul, mul
 from blockmech.ground.values import Vector, VectorOrNoneGiven, check_direction, default
 from blockmech.loads.contract import Following, LawGiven, Terminal
-from blockmech.typing import Complex, Real
+from blockmech.typing import Complex, Kernel, Real
 
 
 def push(p_a: Complex, p_b: Complex, F: Real, p: Thrust) -> tuple[Complex, Complex]:
@@ -92,13 +89,13 @@ class Thrust(Following, type="load.thrust"):
         """The direction."""
         return ("direction",)
 
-    def measure_kernel(self, rate: bool) -> Callable[..., Any]:
+    def measure_kernel(self, rate: bool) -> Kernel:
         """The distance from a to b along the force, or its rate."""
         if self.direction is None:
             return distance_rate if rate else distance
         return stroke_rate if rate else stroke
 
-    def kernel(self) -> Callable[..., Any]:
+    def kernel(self) -> Kernel:
         """The forces."""
         return push if self.direction is None else push_along
 
@@ -136,7 +133,7 @@ class Motor(Following, type="load.motor"):
 
     law: LawGiven
 
-    def measure_kernel(self, rate: bool) -> Callable[..., Any]:
+    def measure_kernel(self, rate: bool) -> Kernel:
         """The angle of b relative to a, or its rate."""
         return relative_rate if rate else relative_angle
 

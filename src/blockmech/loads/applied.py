@@ -6,8 +6,7 @@ Sources: [R10] Ruiz, Durango & Calle 2010, Fig. 5 (external forces F_i, F_j, mom
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import field_validator, model_validator
 
@@ -22,7 +21,7 @@ from blockmech.ground.values import (
     mistake,
 )
 from blockmech.loads.contract import Element, Following, LawGiven, Terminal
-from blockmech.typing import Complex, Real
+from blockmech.typing import Complex, Kernel, Real
 
 
 def ground_force(p: Force) -> tuple[Complex]:
@@ -115,13 +114,13 @@ class Force(Following, type="load.force"):
         positional = set(self.variables()) <= {"coordinate"} and self.driver is None
         return self.axes == "ground" and positional
 
-    def measure_kernel(self, rate: bool) -> Callable[..., Any]:
+    def measure_kernel(self, rate: bool) -> Kernel:
         """The point's coordinate along the direction, or its velocity along it."""
         if self.axes == "link":
             return link_speed if rate else link_coordinate
         return ground_speed if rate else ground_coordinate
 
-    def kernel(self) -> Callable[..., Any]:
+    def kernel(self) -> Kernel:
         """The force in the axes that the user chose."""
         if self.law is None:
             return link_force if self.axes == "link" else ground_force

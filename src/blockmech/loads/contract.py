@@ -39,7 +39,7 @@ from blockmech.ground.errors import listed
 from blockmech.ground.values import Axis, mistake
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
-from blockmech.typing import Record
+from blockmech.typing import Kernel, Record
 
 Reads: TypeAlias = Mapping[str, tuple[str, ...]]
 """What is read at each terminal, or under the keys "driver", "time" and "law"."""
@@ -59,7 +59,7 @@ VALID = "p_, v_, e_ or om_ before a terminal's name; then the law's value, if an
 
 
 @functools.cache
-def read_by(kernel: Callable[..., Any]) -> Reads:
+def read_by(kernel: Kernel) -> Reads:
     """What a kernel of an element reads, by the names of its parameters; see rule 2.
 
     Raises `TypeError` for a name that says nothing which can be read.
@@ -74,12 +74,12 @@ def read_by(kernel: Callable[..., Any]) -> Reads:
     return reads
 
 
-def _unreadable(kernel: Callable[..., Any], name: str) -> TypeError:
+def _unreadable(kernel: Kernel, name: str) -> TypeError:
     where = f"{kernel.__module__}.{kernel.__qualname__}"
     return TypeError(f"{where}: its parameter {name!r} names nothing that can be read. {VALID}")
 
 
-def acts(x: Any) -> bool:
+def acts(x: object) -> bool:
     """Whether a number is not zero; of many designs, (m, 1), whether one's is not."""
     return bool(x.any()) if hasattr(x, "any") else bool(x)
 
@@ -92,7 +92,7 @@ class Kinks(NamedTuple):
     turning : whether the measure is an angle in (-pi, pi], which jumps at the half turn
     """
 
-    measure: Callable[..., Any]
+    measure: Kernel
     values: Sequence[float]
     turning: bool = False
 
@@ -143,13 +143,13 @@ class Element(Block):
                     cls._check_terminals(function, read_by(function))
 
     @classmethod
-    def _check_terminals(cls, kernel: Callable[..., Any], reads: Reads) -> None:
+    def _check_terminals(cls, kernel: Kernel, reads: Reads) -> None:
         """Raise `TypeError` where something is read at a terminal that there is not."""
         for terminal, quantities in reads.items():
             if terminal not in (*cls.terminals, "driver", "time", LAW):
                 raise _unreadable(kernel, f"{quantities[0]}_{terminal}")
 
-    def model_post_init(self, context: Any, /) -> None:
+    def model_post_init(self, context: object, /) -> None:
         """Hold the kernels in use against rule 2, wherever the class took them from."""
         super().model_post_init(context)
         self._check_terminals(self.kernel(), self.reads())
@@ -158,11 +158,11 @@ class Element(Block):
         """What it depends on, at each terminal."""
         return read_by(self.kernel())
 
-    def kernel(self) -> Callable[..., Any]:
+    def kernel(self) -> Kernel:
         """The function that gives the force or couple at each terminal; see rule 3."""
         raise TypeError(f"{type(self).__name__} declares no kernel")
 
-    def energy(self) -> Callable[..., Any] | None:
+    def energy(self) -> Kernel | None:
         """The stored energy, or None; see rule 4."""
         return None
 
@@ -267,7 +267,7 @@ class Following(Element):
         """Signal ports: the law's, if that is a signal."""
         return (LAW,) if "signal" in self.variables() else ()
 
-    def measure_kernel(self, rate: bool) -> Callable[..., Any]:
+    def measure_kernel(self, rate: bool) -> Kernel:
         """The element's own coordinate or rate: a kernel of what it reads and the numbers."""
         raise TypeError(f"{type(self).__name__} declares no measure of its own")
 
@@ -279,7 +279,7 @@ class Following(Element):
         arguments = [f"{self.driver}.{of[x]}" if x in of else symbols[x] for x in self.variables()]
         return f"f({', '.join(arguments)})" if arguments else ""
 
-    def measures(self) -> Iterator[tuple[Callable[..., Any] | None, Reads]]:
+    def measures(self) -> Iterator[tuple[Kernel | None, Reads]]:
         """What each of the law's arguments is made from; no kernel where it is read as it is."""
         for argument in self.variables():
             if argument == "time":

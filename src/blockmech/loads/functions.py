@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 from blockmech.functions.pieces import Knotted
 from blockmech.functions.python import numbers_of, parameters_of
@@ -62,7 +62,7 @@ class Function(Knotted):
     def kernel(self) -> Callable[..., Real]:
         """The function, asked sample by sample."""
 
-        def function(*arguments: Any) -> Real:
+        def function(*arguments: Real) -> Real:
             return each(self._value, *arguments[:-1])
 
         return function

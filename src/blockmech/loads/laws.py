@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
@@ -32,7 +32,7 @@ from blockmech.ground.values import (
     in_unit,
     mistake,
 )
-from blockmech.typing import Argument, Real
+from blockmech.typing import Argument, Parameters, Real
 
 __all__ = ["DC", "Constant", "Fourier", "Polynomial", "Signal", "Table"]
 
@@ -121,7 +121,7 @@ class Law(Knotted, StrictModel):
         of = getattr(self, "of", None)
         return () if of is None else (of,)
 
-    def numbers(self) -> Any:
+    def numbers(self) -> Parameters:
         """The law's numbers, as its kernel reads them."""
         raise TypeError(f"{type(self).__name__} declares no numbers")
 

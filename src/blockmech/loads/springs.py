@@ -12,13 +12,12 @@ velocity).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 from blockmech.ground.plane import angle, dot, expi, hyp, mul, where
 from blockmech.ground.values import Angle, Axis, NotNegative, Number, Units, default, in_unit
 from blockmech.loads.contract import Element, Kinks, Terminal, acts
-from blockmech.typing import Complex, Real
+from blockmech.typing import Complex, Kernel, Real
 
 
 def pull(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Complex, Complex]:
@@ -76,11 +75,11 @@ class Spring(Element, type="load.spring"):
         """Without damping."""
         return not acts(self.damping)
 
-    def kernel(self) -> Callable[..., Any]:
+    def kernel(self) -> Kernel:
         """With damping where there is any: only that asks for velocities."""
         return pull_and_damp if acts(self.damping) else pull
 
-    def energy(self) -> Callable[..., Any] | None:
+    def energy(self) -> Kernel | None:
         """The stored energy, if it is elastic."""
         return stored if acts(self.stiffness) else None
 
@@ -145,12 +144,12 @@ class TorsionSpring(Element, type="load.torsion_spring"):
         """The half turn from rest, where the moment changes its sign."""
         return Kinks(twist, (math.pi,), turning=True) if acts(self.stiffness) else None
 
-    def kernel(self) -> Callable[..., Any]:
+    def kernel(self) -> Kernel:
         """The cheapest form that says the same."""
         if not acts(self.damping):
             return turn_back
         return turn_back_and_damp if acts(self.stiffness) else damp
 
-    def energy(self) -> Callable[..., Any] | None:
+    def energy(self) -> Kernel | None:
         """The stored energy, if it is elastic."""
         return stored_by_turning if acts(self.stiffness) else None

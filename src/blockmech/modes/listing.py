@@ -42,7 +42,7 @@ from blockmech.modes.report import (
 from blockmech.modes.search import NOTE, searched
 from blockmech.modes.triad import Support
 from blockmech.result.samples import make_samples
-from blockmech.typing import Coordinates, LinkPosition, Record
+from blockmech.typing import Coordinates, LinkPosition, Real, Record
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -290,7 +290,7 @@ class _Lister:
         """Whether a sample is on the line along which arcs are sought."""
         return all(stand.drivers[d] == q for d, q in self._fixed().items())
 
-    def _driven(self, name: str, drivers: Record) -> list[Any]:
+    def _driven(self, name: str, drivers: Record) -> list[Real]:
         """Coordinates of the driven joints inside a group."""
         structure = self.mechanism.structure
         drivers_inside = structure.drivers_of(name)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import fnmatch
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from functools import partial
 from itertools import chain
 from typing import Any, TypeAlias
@@ -41,37 +41,37 @@ from blockmech.plan.plan import REPORTS, STAGES, Friction, Output, Plan, Reader,
 from blockmech.plan.values import NOUGHT, ONE, UNIT, ZERO, Value, angle, minimum, planar
 from blockmech.result.quality import at_most_one
 from blockmech.signals.contract import Signal
-from blockmech.typing import Load
+from blockmech.typing import Complex, Load, Nested, Real
 
 PARTS = {"x": "real", "y": "imag"}
 WILD = re.compile(r"[*?[]")
 
 
-def _same(x: Any) -> Any:
+def _same(x: Nested) -> Any:
     return x
 
 
-def _part(read: Reader, which: str, *columns: Any) -> Any:
+def _part(read: Reader, which: str, *columns: Nested) -> Real:
     return getattr(read(*columns), which)
 
 
-def _angle(e: Any) -> Any:
+def _angle(e: Complex) -> Real:
     return np.arctan2(e.imag, e.real)
 
 
-def _ratio_angle(sine: Any, cosine: Any) -> Any:
+def _ratio_angle(sine: Real, cosine: Real) -> Real:
     return np.arctan2(sine, cosine)
 
 
 def _real(
-    name: str, unit: str, rule: Callable[..., Value], *key: Any, **declaration: str
+    name: str, unit: str, rule: Callable[..., Value], *key: Hashable, **declaration: str
 ) -> Output:
     """An output whose only value is the answer of one rule."""
     return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _same, **declaration)
 
 
 def _vector(
-    name: str, unit: str, rule: Callable[..., Value], *key: Any, **declaration: str
+    name: str, unit: str, rule: Callable[..., Value], *key: Hashable, **declaration: str
 ) -> Output:
     return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _same, **declaration)
 
@@ -271,7 +271,7 @@ def _coordinate(structure: Structure, ref: JointRef, by: str, on: str) -> Output
     return Output(name, "rad", "real", directions, _signed_angle, by, on)
 
 
-def _signed_angle(first: Any, second: Any) -> Any:
+def _signed_angle(first: Complex, second: Complex) -> Real:
     """Angle [rad] from one direction to the other, between -pi and pi."""
     cross = first.real * second.imag - first.imag * second.real
     return np.arctan2(cross, first.real * second.real + first.imag * second.imag)
@@ -431,7 +431,7 @@ class Catalogue(Mapping[str, Output]):
             return tuple([values.setdefault(v.text, len(values)) for v in answers])
 
         layout = {name: indices(self[name].ask(schedule)) for name in sorted(names)}
-        reports: dict[str, dict[Any, tuple[int, ...]]] = {kind: {} for kind in REPORTS}
+        reports: dict[str, dict[Hashable, tuple[int, ...]]] = {kind: {} for kind in REPORTS}
         for kind, where, answers in _quality(schedule) if quality else ():
             reports[kind][where] = indices(answers)
         order = {b: i for i, b in enumerate(self.structure.blocks)}
@@ -443,7 +443,7 @@ class Catalogue(Mapping[str, Output]):
         return Plan(names, tuple(entries), steps, program, layout, reports)
 
 
-Report: TypeAlias = tuple[str, Any, tuple[Value, ...]]
+Report: TypeAlias = tuple[str, Hashable, tuple[Value, ...]]
 """A kind, of what, and the values; of a push the coupling with the flag's code."""
 
 

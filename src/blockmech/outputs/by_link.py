@@ -30,6 +30,7 @@ from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.outputs.by_owner import ByOwner, Part
 from blockmech.plan.plan import Output
+from blockmech.typing import Complex, Nested, Real
 
 OF_LINKS = ("angle", "omega", "alpha")
 OF_POINTS = ("p", "v", "a")
@@ -232,26 +233,26 @@ def _sum(parts: list[tuple[Output, int]]) -> Output:
     if len(parts) == 1:
         return first._replace(read=lambda *values: _signed(first, first.read(*values), sign))
 
-    def total(*columns: Any) -> Any:
+    def total(*columns: Nested) -> Complex:
         terms = [_signed(p, p.read(x), n) for (p, n), x in zip(parts, columns, strict=True)]
         return sum(terms[1:], start=terms[0])
 
     return first._replace(ask=lambda s: [v for p, _ in parts for v in p.ask(s)], read=total)
 
 
-def _signed(output: Output, x: Any, sign: int) -> Any:
+def _signed(output: Output, x: Complex, sign: int) -> Complex:
     return x if sign > 0 else -x if output.kind == "vector" else 0.0 - x  # no -0
 
 
 def _rotated(angle: Output, turn: float) -> Output:
     """The angle [rad] of a frame that stands at ``turn`` in the link's, between -pi and pi."""
 
-    def read(*values: Any) -> Any:
+    def read(*values: Nested) -> Real:
         return wrapped(angle.read(*values) + turn)
 
     return angle._replace(read=read)
 
 
-def wrapped(angle: Any) -> Any:
+def wrapped(angle: Real) -> Real:
     """An angle [rad] between -pi and pi."""
     return angle - math.tau * np.rint(angle / math.tau)

@@ -5,8 +5,6 @@ Sources: [R10] Eq. 1 (efficiency) and Fig. 13 (friction power), [D14] Eq. 8.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from blockmech.model.structure import JointRef, LinkRef
@@ -14,6 +12,7 @@ from blockmech.passes import forces, forward, friction, loads
 from blockmech.passes.forward import ACTUAL
 from blockmech.plan.plan import Schedule, Undefined
 from blockmech.plan.values import NOUGHT, TWO, ZERO, Value, dot
+from blockmech.typing import Array, Real
 
 ROUNDINGS = 8  # of the sum of absolute powers; one at most in whole turns of rough four-bars
 
@@ -138,7 +137,7 @@ def advantage(s: Schedule) -> tuple[Value, Value]:
     return load, s.ask(forces.drive, s.structure.drivers[0])
 
 
-def read_advantage(load: Any, drive: Any) -> Any:
+def read_advantage(load: Array, drive: Array) -> Real:
     """|useful load| / |driving effort|; infinite where the drive rests."""
     with np.errstate(all="ignore"):
         return np.hypot(load.real, load.imag) / np.abs(drive)
@@ -149,7 +148,7 @@ def efficiency(s: Schedule) -> tuple[Value, Value]:
     return s.ask(useful_power), s.ask(drive_power)
 
 
-def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
+def read_efficiency(useful: Array, drive: Array, weights: Array) -> float:
     """Work of the useful loads over the drive's work, between 0 and 1, else `Undefined`.
 
     It is that of a machine whose drive gives all the work. There is none where the drive is
@@ -173,7 +172,7 @@ def friction_efficiency(s: Schedule) -> tuple[Value, Value]:
     return s.ask(total_friction_power), s.ask(drive_power)
 
 
-def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
+def read_friction_efficiency(friction: Array, drive: Array, weights: Array) -> float:
     """1 - friction work / drive work; `Undefined` without positive drive work.
 
     Zero where rounding is all that is left: over a whole turn without useful loads, friction
@@ -187,7 +186,7 @@ def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
     return float(1.0 - lost_work / drive_work) if has_rest else 0.0
 
 
-def _without_work(drive_work: float, rounding: float, weights: Any) -> Undefined:
+def _without_work(drive_work: float, rounding: float, weights: Array) -> Undefined:
     """Why there is no efficiency where the drive gives no work but for rounding."""
     if np.isnan(weights).any():
         return Undefined("no time passes between the samples: give times, or rates other than 0")
@@ -197,7 +196,7 @@ def _without_work(drive_work: float, rounding: float, weights: Any) -> Undefined
     return Undefined(braking if drive_work < -rounding else "the drive does no work")
 
 
-def _rounding(power: Any, drive: Any, weights: Any) -> float:
+def _rounding(power: Array, drive: Array, weights: Array) -> float:
     """What rounding leaves of a sum of the two powers over the samples."""
     eps = np.finfo(np.result_type(drive, power, np.float32)).eps
     return float(ROUNDINGS * eps * np.sum((np.abs(power) + np.abs(drive)) * np.abs(weights)))

@@ -267,7 +267,7 @@ def marker_direction(s: Schedule, marker: MarkerRef) -> Value:
     )
 
 
-def _turned(s: Schedule, link: LinkRef, u: Formula, key: tuple[Any, ...], name: str) -> Value:
+def _turned(s: Schedule, link: LinkRef, u: Formula, key: tuple[Hashable, ...], name: str) -> Value:
     """A direction given in a link's frame, in ground axes."""
     e = s.ask(link_position, link).scalar
     if s.planned(u) == 1:

@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 import threading
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ from blockmech.model.structure import Structure
 from blockmech.passes.tracking import GroupPose, Tracker
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value, tuple_of
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Values
 
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
 SMALLEST = (
@@ -175,11 +175,11 @@ class Path:
         return [(float(x), float(y), float(c), float(s)) for x, y, c, s in links]
 
     @property
-    def answer(self) -> Any:
+    def answer(self) -> Values:
         """Numbers of the shape of an answer."""
         return ((0.0,) * 4,) * self.size, 0.0
 
-    def __call__(self, q: tuple[Any, ...]) -> Any:
+    def __call__(self, q: Values) -> Values:
         """Places and directions of the group's links, and the share of the path (1: all)."""
         shape = np.broadcast_shapes(*(np.shape(x) for x in q)) if q else ()
         targets = np.empty((math.prod(shape), len(q)))

@@ -8,7 +8,6 @@ Sources: [R10] Figs. 5 and 8, [D14] section 3.1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from blockmech.loads.contract import Following, Reads, read_by
@@ -31,6 +30,7 @@ from blockmech.passes.resultants import NOTHING, Resultant, at_arm, moment_of
 from blockmech.passes.signals import signal
 from blockmech.plan.plan import Schedule
 from blockmech.plan.values import Value, mul
+from blockmech.typing import Kernel
 
 # -- mass ------------------------------------------------------------------------
 
@@ -100,7 +100,7 @@ def element_terms(s: Schedule, name: str) -> Value:
     return kernel_on(s, name, element.kernel(), *law, value=f"{name}_load")
 
 
-def kernel_on(s: Schedule, name: str, kernel: Callable[..., Any], *law: Value, value: str) -> Value:
+def kernel_on(s: Schedule, name: str, kernel: Kernel, *law: Value, value: str) -> Value:
     """The call of one of an element's kernels on what it reads."""
     args = _readings(s, name, read_by(kernel))
     numbers = s.parameter(

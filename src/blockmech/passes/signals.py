@@ -15,7 +15,8 @@ from blockmech.ground.names import split_address
 from blockmech.model.structure import JointRef
 from blockmech.plan.plan import Schedule
 from blockmech.plan.values import NOUGHT, Value, tuple_of
-from blockmech.signals.contract import HELD, Kernel, arguments
+from blockmech.signals.contract import HELD, arguments
+from blockmech.typing import Kernel
 
 NO_NAME = re.compile(r"\W")
 UNKNOWN = "signal_"  # before the name of an input that stands for a signal that is not known

@@ -29,7 +29,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import MarkerRef, Structure
 from blockmech.plan.quantities import QUANTITIES
 from blockmech.plan.values import NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
-from blockmech.typing import Record
+from blockmech.typing import Kernel, Real, Record, Values
 
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 NO_LETTER = re.compile(r"\W", re.ASCII)
@@ -94,7 +94,7 @@ class Friction:
     tolerance: float | None = None
     iterations: int | None = None
     along: bool = False
-    pushed: tuple[Any, ...] = ()
+    pushed: Values = ()
 
 
 class UnitLoad(NamedTuple):
@@ -133,13 +133,13 @@ class Program:
     source: str
     inputs: tuple[str, ...]
     angles: frozenset[str]
-    functions: Mapping[str, Callable[..., Any]]
+    functions: Mapping[str, Kernel]
     formulas: Mapping[str, Formula] = field(compare=False)
     parameters: Record
     outputs: tuple[str, ...]
     calls: int = field(compare=False)
 
-    def values(self, structure: Structure, scene: Scene) -> tuple[Any, ...]:
+    def values(self, structure: Structure, scene: Scene) -> Values:
         """The parameters ``P`` of another design of the same structure.
 
         The numbers of its blocks, links and elements may be of any type with arithmetic
@@ -185,8 +185,8 @@ class Schedule:
         self.calls: list[Call] = []
         self.kernel_calls = 0
         self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
-        self.functions: dict[str, Callable[..., Any]] = {}
-        self._function_names: dict[Callable[..., Any], str] = {}
+        self.functions: dict[str, Kernel] = {}
+        self._function_names: dict[Kernel, str] = {}
         self.formulas: dict[str, Formula] = {}
         self.inputs: set[str] = set()
         self.angles: set[str] = set()
@@ -233,7 +233,7 @@ class Schedule:
 
     def ask_first(
         self,
-        rule: Callable[..., Any],
+        rule: Callable[..., object],
         block: str,
         neighbours: Callable[[str], Iterable[str]],
         *key: Hashable,
@@ -258,7 +258,7 @@ class Schedule:
         for name in reversed(upstream) if down else upstream:
             self.ask(rule, name, *key)
 
-    def emit(self, function: Callable[..., Any], *args: Value, name: str) -> Value:
+    def emit(self, function: Kernel, *args: Value, name: str) -> Value:
         """Emit a call of a pure function; the same call twice is one line."""
         text = f"{self._function(function)}({', '.join([x.text for x in args])})"
         before = len(self.lines)
@@ -287,7 +287,7 @@ class Schedule:
             total = self._add(" + ".join([x.text for x in parts]), name)
         return total
 
-    def kernel(self, entry: Entry, function: Callable[..., Any], *args: Value, name: str) -> Value:
+    def kernel(self, entry: Entry, function: Kernel, *args: Value, name: str) -> Value:
         """Emit the call that an entry of the plan stands for."""
         before = len(self.lines)
         value = self.emit(function, *args, name=name)
@@ -360,7 +360,7 @@ class Schedule:
         self.lines.append((value, text))
         return Value(value)
 
-    def _function(self, function: Callable[..., Any]) -> str:
+    def _function(self, function: Kernel) -> str:
         name = self._function_names.get(function)
         if name is None:
             name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")
@@ -379,7 +379,7 @@ class Schedule:
         return value
 
 
-Reader = Callable[..., Any]
+Reader = Callable[..., Real]
 
 
 class Undefined(float):

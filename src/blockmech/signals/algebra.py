@@ -12,8 +12,8 @@ from pydantic import AfterValidator, Field, StrictBool
 
 from blockmech.ground.plane import always, maximum, minimum, modulo
 from blockmech.ground.values import Number, NumbersGiven, mistake
-from blockmech.signals.contract import Kernel, Signal
-from blockmech.typing import Parameters, Real
+from blockmech.signals.contract import Signal
+from blockmech.typing import Kernel, Parameters, Real
 
 Signs = Annotated[str, Field(pattern=r"^[+-]+$", description="one + or - for each input")]
 

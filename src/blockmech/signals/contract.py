@@ -23,13 +23,13 @@ from __future__ import annotations
 import functools
 import inspect
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
 
 from blockmech.blocks.block import Block
 from blockmech.ground.plane import EPS
+from blockmech.typing import Kernel, Parameters
 
-Kernel: TypeAlias = Callable[..., Any]
 HELD = "held_"  # before the name of an output: the state of a discrete block that holds it
 
 
@@ -98,7 +98,7 @@ class Signal(Block):
         """The kernel of rule 5, and how many numbers it gives."""
         return self.output(), 0
 
-    def numbers(self) -> Any:
+    def numbers(self) -> Parameters:
         """The block's numbers, the last argument of its kernels."""
         return self.parameters()
 

@@ -28,8 +28,8 @@ from pydantic import Field, model_validator
 from blockmech.ground.plane import always, maximum, minimum, where
 from blockmech.ground.values import Number, NumbersGiven, Positive, default, in_unit, mistake
 from blockmech.signals.algebra import Range
-from blockmech.signals.contract import Kernel, Signal, State
-from blockmech.typing import Parameters, Real
+from blockmech.signals.contract import Signal, State
+from blockmech.typing import Kernel, Parameters, Real
 
 BAND = 1e-3  # of the range between limits, over which a continuous integral comes to rest
 Sample = Annotated[Positive, in_unit("s")]

@@ -11,8 +11,8 @@ from pydantic import WithJsonSchema, field_validator, model_validator
 from blockmech.functions.python import numbers_of, parameters_of
 from blockmech.ground.plane import each
 from blockmech.ground.values import Finite, Maybe, Positive, default, in_unit, mistake
-from blockmech.signals.contract import Kernel, Signal, State
-from blockmech.typing import Parameters, Real
+from blockmech.signals.contract import Signal, State
+from blockmech.typing import Kernel, Parameters, Real, Reals
 
 TIME = "t"
 
@@ -95,17 +95,17 @@ class Python(Signal):
         places = range(1 + len(self.memory))[part]
         functions = [functools.partial(self._value, k) for k in places]
 
-        def ordered(*readings: Any) -> list[Any]:
+        def ordered(*readings: Real) -> list[Real]:
             names = (*self.inputs, *self.memory, TIME)
             values = dict(zip(names, readings, strict=False))  # time comes last, if at all
             return [values[name] for name in self.names]
 
         # Both ask by `each` themselves: engines put their own in what a program names.
-        def timed(inputs: Any, states: Any, t: Real, p: Parameters) -> tuple[Real, ...]:
+        def timed(inputs: Reals, states: Reals, t: Real, p: Parameters) -> tuple[Real, ...]:
             x = ordered(*inputs, *states, t)
             return tuple([each(function, *x) for function in functions])
 
-        def untimed(inputs: Any, states: Any, p: Parameters) -> tuple[Real, ...]:
+        def untimed(inputs: Reals, states: Reals, p: Parameters) -> tuple[Real, ...]:
             x = ordered(*inputs, *states)
             return tuple([each(function, *x) for function in functions])
 

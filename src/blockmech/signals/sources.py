@@ -6,7 +6,7 @@ Source: Ogata, Modern Control Engineering, 2010, section 5-1 (test signals); tab
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -22,8 +22,8 @@ from blockmech.ground.values import (
 )
 from blockmech.loads import laws
 from blockmech.loads.laws import table, table_over_period
-from blockmech.signals.contract import Kernel, Signal, at_once
-from blockmech.typing import Parameters, Real
+from blockmech.signals.contract import Signal, at_once
+from blockmech.typing import Kernel, Parameters, Real
 
 
 def constant(p: Parameters) -> tuple[Real]:
@@ -155,7 +155,7 @@ class Table(Signal, type="signal.table"):
         """One, unless it is a table of the time."""
         return ("u",) if self.of == "input" else ()
 
-    def numbers(self) -> Any:
+    def numbers(self) -> Parameters:
         """Rows of the interpolant."""
         return self.law().numbers()
 

@@ -26,7 +26,7 @@ from blockmech.outputs.by_block import Catalogue
 from blockmech.plan.plan import Output
 from blockmech.result.samples import Samples
 from blockmech.studies.sampling import as_sequence
-from blockmech.typing import Array, Kernel, Real, Reals
+from blockmech.typing import Array, Real, Reals
 
 TEXT = re.compile(r"(?P<how>\w+)\s*\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
 AT = re.compile(r"(?P<how>\w+)\(\s*(?P<at>[^()]+)\s*\)")
@@ -75,7 +75,7 @@ class Wanted:
     kind: str
     sample: Real = 0
     vector: bool = False
-    read: Kernel = field(default=float, compare=False)
+    read: Callable[..., Real] = field(default=float, compare=False)
 
     @property
     def of_margin(self) -> bool:

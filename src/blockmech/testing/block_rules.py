@@ -40,7 +40,18 @@ from blockmech.testing.rules import (
     spoilt,
     vectors,
 )
-from blockmech.typing import Array, LinkAcceleration, LinkPosition, LinkVelocity, Load, Slide
+from blockmech.typing import (
+    Arguments,
+    Array,
+    Complex,
+    LinkAcceleration,
+    LinkPosition,
+    LinkVelocity,
+    Load,
+    Nested,
+    Slide,
+    Values,
+)
 
 SAMPLES = 24  # random motions: a rule broken at one in four is missed once in a thousand
 X, Y = 0.7, -1.3  # factors of a linear combination
@@ -92,7 +103,7 @@ class BlockRules(Checks):
             "or the example hardly ever closes"
         )
 
-    def _speeds(self, vel: Any) -> Array:
+    def _speeds(self, vel: Values) -> Array:
         """Largest speed (n,) [m/s] of links and slides, rates counted at the block's size."""
         speeds = [abs(x) * (self.size if n.endswith("om") else 1.0) for n, x in leaves(vel).items()]
         return np.asarray(np.max(np.broadcast_arrays(*speeds), axis=0))
@@ -105,7 +116,7 @@ class BlockRules(Checks):
 
     # -- 1, 2, 7, 8, 9: how kernels are called ---------------------------------------------
 
-    def _arguments(self, stage: str, samples: slice = slice(None)) -> list[Any]:
+    def _arguments(self, stage: str, samples: slice = slice(None)) -> list[Complex]:
         """What a kernel gets (but the parameters) at some samples."""
         motions = self.motions[..., samples]
         if stage == "position":
@@ -194,7 +205,7 @@ class BlockRules(Checks):
 
         def run(motions: Array, engine: Any) -> Any:
             motion = request(self.subject, motions, self.size)
-            settings: Any = {"want": ("block.*",), "friction": "none", "on_gap": "mark"}
+            settings: Arguments = {"want": ("block.*",), "friction": "none", "on_gap": "mark"}
             return mechanism.run(**motion, **settings, engine=engine)
 
         scalar, batch, alone = run(every, "scalar"), run(every, "numpy"), run(self.motions, "numpy")
@@ -208,7 +219,7 @@ class BlockRules(Checks):
 
     # -- 3 to 5: places, rates and accelerations -------------------------------------------
 
-    def _returned(self, stage: str, returned: Any, kind: type) -> str:
+    def _returned(self, stage: str, returned: Nested, kind: type) -> str:
         """What is missing from what a kernel returns."""
         for link in self.block.link_names:
             if not isinstance(getattr(returned, link, None), kind):

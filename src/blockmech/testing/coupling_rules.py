@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from blockmech.model.laws_of_motion import Harmonic
 from blockmech.model.meshing import coupling_numbers, sides
 from blockmech.model.structure import Structure
 from blockmech.testing.rules import DERIVATIVE, TIMES, Checks, derivative
-from blockmech.typing import Array
+from blockmech.typing import Array, Kernel
 
 COORDINATE = ("second.q", "second.rate", "second.acceleration")
 
@@ -75,7 +74,7 @@ class CouplingRules(Checks):
     rules = (transmission, contact, touch, kernels)
 
 
-def _touching(kernel: Any, structure: Structure) -> Callable[[float], dict[str, Array]]:
+def _touching(kernel: Kernel, structure: Structure) -> Callable[[float], dict[str, Array]]:
     sides_at, p = sides(structure, "coupling"), coupling_numbers(structure, "coupling")
 
     def at(step: float) -> dict[str, Array]:

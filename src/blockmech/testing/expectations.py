@@ -12,10 +12,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from blockmech.ground.errors import (
     BlockmechError,
@@ -31,7 +30,7 @@ from blockmech.ground.report import LINES, Facts
 from blockmech.ground.validation_errors import validated
 from blockmech.model.expect import Expectation
 from blockmech.result.tables import aligned
-from blockmech.typing import Arguments, Data
+from blockmech.typing import Arguments, Array, Data, Reals
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -227,15 +226,13 @@ def check_closing(mechanism: Mechanism) -> None:
         blocks.run({d: scene.initial[d].q for d in drivers}, want=want)
 
 
-def as_numbers(values: Sequence[Any]) -> NDArray[Any]:
+def as_numbers(values: Reals) -> Array:
     """Numbers (n,), or [x, y] pairs as complex numbers (n,)."""
     table = np.asarray(values, dtype=np.float64)
     return table if table.ndim == 1 else table[:, 0] + 1j * table[:, 1]
 
 
-def misfits(
-    mechanism: Mechanism, name: str, values: Sequence[Any], samples: int
-) -> Iterator[Problem]:
+def misfits(mechanism: Mechanism, name: str, values: Reals, samples: int) -> Iterator[Problem]:
     """Why these values cannot be those of that output."""
     wrong = partial(Problem, "bad-expectation", "has_output")
     if name not in mechanism.outputs:
@@ -264,7 +261,7 @@ def misfits(
 def compared(
     result: Result,
     name: str,
-    expected: NDArray[Any],
+    expected: Array,
     rtol: float,
     atol: float,
     times: Sequence[float] | None = None,
@@ -314,23 +311,23 @@ def compared(
         )
 
 
-def _distances(name: str, got: NDArray[Any], expected: NDArray[Any]) -> NDArray[Any]:
+def _distances(name: str, got: Array, expected: Array) -> Array:
     """Distance (n,) of what came out from what is expected; of angles, the short way round."""
     difference = got - expected
     if name.endswith(".angle"):
         difference = np.array([math.remainder(x, 2 * math.pi) for x in difference])
-    distances: NDArray[Any] = np.abs(difference)
+    distances: Array = np.abs(difference)
     return distances
 
 
-def _smallest_margins(result: Result) -> NDArray[Any]:
+def _smallest_margins(result: Result) -> Array:
     """Smallest margin (n,) of the groups of each sample, infinite if no group is computed."""
     rows = list(result.quality.margin.values())
     if not rows:
         return np.full(result.n, np.inf)
     table = np.array([np.broadcast_to(row, result.n) for row in rows], dtype=float)
     # Behind a group that cannot close, the later ones have no margin.
-    margins: NDArray[Any] = np.where(np.isnan(table), np.inf, table).min(axis=0)
+    margins: Array = np.where(np.isnan(table), np.inf, table).min(axis=0)
     return margins
 
 

@@ -25,7 +25,18 @@ from blockmech.loads.applied import Couple, Force
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.testing.rules import planar, vectors
-from blockmech.typing import Array, Data, Guide, LinkAcceleration, LinkVelocity, Load
+from blockmech.typing import (
+    Array,
+    Complex,
+    Data,
+    Guide,
+    LinkAcceleration,
+    LinkVelocity,
+    Load,
+    Nested,
+    Parameters,
+    Values,
+)
 
 STAGES = {"position": 0, "velocity": 1, "acceleration": 2, "reactions": 1}
 """Each kernel, and how many of its arguments come from earlier kernels."""
@@ -78,18 +89,18 @@ class Subject:
 
     # -- kernels ---------------------------------------------------------------------------
 
-    def arguments(self, stage: str, motions: Array) -> list[Any]:
+    def arguments(self, stage: str, motions: Array) -> list[Complex]:
         """What the kernel of a stage gets of the motions, in the contract's order."""
         k, arguments_ = STAGES[stage], []
         for joint in self.outer:
             motion, turn = self.read(motions, joint)
             z, angle = planar(motion[k]), turn[k]
-            turned: Any = planar(np.exp(1j * angle)) if k == 0 else angle
+            turned: Complex = planar(np.exp(1j * angle)) if k == 0 else angle
             guide = (Guide, LinkVelocity, LinkAcceleration)[k](z, turned)
             arguments_.append(guide if joint.reads == "guide" else z)
         return [*arguments_, *([motions[-1][k].real] if self.block.driven else [])]
 
-    def call(self, stage: str, *arguments: Any, p: Any = None) -> Any:
+    def call(self, stage: str, *arguments: Nested, p: Parameters | None = None) -> Any:
         """Call a kernel on batches; divisions by zero give infinity or NaN."""
         with np.errstate(all="ignore"):
             return self._kernels[stage](*arguments, _cast(self.p if p is None else p))
@@ -109,7 +120,7 @@ class Subject:
 
     # -- where the parts of its joints are, by declarations and link places alone ----------
 
-    def gaps(self, pose: Any, motions: Array) -> Iterator[tuple[str, Array, str]]:
+    def gaps(self, pose: Values, motions: Array) -> Iterator[tuple[str, Array, str]]:
         """How far the parts of each joint are from each other: what, how far, its unit."""
         for joint in self.block.joints.values():
             if joint.kind == "P":
@@ -128,13 +139,13 @@ class Subject:
             for pin in [*pins, *([self.read(motions, joint)[0][0]] if joint.outer else [])][1:]:
                 yield f"gap at joint {joint.name}", abs(pin - pins[0]), "m"
 
-    def stroke(self, pose: Any, joint: Joint, motions: Array) -> Array:
+    def stroke(self, pose: Values, joint: Joint, motions: Array) -> Array:
         """How far [m] the later link's point has slid on the earlier link's guide."""
         point, _ = self._line(pose, joint, joint.later)
         base, u = self._base(pose, joint, motions)
         return np.asarray(((point - base) * np.conj(u)).real)
 
-    def _line(self, pose: Any, joint: Joint, link: str) -> tuple[Array, Array]:
+    def _line(self, pose: Values, joint: Joint, link: str) -> tuple[Array, Array]:
         """A point of a guide line on one of the block's links, and its direction."""
         link_pose, line = getattr(pose, link), joint.lines.get(link, Line())
         e = vectors(link_pose.e)
@@ -142,14 +153,14 @@ class Subject:
         at = self.block.slider_place(joint.name, link)
         return vectors(link_pose.o) + e * at, e * np.exp(1j * turn)
 
-    def _base(self, pose: Any, joint: Joint, motions: Array) -> tuple[Array, Array]:
+    def _base(self, pose: Values, joint: Joint, motions: Array) -> tuple[Array, Array]:
         """A point of the guide line on the earlier link, and its direction."""
         if not joint.outer:
             return self._line(pose, joint, joint.links[0])
         motion, angle = self.read(motions, joint)
         return motion[0], np.exp(1j * angle[0])
 
-    def _pins(self, pose: Any, joint: Joint) -> list[Array]:
+    def _pins(self, pose: Values, joint: Joint) -> list[Array]:
         """Places of the built-in markers that stand for a revolute joint."""
         pins = []
         for name in (joint.name, f"{joint.name}j"):
@@ -168,7 +179,7 @@ def random_loads(block: Moving, n: int, size: float, seed: int) -> list[Load]:
     return [Load(planar(x + 1j * y), size * m) for x, y, m in rows]
 
 
-def _cast(p: Any) -> Any:
+def _cast(p: Nested) -> Any:
     """Parameters for kernels on batches."""
     if isinstance(p, tuple) and not isinstance(p, Planar):
         return type(p)(*map(_cast, p)) if hasattr(p, "_fields") else tuple(map(_cast, p))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,10 @@ from blockmech.engines.trace import Trace
 from blockmech.ground.report import DEGREES, Report
 from blockmech.ground.tolerances import EQUAL, ROUNDING
 from blockmech.plan.plan import Program
-from blockmech.typing import Array, Data, Record
+from blockmech.typing import Array, Complex, Data, Nested, Record
+
+if TYPE_CHECKING:
+    from blockmech.result.result import Result
 
 Leaves = Mapping[str, Array]
 
@@ -65,7 +68,7 @@ class Checks:
         return Conformance(name, self.measured)
 
     def same(
-        self, label: str, actual: Any, expected: Any, scale: float, allowed: float = ROUNDED
+        self, label: str, actual: Nested, expected: Nested, scale: float, allowed: float = ROUNDED
     ) -> Iterator[str]:
         """Compare two batches relative to a scale."""
         error = np.abs(np.asarray(actual) - np.asarray(expected))
@@ -74,14 +77,14 @@ class Checks:
         if not worst <= allowed:
             yield f"{label} is off by {worst:.1e} of its size (allowed {allowed:.0e})"
 
-    def alike(self, label: str, scalar: Any, batch: Array, single: Any) -> Iterator[str]:
+    def alike(self, label: str, scalar: Nested, batch: Array, single: Nested) -> Iterator[str]:
         """Engines agree on a batch (n,), and its fifth sample does not depend on the others."""
         yield from self.same(f"scalar {label}", scalar, batch, float(np.max(abs(batch))) or 1.0)
         if not same_bits(single, batch[4:5]):
             yield f"{label} of a sample alone is not the same as in a batch"
 
     def engines(
-        self, run: Callable[..., Any], outputs: Iterable[str], condition: str = ""
+        self, run: Callable[..., Result], outputs: Iterable[str], condition: str = ""
     ) -> Iterator[str]:
         """Outputs of a run at `TIMES` are `alike`, and their program is traceable."""
         scalar, batch = (run(times=TIMES, engine=e) for e in ("scalar", "numpy"))
@@ -122,18 +125,18 @@ def derivative(values: Callable[[float], Record]) -> Data:
 # ---- batches of numbers ------------------------------------------------------------------
 
 
-def planar(z: Any) -> Planar:
+def planar(z: Complex) -> Planar:
     """A batch of vectors for kernels."""
     z = np.asarray(z, complex)
     return Planar(z.real.copy(), z.imag.copy())
 
 
-def vectors(z: Any) -> Array:
+def vectors(z: Complex) -> Array:
     """Complex array of a batch of vectors."""
     return np.asarray(np.asarray(z.real) + 1j * np.asarray(z.imag))
 
 
-def leaves(value: Any, name: str = "") -> dict[str, Array]:
+def leaves(value: Nested, name: str = "") -> dict[str, Array]:
     """All numbers of a kernel's result by dotted name: complex or real arrays."""
     if isinstance(value, Planar):
         return {name: vectors(value)}
@@ -158,13 +161,13 @@ def largest(values: Leaves) -> float:
     return max((float(np.max(abs(x))) for x in values.values()), default=0.0)
 
 
-def same_bits(first: Any, second: Any) -> bool:
+def same_bits(first: Nested, second: Nested) -> bool:
     """Whether two batches are the same to the last bit, after broadcasting."""
     a, b = np.broadcast_arrays(first, second)
     return bool(np.array_equal(a, b, equal_nan=True))
 
 
-def as_number(value: Any) -> Any:
+def as_number(value: Nested) -> Any:
     """A batch of one sample as Python numbers."""
     if isinstance(value, Planar):
         return complex(as_number(value.real), as_number(value.imag))
@@ -174,7 +177,7 @@ def as_number(value: Any) -> Any:
     return float(np.asarray(value).ravel()[0])
 
 
-def spoilt(value: Any, name: str = "") -> Iterator[tuple[Any, str]]:
+def spoilt(value: Nested, name: str = "") -> Iterator[tuple[Nested, str]]:
     """The value with one of its numbers made NaN after the other, and which."""
     if isinstance(value, Planar):
         nan = np.full(np.shape(value.real), np.nan)

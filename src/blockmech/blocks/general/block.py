@@ -57,7 +57,7 @@ from blockmech.ground.values import (
     default,
     mistake,
 )
-from blockmech.typing import Data
+from blockmech.typing import Data, Parameters
 
 if TYPE_CHECKING:
     from blockmech.assur.groups import Unit
@@ -275,7 +275,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
             plans.append(plan)
         return tuple(plans)
 
-    def parameters(self) -> Any:
+    def parameters(self) -> Parameters:
         """Places and directions of all pairs, and the group's size."""
         numbers: Data = {"size": self.characteristic_length()}
         for k, pair in enumerate(self.pairs.values()):

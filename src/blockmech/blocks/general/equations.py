@@ -21,11 +21,19 @@ Computer-aided analysis of mechanical systems, 1988, ch. 4 (Cartesian coordinate
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from blockmech.blocks.motion import acceleration_at, velocity_at
 from blockmech.ground.plane import angle, cross, dot, expi, imul, mul, planar
-from blockmech.typing import Complex, LinkAcceleration, LinkPosition, LinkVelocity, Parameters, Real
+from blockmech.typing import (
+    Complex,
+    LinkAcceleration,
+    LinkPosition,
+    LinkVelocity,
+    Parameters,
+    Real,
+    Values,
+)
 
 Entries = dict[int, Real]
 """Entries of one row of the Jacobian: column -> number."""
@@ -86,9 +94,7 @@ def side(link: LinkPosition, p: Parameters, at: str, along: str) -> Side:
     return Side(r, link.o + r, link.e * getattr(p, along) if along else link.e)
 
 
-def ends(
-    pair: PairPlan, links: tuple[LinkPosition, ...], outer: tuple[Any, ...], p: Parameters
-) -> Ends:
+def ends(pair: PairPlan, links: tuple[LinkPosition, ...], outer: Values, p: Parameters) -> Ends:
     """Both sides of a pair; a support's arm is not needed and stands as its place."""
     b = side(links[pair.later], p, pair.at[1], pair.along[1])
     if pair.earlier >= 0:
@@ -142,7 +148,7 @@ def _right(
 
 
 def rates_wanted(
-    pair: PairPlan, at: Ends, outer: tuple[Any, ...], qd: tuple[Real, ...], k: Real
+    pair: PairPlan, at: Ends, outer: Values, qd: tuple[Real, ...], k: Real
 ) -> list[Real]:
     """Right sides of J x' = ...: what supports and drivers do to the conditions."""
     if pair.earlier >= 0:
@@ -153,9 +159,7 @@ def rates_wanted(
     return _right(pair, at, velocity_at(support, at.d), support.om, qd, k)
 
 
-def slide(
-    pair: PairPlan, at: Ends, links: tuple[LinkVelocity, ...], outer: tuple[Any, ...]
-) -> Real:
+def slide(pair: PairPlan, at: Ends, links: tuple[LinkVelocity, ...], outer: Values) -> Real:
     """Sliding rate [m/s] of a prismatic pair, later on earlier side; 0 of a revolute one."""
     if not pair.prismatic:
         return 0.0
@@ -171,7 +175,7 @@ def accelerations_wanted(
     at: Ends,
     links: tuple[LinkVelocity, ...],
     sliding: Real,
-    outer: tuple[Any, ...],
+    outer: Values,
     qdd: tuple[Real, ...],
     k: Real,
 ) -> list[Real]:

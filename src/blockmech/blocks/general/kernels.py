@@ -47,13 +47,16 @@ from blockmech.ground.plane import (
     where,
 )
 from blockmech.typing import (
+    Array,
     Complex,
     LinkAcceleration,
     LinkPosition,
     LinkVelocity,
+    Nested,
     Parameters,
     Real,
     Slide,
+    Values,
 )
 
 STEPS = 5  # of Newton at most: errors are squared, 0.1 is rounding after five; more off is no guess
@@ -66,7 +69,7 @@ class Pose(NamedTuple):
 
     links: tuple[LinkPosition, ...]
     ends: tuple[Ends, ...]
-    J: Any  # (..., N, N) lengths by the group's size
+    J: Array  # (..., N, N) lengths by the group's size
     first: Real  # [-] largest first step, size or radians: how far the guess was off
     reached: Real  # [-] share of the path from home that was possible; 1 is all of it
 
@@ -87,7 +90,7 @@ class Acceleration(NamedTuple):
 class Reactions(NamedTuple):
     """By pair: what it transmits onto its later link, and what drives it."""
 
-    pairs: tuple[Any, ...]
+    pairs: Values
     efforts: tuple[Real, ...]
 
 
@@ -162,7 +165,7 @@ def unit(e: Complex) -> Complex:
 
 
 def newton(
-    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Parameters
+    plans: Plans, pose: Links, supports: Values, q: tuple[Real, ...], p: Parameters
 ) -> tuple[Links, Real]:
     """The pose to which Newton's method comes, and the size of its first step."""
     data = (plans, supports, q, p)
@@ -175,7 +178,7 @@ def newton(
 def newton_step(
     state: tuple[Links, Real, Real],
     plans: Plans,
-    supports: tuple[Any, ...],
+    supports: Values,
     q: tuple[Real, ...],
     p: Parameters,
 ) -> tuple[Links, Real, Real]:
@@ -188,7 +191,7 @@ def newton_step(
 
 
 def conditions(
-    plans: Plans, pose: Links, supports: tuple[Any, ...], q: tuple[Real, ...], p: Parameters
+    plans: Plans, pose: Links, supports: Values, q: tuple[Real, ...], p: Parameters
 ) -> tuple[tuple[Ends, ...], list[Real]]:
     """Both sides of each pair at a pose, and how far all conditions are from zero."""
     at = tuple(ends(pair, pose, supports, p) for pair in plans)
@@ -215,7 +218,7 @@ def stepped(pose: Links, step: tuple[Real, ...], size: Real) -> tuple[Links, Rea
     return tuple(moved), largest(step)
 
 
-def jacobian(plans: Plans, at: tuple[Ends, ...], links: int, p: Parameters) -> Any:
+def jacobian(plans: Plans, at: tuple[Ends, ...], links: int, p: Parameters) -> Array:
     """The matrix of all conditions."""
     filled = []
     for pair, sides in zip(plans, at, strict=True):
@@ -235,7 +238,7 @@ def vectors(solution: tuple[Real, ...], size: Real) -> list[tuple[Complex, Real]
     ]
 
 
-def carried(pair: PairPlan, at: Ends, multipliers: tuple[Real, ...], size: Real) -> Any:
+def carried(pair: PairPlan, at: Ends, multipliers: tuple[Real, ...], size: Real) -> Nested:
     """What a pair transmits from its part of the multipliers."""
     if not pair.prismatic:
         return planar(multipliers[0] * (1 / size), multipliers[1] * (1 / size))

@@ -105,6 +105,6 @@ class EnclosedEngine:
             return self._program(*map(form, inputs), tuple(map(forms_of, parameters)))
 
 
-def _at_planned(function: Kernel) -> Kernel:
+def _at_planned(function: Callable[..., Nested]) -> Callable[..., Nested]:
     """A function that is no kernel, such as a group's path from home, of the planned design."""
     return lambda *arguments: function(*planned(arguments))

@@ -37,7 +37,7 @@ from blockmech.plan.plan import Output, Plan
 from blockmech.plan.settings import friction_asked
 from blockmech.result.quality import WORDS
 from blockmech.result.samples import Samples
-from blockmech.typing import Record
+from blockmech.typing import Array, Nested, Real, Record
 
 VECTORS = 24  # poses of the test program
 INPUTS = {"q": ("q", ""), "qd": ("rate", "/s"), "qdd": ("acceleration", "/s2")}
@@ -150,7 +150,7 @@ class CProgram:
         """The unit of an output."""
         return self.catalogue[self._parts[column][0]].unit
 
-    def _columns(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
+    def _columns(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Real]]:
         """Each real number that is wanted: its output, part of it, and what it is in the trace."""
         drivers = self.mechanism.drivers
         for name in names:
@@ -168,7 +168,7 @@ class CProgram:
             else:
                 yield name, "", value
 
-    def _finite_numbers(self, names: tuple[str, ...]) -> list[Any]:
+    def _finite_numbers(self, names: tuple[str, ...]) -> list[Real]:
         """The numbers that must be finite, as `Result` has it."""
         finite = [n for n in names if not n.endswith("mechanical_advantage")]
         indices = dict.fromkeys(i for n in finite for i in self.plan.layout[n])
@@ -299,7 +299,7 @@ class CProgram:
             MEMBERS=", ".join(f"out.{x.name}" for x in self.outputs.values()),
         )
 
-    def _scales(self, expected: Any) -> Any:
+    def _scales(self, expected: Array) -> Array:
         """The largest number among all outputs of the same unit: others may be rounding alone."""
         maxima = np.abs(np.where(np.isfinite(expected), expected, 0.0)).max(axis=0)
         units = [self.unit_of(name) for name in self.outputs]
@@ -365,7 +365,7 @@ def _members(parameters: Record) -> Iterator[Member]:
         yield from _of_value(name, value, names)
 
 
-def _of_value(name: str, value: Any, names: Names) -> Iterator[Member]:
+def _of_value(name: str, value: Nested, names: Names) -> Iterator[Member]:
     if isinstance(value, tuple):
         fields = getattr(value, "_fields", None) or [str(i) for i in range(len(value))]
         plain = not any(isinstance(x, tuple | complex | Planar) for x in value)

@@ -13,11 +13,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib.resources import files
 from math import isinf, isnan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from blockmech.engines.nodes import Loop, Node, is_truth
+from blockmech.typing import Real
 
 INFIX = {"+": "+", "-": "-", "*": "*", "/": "/", "&": "&", "|": "|"} | {
     x: x for x in ("<", "<=", ">", ">=", "==")
@@ -87,7 +88,7 @@ class Statements:
         self._needed: list[Node] = []
         self._states: dict[Loop, list[int]] = {}
 
-    def text(self, results: Iterable[Any]) -> str:
+    def text(self, results: Iterable[Real]) -> str:
         """What works the nodes out; `name` reads them afterwards."""
         self._needed, self._states = _reachable(results)
         lines: list[str] = []
@@ -105,7 +106,7 @@ class Statements:
         operations = {node.op for node in self._needed}
         return "".join(text for op, text in self.language.helpers.items() if op in operations)
 
-    def name(self, x: Any) -> str:
+    def name(self, x: Real) -> str:
         """A node or a number as an expression without side effects."""
         if not isinstance(x, Node):
             return str(int(x)) if isinstance(x, bool) else self.language.literal(x)
@@ -179,11 +180,11 @@ def _state(loop: Loop, i: int) -> str:
     return f"s{loop.scope}_{i}"
 
 
-def _is_state(x: Any) -> bool:
+def _is_state(x: Real) -> bool:
     return isinstance(x, Node) and x.op == "state"
 
 
-def _reachable(results: Iterable[Any]) -> tuple[list[Node], dict[Loop, list[int]]]:
+def _reachable(results: Iterable[Real]) -> tuple[list[Node], dict[Loop, list[int]]]:
     """The nodes that some are made of, in order, and the states of loops among them: of a
     state only its own value before and after a step, so nothing is named that nobody reads."""
     waiting = [x for x in results if isinstance(x, Node)]

@@ -8,8 +8,7 @@ two knots of the path a cubic of places and rates, so close that Newton comes to
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -33,9 +32,9 @@ from blockmech.result.quality import (
     UNDEFINED,
     WORDS,
 )
-from blockmech.typing import Floats, Record
+from blockmech.typing import Floats, Nested, Real, Reals, Record, Values
 
-READINGS: dict[str, Callable[..., Any]] = {
+READINGS: dict[str, Callable[..., Real]] = {
     "arctan2": lambda y, x: _node_of(y, x).trace.node("atan2", y, x),
     "hypot": lambda x, y: _node_of(x, y).trace.node("hypot", x, y),
     "rint": lambda x: x.trace.node("rint", x),
@@ -50,7 +49,7 @@ READINGS: dict[str, Callable[..., Any]] = {
 """NumPy's functions that outputs are read with, on nodes."""
 
 
-def _node_of(*x: Any) -> Node:
+def _node_of(*x: Real) -> Node:
     return next(value for value in x if isinstance(value, Node))
 
 
@@ -66,16 +65,16 @@ class ClosedTrace(Trace):
         self._places = len(leaves(tuple(program.parameters.values())))
         super().__init__(program, eps=eps)
 
-    def _foreign(self, function: Any) -> Any:
+    def _foreign(self, function: Callable[..., Nested]) -> Callable[..., Nested]:
         if not isinstance(function, Path):
             raise Untraceable("a load or law is a function of Python")
         return lambda q: self._guess(function, q)
 
-    def answer(self, function: Any, arguments: tuple[Any, ...], like: Any) -> Any:
+    def answer(self, function: Callable[..., Nested], arguments: Values, like: Nested) -> Nested:
         """A function of Python that is asked of inputs."""
         raise Untraceable("a load or law is a function of Python")
 
-    def ufunc(self, name: str, *args: Any) -> Any:
+    def ufunc(self, name: str, *args: Real) -> Real:
         """A function of NumPy, of nodes and numbers."""
         if name not in READINGS:
             raise Untraceable(f"an output is read with NumPy's {name}")
@@ -89,7 +88,7 @@ class ClosedTrace(Trace):
         self._places += len(column)
         return tuple(self._leaf("parameter", first + i, PARAMETER) for i in range(len(column)))
 
-    def _guess(self, path: Path, q: tuple[Any, ...]) -> Any:
+    def _guess(self, path: Path, q: Reals) -> Values:
         """Places of a group's links, and the share of the path: of one driver by a table."""
         if len(q) > 1:
             message = f"{path.block} is a general group that several drivers move"
@@ -102,7 +101,7 @@ class ClosedTrace(Trace):
         turns, x = path.knots.turns, q[0]
         if turns:
             where_on = home + trace.modulo(x - home, turns * math.tau)
-            reached: Any = 1.0
+            reached: Real = 1.0
         else:
             low, high = float(knots[0]), float(knots[-1])
             where_on, reached = _on_the_arc(x, home, low, high, path.knots.rotary)
@@ -117,13 +116,13 @@ class ClosedTrace(Trace):
         return tuple(links), reached
 
 
-def _on_the_arc(x: Any, home: float, low: float, high: float, rotary: bool) -> tuple[Any, Any]:
+def _on_the_arc(x: Real, home: float, low: float, high: float, rotary: bool) -> tuple[Real, Real]:
     """Where on an arc a driver stands, and the share of the path.
 
     As `ContinuationNodes.follow` decides.
     """
 
-    def share(at: Any) -> Any:
+    def share(at: Real) -> Real:
         away = at - home
         end = where(away > 0.0, high, low)
         return where((low <= at) & (at <= high), 1.0, minimum((end - home) / away, BEFORE))
@@ -150,16 +149,16 @@ def _knots(path: Path) -> tuple[Floats, Floats, Floats]:
     return q, positions[:, group], slopes(positions[:, group], rates[:, group])
 
 
-def status(plan: Plan, values: tuple[Any, ...], judged: Iterable[Any], of: Record) -> Any:
+def status(plan: Plan, values: Values, judged: Reals, of: Record) -> Real:
     """The number of `WORDS` that says whether a sample has an answer, as a node.
 
     As `blockmech.result.quality.failures` decides: the first block that fails is blamed. ``judged``
     are the wanted numbers; ``of`` has the blocks ``prismatic`` and ``following``.
     """
-    bad: Any = False
+    bad: Real = False
     for x in judged:
         bad = bad | _is_not_finite(x)
-    word: Any = where(bad, WORDS.index(UNDEFINED), 0)
+    word: Real = where(bad, WORDS.index(UNDEFINED), 0)
     for block, indices in reversed([*plan.reports["friction"].items()]):
         outcome = values[indices[3]]
         locked = JAMMED if block in of["prismatic"] else SELF_LOCKED
@@ -172,13 +171,13 @@ def status(plan: Plan, values: tuple[Any, ...], judged: Iterable[Any], of: Recor
         failing = where(m > 0.0, False, where(m == 0.0, bad, True))
         if block in of["following"]:
             failing = failing | ((m > 0.0) & (m < NEAR_CHANGE) & bad)
-        lost: Any = where(m >= -ROUNDING, WORDS.index(DEAD_CENTRE), WORDS.index(NO_ASSEMBLY))
+        lost: Real = where(m >= -ROUNDING, WORDS.index(DEAD_CENTRE), WORDS.index(NO_ASSEMBLY))
         if block in of["following"]:
             lost = where(m < -ROUNDING, WORDS.index(NO_ASSEMBLY), WORDS.index(CHANGE_POINT))
         word = where(failing, lost, word)
     return word
 
 
-def _is_not_finite(x: Any) -> Any:
+def _is_not_finite(x: Real) -> Real:
     rest = x - x
     return rest != rest if not isinstance(rest, Node) else rest.trace.node("is nan", rest)

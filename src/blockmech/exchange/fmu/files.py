@@ -22,7 +22,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import blockmech
@@ -33,6 +33,7 @@ from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.ground.errors import listed, printable, refused, shown
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.plan.plan import Output
+from blockmech.typing import Real
 
 COMPILERS = ("cc", "gcc", "clang")
 SUFFIXES = {"Linux": ".so", "Darwin": ".dylib", "Windows": ".dll"}
@@ -296,7 +297,7 @@ def _unit_definition(text: str) -> str:
     return f"{_open('Unit', {'name': text})}{_open('BaseUnit', bases, '/>')}</Unit>"
 
 
-def _row(numbers: Iterable[Any]) -> str:
+def _row(numbers: Iterable[Real]) -> str:
     """The entries of an array in C, which has none without entries."""
     return ", ".join(map(_number, numbers)) or "0"
 

@@ -35,7 +35,7 @@ from blockmech.model.spots import marker_place
 from blockmech.model.structure import LinkRef
 from blockmech.result.quality import WORDS
 from blockmech.result.samples import Samples
-from blockmech.typing import Data
+from blockmech.typing import Array, Data, Vectors
 
 FRAMES = 181  # poses of the range
 SECONDS = 3.0  # that they are played
@@ -54,7 +54,7 @@ class Link(NamedTuple):
 
     document: str
     file: str
-    page: dict[str, Any] | None
+    page: Data | None
     why: str = ""
 
 
@@ -79,7 +79,7 @@ def write_page(order: Order, path: Path) -> list[Path]:
     return [path]
 
 
-def contents_of(order: Order) -> dict[str, Any]:
+def contents_of(order: Order) -> Data:
     """Programs, numbers, samples and shapes, as `viewer.js` reads them."""
     mechanism, samples = order.mechanism, samples_of(order)
     curves = Script(mechanism, requested_outputs(order), **order.settings)
@@ -102,7 +102,7 @@ def contents_of(order: Order) -> dict[str, Any]:
     }
 
 
-def _part(script: Script) -> dict[str, Any]:
+def _part(script: Script) -> Data:
     """A program with its numbers."""
     return {
         "program": script.compact(),
@@ -119,13 +119,13 @@ def _unit(comment: str) -> str:
     return comment.rpartition("[")[2].rstrip("]") if comment.endswith("]") else ""
 
 
-def _columns(script: Script, samples: Samples) -> dict[str, Any]:
+def _columns(script: Script, samples: Samples) -> Data:
     """The inputs at the samples, by name."""
     rows = np.array(script.rows(samples))
     return {m.name: _column(x) for m, x in zip(script.inputs, rows.T, strict=True)}
 
 
-def _column(values: Any) -> Any:
+def _column(values: Array) -> Any:
     """Numbers; of equal steps the ends."""
     first, last = float(values[0]), float(values[-1])
     if np.array_equal(values, np.linspace(first, last, len(values))):
@@ -186,7 +186,7 @@ def _picture(drawing: Script) -> Data:
     size = max(float(np.abs(z).max()) for z in markers_at.values()) or 1.0
     pins = {pin.names: motion.at(*pin.spot) for pin in sketch.pins}
 
-    def output(positions: Any) -> int | None:
+    def output(positions: Vectors) -> int | None:
         """The first marker that is always at some places (n,)."""
         same = (x for x, z in markers_at.items() if np.abs(z - positions).max() <= BLUR * size)
         return next((at[name] for name in same), None)
