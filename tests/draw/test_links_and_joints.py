@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import cmath
+
 import numpy as np
 import pytest
 
+import blockmech as bm
 from blockmech.draw.diagram import draw_diagram
 from blockmech.draw.mechanism import draw_mechanism, paths_of
 from blockmech.draw.motion import moves
@@ -79,3 +82,37 @@ def test_a_document_is_drawn_as_a_diagram_of_its_blocks(crank, tmp_path):
     text = (tmp_path / "diagram.svg").read_text("utf-8")
     assert "rod_piston" in text
     assert "rod, piston" in text
+
+
+def welded_and_dimensioned():
+    """A crank with an arm welded to it, and the dimensions of both and of the pose."""
+    m = bm.Linkage("arm")
+    m.add_link("crank", pose=(1.0, 0.0, 0.5))
+    m.add_link("arm", pose=(1.0, 0.0, 0.5), markers={"E": (2.0, 1.0)})
+    m.add_joint("A", "R", ["frame", "crank"], [(1.0, 0.0), (0.0, 0.0)])
+    m.add_joint("W", "weld", ["crank", "arm"], [(2.0, 0.0), (2.0, 0.0)])
+    m.add_driver("motor", "A")
+    form = m.to_data()
+    form["dimensions"] = {
+        "stem": {"type": "length", "points": ["A", "W"], "value": 2.0},
+        "tip": {"type": "length", "points": ["W", "arm.E"], "value": 1.0},
+        "corner": {"type": "perpendicular", "points": ["A", "W", "W", "arm.E"]},
+        "start": {"type": "angle", "points": ["A", "W"], "value": 0.5},
+    }
+    return bm.Linkage.from_data(form).compile()
+
+
+@pytest.mark.parametrize("q", [0.5, 2.0])
+def test_welds_and_the_dimensions_that_hold_in_a_pose_are_drawn(q):
+    picture = draw_mechanism(welded_and_dimensioned(), q)
+    labels = words(picture.labels)
+    assert {"W", "2 m", "1 m", "⊥"} <= labels
+    assert ("∠ 28.65°" in labels) == (q == 0.5)
+    (weld,) = (a for a in picture.axes.patches if a.get_label() == "weld:W")
+    turn = cmath.rect(1.0, q)
+    corners = weld.get_xy()[:4] @ (1, 1j)
+    assert corners.mean() == pytest.approx(1.0 + 2.0 * turn)
+    (line, _) = (a for a in picture.axes.lines if a.get_label() == "dimension:stem")
+    x, y = line.get_data()
+    direction = complex(x[-1] - x[0], y[-1] - y[0])
+    assert abs((direction * turn.conjugate()).imag) < 1e-9 * abs(direction)

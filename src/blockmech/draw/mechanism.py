@@ -21,6 +21,7 @@ from blockmech.figures import palette as ink
 from blockmech.figures.palette import IN_DEGREES, MOST, SIZES
 from blockmech.figures.paper import angle_scale, scaled_unit, shown_name, styled
 from blockmech.ground.errors import among
+from blockmech.model.joints.dimensions import AngleOfLines, Dimension, Length
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
 from blockmech.result.result import Result
@@ -102,7 +103,7 @@ def draw_mechanism(
         if not named:
             return picture
         crowd = page.crowd(main_shapes, paths)
-        for position in map(crowd.place, _labels(page, stage)):
+        for position in map(crowd.place, _labels(page, stage, degrees)):
             page.draw(page.leader(position))
             picture.labels.append(page.write(position))
     return picture
@@ -147,8 +148,10 @@ def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str
     wide, points = sketch.words > MANY, points_of(sketch, motion, paths)
     stage = Stage(sketch, motion, unit_of(points, wide))
     ways = (shapes.load_ways(stage, load) for load in sketch.loads if load.unit == "N")
-    ends = np.concatenate([points, *(arrow.ravel() for arrows in ways for arrow in arrows)])
-    return Page(ends[np.isfinite(ends)], wide, paths, captions)
+    arrows = [arrow for load in ways for arrow in load]
+    ends = [points, *(z.ravel() for z in (*arrows, *shapes.dimension_lines(stage).values()))]
+    z = np.concatenate(ends)
+    return Page(z[np.isfinite(z)], wide, paths, captions)
 
 
 def points_of(sketch: Sketch, motion: Motion, paths: Paths) -> Vectors:
@@ -259,7 +262,7 @@ def joint_labels(page: Page, stage: Stage) -> Iterator[Label]:
         yield Label(shown_name(slider.name), [z], clearance=SIZES.slider[1] + 2)
 
 
-def _labels(page: Page, stage: Stage) -> Iterator[Label]:
+def _labels(page: Page, stage: Stage, degrees: bool) -> Iterator[Label]:
     """Names of joints, drivers and a document's links, names and sizes of loads; pins first."""
     if len(stage.sketch.pins) + len(stage.sketch.sliders) < MOST:
         yield from joint_labels(page, stage)
@@ -267,12 +270,26 @@ def _labels(page: Page, stage: Stage) -> Iterator[Label]:
             if body.name:
                 z = page.points(stage.motion.at(*body.middle))
                 yield Label(shown_name(body.name), [z], ink.GREY, clearance=SIZES.label_gap)
+    marks = {mark.name: mark.dimension for mark in stage.sketch.dimensions}
+    for name, line in shapes.dimension_lines(stage).items():
+        if np.isfinite(middle := page.points(line[:, :1].mean(axis=0))).all():
+            yield Label(_dimension_text(marks[name], degrees), [middle], ink.GREY)
     drives = shapes.drive_ways(stage)
     for name, arc in drives.items():
         text = "q" if len(drives) == 1 else f"{shown_name(name)}.q"
         yield Label(text, page.points(arc[:: max(1, len(arc) // 2)]), ink.DRIVE)
     for load in stage.sketch.loads:
         yield from _load_label(page, stage, load)
+
+
+def _dimension_text(dimension: Dimension, degrees: bool) -> str:
+    """The sign of a dimension, and its value."""
+    if isinstance(dimension, Length):
+        return f"{dimension.value:.4g} m"
+    if not isinstance(dimension, AngleOfLines):
+        return dimension.sign
+    factor, unit = angle_scale("rad", degrees)
+    return f"{dimension.sign} {factor * dimension.value:.4g} {unit}".replace(" °", "°")
 
 
 def load_text(motion: Motion, load: LoadMark, k: int = 0) -> str:

@@ -20,11 +20,14 @@ from blockmech.draw.page import Shape
 from blockmech.draw.sketch import LoadMark, Sketch, Slider
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
+from blockmech.ground.tolerances import BLUR
+from blockmech.model.joints.dimensions import Length
 from blockmech.model.spots import Spot, pin_spot
 from blockmech.typing import Arguments, Real, Vectors
 
 Vector: TypeAlias = tuple[Spot, Vectors]
 """Where something acts, and its values (n,)."""
+DISTANCE = 14.0  # [pt] of a dimension's line from what it measures
 FAINT = ("#F1F1F1", "#BDBDBD")  # fill and edge of further poses
 
 
@@ -53,10 +56,16 @@ class Stage:
 def shapes_of(stage: Stage) -> list[Shape]:
     """All shapes of a mechanism."""
     shapes = [*_ground(stage), *links(stage), *sliders(stage), *_centres(stage)]
+    diamond = 1.6 * SIZES.pin * 1j ** np.arange(4)[:, None] * stage.unit
     for pin in stage.sketch.pins:
-        z = stage.motion.at(*pin.spot)[None]
-        name = f"pin:{pin.names[0]}"
-        shapes.append(Shape(name, "disc", z, 6, fill=ink.PAPER, radius=SIZES.pin))
+        z, name = stage.motion.at(*pin.spot)[None], pin.names[0]
+        if pin.welded:
+            shapes.append(Shape(f"weld:{name}", "area", z + diamond, 6, fill=ink.INK))
+        else:
+            shapes.append(Shape(f"pin:{name}", "disc", z, 6, fill=ink.PAPER, radius=SIZES.pin))
+    for name, line in dimension_lines(stage).items():
+        for path in (line, line[::-1]) if len(line) > 1 else ():
+            shapes += _arrow(path, ink.GREY, f"dimension:{name}", stage.unit, 0.6)
     for wheel in stage.sketch.wheels:
         points, dash = stage.motion.at(wheel.link, np.array(wheel.points)), (9.0, 2.0, 2.0, 2.0)
         look: Arguments = {"width": 0.9, "dash": dash if wheel.chain else ()}
@@ -162,13 +171,33 @@ def _mirrored(arc: Vectors, sense: Real) -> Vectors:
     return mirrored
 
 
-def _arrow(path: Vectors, colour: str, name: str, unit: float) -> Iterator[Shape]:
+def _arrow(
+    path: Vectors, colour: str, name: str, unit: float, width: float = 1.3
+) -> Iterator[Shape]:
     """A line (p, n) with an arrowhead at its end."""
     z, last = path[-1], path[-1] - path[-2]
     u = last * (unit / np.abs(last))
-    yield Shape(name, "line", np.array([*path[:-1], z - 3 * u]), 7, colour, width=1.3)
+    yield Shape(name, "line", np.array([*path[:-1], z - 3 * u]), 7, colour, width=width)
     head = z - u * np.array([0, 6 + 2.4j, 6 - 2.4j])[:, None]
     yield Shape("arrowhead", "area", head, 7.1, colour, colour, 0.0)
+
+
+def dimension_lines(stage: Stage) -> dict[str, Vectors]:
+    """Lines (p, n) of lengths, beside their points; of other dimensions the middle (1, n).
+
+    NaN where a dimension of the drawing does not hold in the pose.
+    """
+    lines = {}
+    for mark in stage.sketch.dimensions:
+        z = [stage.motion.at(*spot) for spot in mark.spots]
+        size = float(np.nanmax(np.abs(z))) or 1.0
+        off = np.abs([*mark.dimension.residuals(z, size)]).max(axis=0)
+        line = np.mean(z, axis=0, keepdims=True)
+        if isinstance(mark.dimension, Length):
+            u = (z[1] - z[0]) / np.abs(z[1] - z[0])
+            line = np.array(z) + 1j * u * np.where(u.real < 0, -1, 1) * DISTANCE * stage.unit
+        lines[mark.name] = np.where(off <= BLUR, line, np.nan)
+    return lines
 
 
 def load_ways(stage: Stage, load: LoadMark) -> list[Vectors]:

@@ -6,15 +6,17 @@ derived from declarations: joints, guide lines, markers, mass properties, termin
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion
 from blockmech.ground.tolerances import BLUR
+from blockmech.model.joints.dimensions import Dimension
 from blockmech.model.meshing import at_zero, coupling_numbers, sides
 from blockmech.model.spots import Spot, guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
@@ -27,11 +29,12 @@ Outline = tuple[complex, ...]
 
 @dataclass(frozen=True)
 class Pin:
-    """A revolute pair; several at one place are drawn once, with all their names."""
+    """A revolute pair, or a weld; several at one place are drawn once, with all their names."""
 
     names: tuple[str, ...]
     spot: Spot
     grounded: bool
+    welded: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,15 @@ class Wheel:
 
 
 @dataclass(frozen=True)
+class DimensionMark:
+    """A dimension of a joint-based document, and its points."""
+
+    name: str
+    dimension: Dimension
+    spots: tuple[Spot, ...]
+
+
+@dataclass(frozen=True)
 class Sketch:
     """All that is drawn of a mechanism."""
 
@@ -99,6 +111,7 @@ class Sketch:
     sliders: tuple[Slider, ...]
     loads: tuple[LoadMark, ...]
     wheels: tuple[Wheel, ...] = ()
+    dimensions: tuple[DimensionMark, ...] = ()
 
     @property
     def words(self) -> int:
@@ -149,7 +162,34 @@ def sketch_of(motion: Motion) -> Sketch:
     )
     loads = (_load(s, name) for name in s.elements)
     wheels = (wheel for driver in s.followers for wheel in _wheels(motion, driver))
-    return Sketch(bodies, _merged(motion, pins), tuple(sliders), tuple(loads), tuple(wheels))
+    welds, dimensions = _of_document(motion)
+    joints = (*_merged(motion, pins), *welds)
+    return Sketch(bodies, joints, tuple(sliders), tuple(loads), tuple(wheels), dimensions)
+
+
+def _of_document(motion: Motion) -> tuple[list[Pin], tuple[DimensionMark, ...]]:
+    """Welds and dimensions, which a joint-based document has and its blocks do not."""
+    names, s = motion.mechanism.names, motion.structure
+    document: Any = motion.mechanism.document  # its numbers fulfil its dimensions
+    if names is None or document is None:
+        return [], ()
+
+    def spot(point: str) -> Spot:
+        link, _, marker = point.rpartition(".")
+        if link:
+            at = document.links[link].markers[marker].at
+        else:
+            sides = zip(document.joints[point].links, document.joints[point].at, strict=True)
+            link, at = next(side for side in sides if side[0] in names.links)
+        frame = names.links[link]
+        return Spot(frame.link, marker_place(s, frame.marker) + cmath.rect(1.0, frame.turn) * at.z)
+
+    welds = [name for name, joint in document.joints.items() if joint.type == "weld"]
+    marks = document.dimensions.items()
+    return (
+        [Pin((name,), spot(name), grounded=False, welded=True) for name in welds],
+        tuple(DimensionMark(name, x, tuple(map(spot, x.points))) for name, x in marks),
+    )
 
 
 def _wheels(motion: Motion, driver: str) -> Iterator[Wheel]:

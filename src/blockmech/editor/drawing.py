@@ -29,6 +29,7 @@ from blockmech.figures import palette as ink
 from blockmech.figures.paper import shown_name
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.dimensions import KINDS
 from blockmech.model.spots import Spot
 from blockmech.typing import Data, Record
 
@@ -51,7 +52,12 @@ def of_links(form: Form) -> Drawing:
             dict.fromkeys(pair for ends in outlines.values() for pair in sides_of(ends))
         ),
         "stated": [
-            {"name": name, **stated, "points": [x.rpartition(".")[2] for x in stated["points"]]}
+            {
+                **stated,
+                "name": name,
+                "sign": KINDS[stated["type"]].sign,
+                "points": [x.rpartition(".")[2] for x in stated["points"]],
+            }
             for name, stated in form.get("dimensions", {}).items()
         ],
         "loads": list(_loads(form)),

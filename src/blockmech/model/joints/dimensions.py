@@ -22,6 +22,7 @@ class Dimension(StrictModel):
     """What some points of the drawing are to fulfil."""
 
     _called: ClassVar[str] = "a dimension of a kind such as length"
+    sign: ClassVar[str] = ""  # in pictures
 
     points: list[str]
 
@@ -45,6 +46,7 @@ class Length(Dimension):
 class AngleOfLines(Dimension):
     """An angle [rad]: of two points that of AB from the x axis, of three that from BA to BC."""
 
+    sign = "∠"
     type: Literal["angle"]
     points: Annotated[list[str], Field(min_length=2, max_length=3)]
     value: Angle
@@ -58,6 +60,7 @@ class AngleOfLines(Dimension):
 class Parallel(Dimension):
     """The lines AB and CD are parallel."""
 
+    sign = "∥"
     type: Literal["parallel"]
     points: Annotated[list[str], Field(min_length=4, max_length=4)]
 
@@ -70,6 +73,7 @@ class Parallel(Dimension):
 class Perpendicular(Parallel):
     """The lines AB and CD are at right angles."""
 
+    sign = "⊥"
     type: Literal["perpendicular"]  # type: ignore[assignment]
 
     def residuals(self, z: Planars, size: float) -> Iterator[Real]:
@@ -81,6 +85,7 @@ class Perpendicular(Parallel):
 class Equal(Parallel):
     """The distances AB and CD are equal."""
 
+    sign = "="
     type: Literal["equal"]  # type: ignore[assignment]
 
     def residuals(self, z: Planars, size: float) -> Iterator[Real]:
@@ -91,6 +96,7 @@ class Equal(Parallel):
 class InLine(Dimension):
     """Three points or more are in line."""
 
+    sign = "…"
     type: Literal["in_line"]
     points: Annotated[list[str], Field(min_length=3)]
 
@@ -104,6 +110,7 @@ class InLine(Dimension):
 class OnCircle(Dimension):
     """All points but the first are on a circle about the first."""
 
+    sign = "○"
     type: Literal["on_circle"]
     points: Annotated[list[str], Field(min_length=3)]
 
@@ -116,6 +123,7 @@ class OnCircle(Dimension):
 class Position(Dimension):
     """A point is at a place [m] of the drawing."""
 
+    sign = "⊕"
     type: Literal["position"]
     points: Annotated[list[str], Field(min_length=1, max_length=1)]
     value: Place

@@ -31,8 +31,6 @@ const GUIDE = [
   "Press Play. Esc ends a tool; then a drag moves a pin, and curves follow at once.",
 ];
 const SPAN = /** @type {Record<string, number>} */ ({ mm: 0.5, inch: 0.5, m: 2 }); // m that an empty sheet shows
-const SIGNS = /** @type {Record<string, string>} */ ({ angle: "\u2220", parallel: "\u2225", perpendicular: "\u22a5", equal: "=",
-  in_line: "\u2026", on_circle: "\u25cb", position: "\u2295" }); // of dimensions
 const BAR = 6; // px of half a link that is drawn
 const FEW = 12; // moving pins whose paths are all drawn
 
@@ -446,12 +444,12 @@ export function sheetView(parent) {
   }
 
   /** What else the drawing is to fulfil: its sign between its points. @param {Drawing["stated"][number]} stated */
-  function drawStated({ name, type, points, value }) {
+  function drawStated({ name, sign, points, value }) {
     const ends = points.map(pin);
     if (!ends.every(Boolean)) return;
     const at_ = ends.map((one) => shown(/** @type {Pin} */ (one)));
     const [x, y] = (["x", "y"]).map((k) => at_.reduce((sum, p) => sum + p[/** @type {"x" | "y"} */ (k)], 0) / at_.length);
-    const words = typeof value === "number" ? `${SIGNS[type]} ${rounded(value * degree())}${angle() === "deg" ? "\u00b0" : " rad"}` : SIGNS[type];
+    const words = typeof value === "number" ? `${sign} ${rounded(value * degree())}${angle() === "deg" ? "\u00b0" : " rad"}` : sign;
     selectable(put(svg, "text", { x: x + 12, y: y - 12, class: "stated" }, words), ["dimensions", name]);
   }
 
