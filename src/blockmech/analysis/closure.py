@@ -15,6 +15,7 @@ from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.tolerances import BLUR
+from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes import forward
@@ -205,8 +206,8 @@ def travel(mechanism: Compiled, driver: str) -> Span:
     sizes = [b.largest_length() for b in structure.blocks.values() if isinstance(b, Moving)]
     fixed = [m for _, m in structure.fixed.all_markers.values() if not isinstance(m, BuiltIn)]
     sizes += [2 * max((abs(m.at.z) for m in fixed), default=0.0)]
-    law: Any = mechanism.scene.drive.get(driver)
-    sizes += [abs(law.start), abs(law.end)] if law is not None and law.by_coordinate else []
+    law = mechanism.scene.drive.get(driver)
+    sizes += [abs(law.start), abs(law.end)] if isinstance(law, OverRange) else []
     head = structure.blocks[structure.driven[driver].block]
     size = sum([*sizes, abs(getattr(head, "offset", 0.0))]) or 1.0
     return Span(-BEYOND * size, BEYOND * size, size=size)

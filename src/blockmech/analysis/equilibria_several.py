@@ -27,6 +27,7 @@ from blockmech.dynamics.tangents import Tangents, tangents
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL
+from blockmech.model.laws_of_motion import OverRange
 from blockmech.typing import Array, Floats
 
 if TYPE_CHECKING:
@@ -253,10 +254,10 @@ def _range(mechanism: Compiled, driver: str) -> tuple[float, float]:
     """Where a driver is looked for: between its stops, a turn, its law's range, or the size."""
     scene = mechanism.scene
     low, high = scene.stops[driver].bounds if driver in scene.stops else (-math.inf, math.inf)
-    law: Any = scene.drive.get(driver)
+    law = scene.drive.get(driver)
     if mechanism.structure.driver_joint(driver).rotary:
         bounds = (-math.pi, math.pi)
-    elif law is not None and law.by_coordinate and law.travelled[0] != law.travelled[1]:
+    elif isinstance(law, OverRange) and law.travelled[0] != law.travelled[1]:
         bounds = (min(law.travelled), max(law.travelled))
     else:
         size = 2 * loads.largest_length(mechanism.structure)

@@ -16,6 +16,7 @@ from blockmech.analysis.working_cycle import (
     no_range,
 )
 from blockmech.ground.tolerances import ROUNDING
+from blockmech.model.laws_of_motion import ConstantRate, OverRange
 from blockmech.result.result import Result
 
 if TYPE_CHECKING:
@@ -32,26 +33,28 @@ def cycle_of(source: Compiled | Result, **options: Any) -> Cycle:
     if isinstance(source, Result):
         return cycle_through(source.mechanism, source.samples, {**source.settings, **settings})
     drivers, drive = source.drivers, source.scene.drive
-    laws: list[Any] = [drive.get(d) for d in drivers]
-    if len(drivers) == 1 and (laws[0] is None or laws[0].by_coordinate):
+    laws = [drive.get(d) for d in drivers]
+    if len(drivers) == 1 and isinstance(laws[0], OverRange | None):
         return by_coordinate(source, settings, *_range_of(source, laws[0]), laws[0])
     missing = [d for d, law in zip(drivers, laws, strict=True) if law is None]
     if missing or not drivers:
         raise no_range(missing[0] if missing else "mechanism", "give every driver a law of motion")
-    if all(law.by_coordinate for law in laws):
-        return by_share(source, settings, [law.travelled for law in laws])
-    duration = max(x for law in laws if math.isfinite(x := law.duration()))
+    ranges = [law.travelled for law in laws if isinstance(law, OverRange)]
+    if len(ranges) == len(laws):
+        return by_share(source, settings, ranges)
+    duration = max(x for law in laws if law and math.isfinite(x := law.duration()))
     return by_time(source, settings, 0.0, duration)
 
 
-def _range_of(mechanism: Compiled, law: Any) -> tuple[float, float]:
+def _range_of(mechanism: Compiled, law: OverRange | None) -> tuple[float, float]:
     """Ends of the only driver's range: those of its law, or a turn, which cuts no feasible arc."""
     (driver,) = mechanism.drivers
     rotary = mechanism.structure.driver_joint(driver).rotary
     low, high = (0.0, 0.0) if law is None else sorted((float(law.start), float(law.end)))
     if low == high and not rotary:
         raise no_range(driver, 'give the driver a law of motion with "from" and "to"')
-    turn = low == high or (law.law == "constant_rate" and abs(high - low - TURN) <= ROUNDING * TURN)
+    constant = isinstance(law, ConstantRate)
+    turn = low == high or (constant and abs(high - low - TURN) <= ROUNDING * TURN)
     if rotary and turn:
         closure = limits(mechanism)
         if not closure.whole_turn and closure.arcs:

@@ -33,6 +33,7 @@ from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
+from blockmech.model.laws_of_motion import OverRange
 from blockmech.studies.family import parameters, remade
 from blockmech.studies.reductions import TEXT
 from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers
@@ -248,11 +249,11 @@ def _of_drivers(
     read, units = _reader(mechanism, wanted, how)
     ranges, rotary = [], []
     for d in mechanism.drivers:
-        law: Any = mechanism.scene.drive.get(d)
+        law = mechanism.scene.drive.get(d)
         joint = mechanism.structure.driver_joint(d)
         if law is None and not joint.rotary:
             raise refused(d, "nothing says where it may be", "give the driver a law of motion")
-        if law is not None and not law.by_coordinate:
+        if not isinstance(law, OverRange | None):
             raise refused(d, "its law is one of time", "give it a law by its coordinate")
         ranges.append((0.0, TURN) if law is None else sorted(law.travelled))
         rotary.append(joint.rotary)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from blockmech.compiled import Compiled
 from blockmech.ground.errors import Problem, RequestError
 from blockmech.ground.tolerances import BLUR
+from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.spots import Spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.result.quality import Quality
@@ -136,8 +137,8 @@ def moves(mechanism: Compiled, at: Coordinates | None = None, samples: int | Non
         samples = None
         # Laws by time do not say the rate at a coordinate, and a picture needs none.
         laws = mechanism.scene.drive.items()
-        by_time = [d for d, law in laws if not law.by_coordinate and d in mechanism.drivers]
-        rates = dict.fromkeys(by_time, 0.0) or None
+        by_time = [d for d, law in laws if not isinstance(law, OverRange)]
+        rates = {d: 0.0 for d in by_time if d in mechanism.drivers} or None
     settings: Arguments = {"want": (), "on_gap": "mark", "friction": "none"}
     return moves_of_result(mechanism.run(at=at, samples=samples, rates=rates, **settings))
 

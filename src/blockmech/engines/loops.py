@@ -125,9 +125,7 @@ class _Module:
 class _Translation:
     """One function under way."""
 
-    def __init__(
-        self, module: _Module, function: Callable[..., object], bound: Arguments, name: str
-    ) -> None:
+    def __init__(self, module: _Module, function: Any, bound: Arguments, name: str) -> None:
         code, self.module = function.__code__, module
         self.file, self.line = code.co_filename, code.co_firstlineno
         if self.line not in functions_by_line(self.file):

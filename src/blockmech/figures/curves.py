@@ -20,6 +20,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.units import shown_in
+from blockmech.model.laws_of_motion import OverRange
 from blockmech.result.columns import without_noise
 from blockmech.result.result import Result
 from blockmech.typing import Floats
@@ -278,7 +279,7 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) ->
         valid = "valid: auto, coordinate, time"
         raise refused("over", f"got {over!r}", valid=valid, code="bad-value")
     by_time = result.motion is not None or len(moving) != 1
-    by_time |= any(d in laws and not laws[d].by_coordinate for d in drivers)
+    by_time |= any(d in laws and not isinstance(laws[d], OverRange) for d in drivers)
     if over == "time" or (over == "auto" and by_time and time is not None):
         if time is None:
             message = "the run does not say times"

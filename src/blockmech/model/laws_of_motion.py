@@ -50,7 +50,6 @@ class LawOfMotion(StrictModel):
     model_config = ConfigDict(populate_by_name=True)
     kind_key: ClassVar[str] = "law"
     _called: ClassVar[str] = "a law of motion such as bm.motion.ConstantRate(rate=10.0)"
-    by_coordinate: ClassVar[bool] = False
 
     def units(self, axis: Axis) -> Units:
         """Coordinates, rates and accelerations of the driver, and times."""
@@ -85,7 +84,6 @@ class LawOfMotion(StrictModel):
 class OverRange(LawOfMotion):
     """Constant acceleration over a range of the coordinate; zero is a constant rate."""
 
-    by_coordinate: ClassVar[bool] = True
     start: Annotated[Number, Field(alias="from")] = default(0.0)
     end: Annotated[Number, Field(alias="to")] = default(2 * math.pi)
 

@@ -22,6 +22,7 @@ from blockmech.blocks.modes import Mode, branches, dyad_modes
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, among, refused
 from blockmech.model.joints.layout import Pose
+from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.circuits import CHECKS, Connections, connect
 from blockmech.modes.closing import NEAR, triad_modes
@@ -260,11 +261,11 @@ class _Lister:
         """Where the groups that hold a triad close: low, high, and what ends it."""
         if around.whole_turn:
             return [(0.0, TURN, WHOLE)]
-        law: Any = self.mechanism.scene.drive.get(self.driver)
+        law = self.mechanism.scene.drive.get(self.driver)
         stretches = []
         for arc in around.arcs:
             low, high, end_reason = arc.start.q, arc.end.q, EARLIER
-            if around.unit == "m" and law is not None and law.by_coordinate:
+            if around.unit == "m" and isinstance(law, OverRange):
                 a, b = sorted((law.start, law.end))
                 low, high, end_reason = max(low, a), min(high, b), RANGE
             if not (math.isfinite(low) and math.isfinite(high)):
