@@ -201,13 +201,12 @@ def legend_above(axes: Axes, width: float) -> int:
 
 
 def axis_label(name: str, unit: str, room: float) -> str:
-    """A name and its unit, on two lines where one has not the room [pt]."""
-    line = f"{name} [{unit or '–'}]"
-    if text_width(line, TEXT) <= room:
-        return line
-    breaks = [line.rindex(" [") + 1, line.find("(") + 1]
-    breaks += [k for k, sign in enumerate(line) if sign == "."]
-    texts = [f"{line[:k]}\n{line[k:]}" for k in breaks if k]
+    """A name and its unit, on more lines where one has not the room [pt]."""
+    shown_unit = f"[{unit or '–'}]"
+    breaks = [name.find("(") + 1, *(k for k, sign in enumerate(name) if sign == ".")]
+    names = [f"{name[:k]}\n{name[k:]}" for k in breaks if k]
+    texts = [f"{name} {shown_unit}", f"{name}\n{shown_unit}"]
+    texts += [f"{text}{gap}{shown_unit}" for gap in " \n" for text in names]
     fitting = (t for t in texts if max(text_width(x, TEXT) for x in t.split("\n")) <= room)
     return next(fitting, texts[-1])
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import axis_label, panelled, scaled_unit, shown_name
+from blockmech.figures.paper import angle_scale, axis_label, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, needed, refused
@@ -207,24 +207,27 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         Designs without an answer are shown where they are: marked at the foot of a curve or a
         scatter, hatched in a map. Raises `RequestError` where no number was kept.
         """
-        results = self.table()[len(self.vary) :][: ink.PANELS]
+        columns = []
+        for column in self.table():
+            factor, unit = angle_scale(column.unit, degrees)
+            columns.append(replace(column, unit=unit, values=factor * column.values))
+        numbers, results = columns[: len(self.vary)], columns[len(self.vary) :][: ink.PANELS]
         if not results:
             message = "poses are arrays, and no other number was kept"
             raise refused("plot", message, "keep e.g. a max_abs as well")
         grid = len(self.vary) if self.designs.sampling == "grid" else 0
         mapped = grid == 2 and min(self.designs.shape) > 1
         missing, mark = self.n - self.status.count("ok"), "hatched" if mapped else "crosses"
-        caption = f"{shown_name(self.name, 40)}: {self.n} designs"
+        caption = f"{shown_name(self.name, 40)}: {self.n} designs over {listed(self.vary, 3)}"
         caption += f", {missing} without an answer ({mark})." if missing else "."
-        numbers = self.table()[: len(self.vary)][: ink.PANELS]
-        return (self._maps if mapped else self._matrix)(caption, results, numbers, ax)
+        return (self._maps if mapped else self._matrix)(caption, results, numbers[: ink.PANELS], ax)
 
     def _maps(
         self, caption: str, results: Sequence[Column], numbers: Sequence[Column], ax: Axes | None
     ) -> Any:
         """Every result by colours over two numbers."""
         first, second = numbers
-        x, y = (self.grid(c.name) for c in numbers)
+        x, y = (self.filled(c.values, np.nan) for c in numbers)
         columns = min(len(results), 2)
         rows = -(-len(results) // columns)
         layout: Arguments = {"width": columns * ink.COLUMN, "sharex": False, "ax": ax}
