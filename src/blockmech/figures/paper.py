@@ -202,11 +202,11 @@ def legend_above(axes: Axes, width: float) -> int:
 
 def axis_label(name: str, unit: str, room: float) -> str:
     """A name and its unit, on more lines where one has not the room [pt]."""
-    shown_unit = f"[{unit or '–'}]"
+    bracketed = f"[{unit or '–'}]"
     breaks = [name.find("(") + 1, *(k for k, sign in enumerate(name) if sign == ".")]
     names = [f"{name[:k]}\n{name[k:]}" for k in breaks if k]
-    texts = [f"{name} {shown_unit}", f"{name}\n{shown_unit}"]
-    texts += [f"{text}{gap}{shown_unit}" for gap in " \n" for text in names]
+    texts = [f"{name} {bracketed}", f"{name}\n{bracketed}"]
+    texts += [f"{text}{gap}{bracketed}" for gap in " \n" for text in names]
     fitting = (t for t in texts if max(text_width(x, TEXT) for x in t.split("\n")) <= room)
     return next(fitting, texts[-1])
 
