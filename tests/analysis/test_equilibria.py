@@ -16,6 +16,7 @@ import pytest
 from scipy.optimize import brentq
 
 import blockmech as bm
+from blockmech.analysis.closure import Closure
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.system import System
 from blockmech.plan.plan import Friction
@@ -414,3 +415,13 @@ def test_a_linear_system_stands_about_an_equilibrium_beyond_a_dead_centre():
     assert about.effort == pytest.approx([0.0], abs=1e-12)
     assert about.eigenvalues == pytest.approx(equilibria[1].values)
     assert pytest.approx(equilibria[1].K) == about.K
+
+
+def test_where_a_group_is_at_dead_centre_all_along_nothing_is_looked_for(monkeypatch):
+    """The scissors' rhombi fold beyond the cylinder's dead centre: half a turn of dead centres."""
+    looked_at, passable = [], Closure.passable
+    monkeypatch.setattr(Closure, "passable", lambda *x: looked_at.append(x) or passable(*x))
+    lift = bm.read(GRAPHS / "scissor_lift.json").compile()
+    equilibria = lift.equilibria(friction="none")
+    assert [(e.kind, e.jump) for e in equilibria] == [("stable", True)]
+    assert len(looked_at) < 20

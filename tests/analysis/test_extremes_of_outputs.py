@@ -14,6 +14,7 @@ import blockmech as bm
 from blockmech.analysis.extremes import extremes
 from blockmech.analysis.stroke import stroke
 from tests.analysis.linkages import fivebar, slider_crank
+from tests.gallery import GRAPHS
 from tests.machines import fourbar, wire
 from tests.wiring import EPS
 
@@ -394,3 +395,11 @@ def test_speeds_of_a_rod_as_long_as_its_crank(length):
     assert speeds["x"].maximum.value == pytest.approx(2 * length, rel=1e-9)
     assert speeds["x"].minimum.value == pytest.approx(-2 * length, rel=1e-9)
     assert speeds["y"].maximum.value == 0
+
+
+def test_extremes_ask_for_no_remarks(monkeypatch):
+    """Forty loops beside their change points would have a million remarks on the samples."""
+    monkeypatch.setattr("blockmech.result.result.assess", None)
+    row = bm.read(GRAPHS / "n_four_bar.json").compile()
+    extremes = row.extremes("crank.drive")
+    assert extremes.maximum.value == pytest.approx(-extremes.minimum.value, rel=1e-9)

@@ -13,6 +13,7 @@ from blockmech.dynamics import integration as integrators
 from blockmech.dynamics.events import crossings
 from blockmech.dynamics.programs import Terms
 from blockmech.dynamics.request import Start, Until, Watch
+from blockmech.dynamics.run import EVALUATIONS
 from tests.dynamics.honesty import GRAPHS
 from tests.dynamics.linkages import guided, motored, watt
 from tests.dynamics.synthetic import Synthetic, move
@@ -185,3 +186,11 @@ def test_an_event_that_stops_being_a_number_inside_a_step_is_where_it_does():
 
     (crossing,) = crossings(1, np.array([0.0, 1.0]), [-1.0, 1.0], value)
     assert crossing == pytest.approx(0.25, rel=1e-14)
+
+
+def test_where_a_coarse_scheme_gives_up_the_one_that_goes_on_is_bounded():
+    """Steps of 10 ms leave Andrews' squeezer at 1e13 rad/s."""
+    squeezer = bm.read(GRAPHS / "andrews_squeezer.json").compile()
+    motion = squeezer.simulate("time=0.2", method=bm.FixedStep("rk4", 0.01)).motion
+    assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
+    assert motion.cost.evaluations < 1.1 * EVALUATIONS

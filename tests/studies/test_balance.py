@@ -199,3 +199,10 @@ def test_a_flywheel_over_undefined_inertia_is_one_message():
     mechanism = bm.Linkage.load("graphs/joints/parallelogram_chain.json").compile()
     with pytest.raises(bm.RequestError, match="undefined at change points"):
         bm.design.flywheel(mechanism, 10.0, 0.02)
+
+
+def test_a_length_that_makes_the_drive_what_it_shall_be_is_no_traceback():
+    """The only length of a block is its size, by which friction is judged."""
+    pendulum = bm.read(GRAPHS / "motions/pin_pendulum.json").compile()
+    with pytest.raises(bm.BlockmechError, match="no value of it makes"):
+        bm.design.available(pendulum, "crank.length", 1.0, at=[0.3])

@@ -27,6 +27,7 @@ from blockmech.typing import Array, Floats
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])
 BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
+LOCKED = BESIDE**0.5  # the same: no touch is as wide, one of sixth order spans 3e-3 in doubles
 
 
 @dataclass(frozen=True)
@@ -196,8 +197,6 @@ class _Margin:
             return [self.piece]
         if self.piece.tiny:
             return [self.piece] * bool(self.y[0] >= 0)
-        if np.abs(self.y).max() <= ROUNDED:
-            return []  # at dead centre everywhere: locked
         x, closes, touched = self._signs()
         passes = (*self.piece.passes, *touched)
         if closes.all():
@@ -221,7 +220,12 @@ class _Margin:
         corners = self.piece.corners
         if self.piece.start is not None:
             signed[[0, -1]] = True
+        size = self.piece.span.size
+        scale = 1.0 if math.isinf(size) else size
         for low, high in runs(~self.sure):
+            if x[high] - x[low] > LOCKED * scale:  # at dead centre all along
+                signed[low : high + 1], closes[low : high + 1] = True, False
+                continue
             if low == 0 or high == len(x) - 1 or closes[low - 1] != closes[high + 1]:
                 continue
             i = low + int(np.argmin(np.abs(y[low : high + 1])))
@@ -229,10 +233,10 @@ class _Margin:
                 continue
             signed[i], closes[i] = True, True
             if closes[low - 1]:  # it closes on both sides
-                q, size = self._place(float(x[i])), self.piece.span.size
+                q = self._place(float(x[i]))
                 close_corners = corners[np.abs(corners - q) <= DOUBLE_ROOT]  # known to more digits
                 q = next(iter(close_corners[np.isfinite(self._row(close_corners))].tolist()), q)
-                distance = BESIDE * (1.0 if math.isinf(size) else size)
+                distance = BESIDE * scale
                 closes[i] = self.closure.passable(self.block, q, distance)
                 repeated = any(abs(q - p.q) <= distance for p in passes)  # nearer, touches are one
                 passes += [Bound(q, self.block)] * bool(closes[i] and not repeated)

@@ -56,7 +56,7 @@ class _Leading:
             successor, starts = on
             stops = successor.mechanism.scene.stops.get(successor.mechanism.drivers[0])
             bounds = (-math.inf, math.inf) if stops is None else stops.bounds
-            system = System(successor.mechanism, stops=(bounds,), method=self.line.system.method)
+            system = System(successor.mechanism, stops=(bounds,), method=None)  # no intervals
             return _Leading(
                 successor,
                 Line(successor.mechanism, system, self.line.t, next(iter(starts.values()))[0]),

@@ -49,7 +49,7 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     def read(s: Floats) -> Real:
         result = cycle.run(s, output)
         values = np.array(result[output])
-        values[[*result.quality.gaps]] = np.nan  # a slider's angle is known where it cannot be
+        values[result._failures.word > 0] = np.nan  # a slider's angle is known where it cannot be
         return values
 
     margin = partial(_margin, cycle, output)
@@ -65,7 +65,7 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
 
 def _margin(cycle: Cycle, output: str, s: Floats) -> Floats:
     """The least margin (n,) at places of what an output stands on, above rounding."""
-    margins = cycle.run(s, output).quality.margin.values()
+    margins = [m for (m,) in cycle.run(s, output)._reports["margin"].values()]
     return np.asarray(np.min([np.ones(len(s)), *margins], axis=0).clip(EPS))
 
 
@@ -156,30 +156,43 @@ def _inner(cycle: Cycle, signal: Signal, span: Span, floor: float) -> list[Turn]
     curve = scan(signal.smooth, span, edges, signal.value)
     good = np.isfinite(curve.y)
     x, y = curve.x[good], curve.y[good]
-    turns = []
-    for i, sign in _turning(
-        y, np.maximum(ROUNDING * np.abs(y), floor / signal.margin(x)), span.turn
-    ):
-        s = float(x[i])
-        if 0 < i < len(x) - 1:
-            s = _cornered(signal, s, min(s - float(x[i - 1]), float(x[i + 1]) - s), sign)
-        turns.append(Turn(cycle.wrapped(s) if span.turn else s, _at(signal, s), sign))
-    return turns
+    noise = np.maximum(ROUNDING * np.abs(y), floor) / signal.margin(x)
+    if not (turning := _turning(y, noise, span.turn)):
+        return []
+    indices, signs = np.array(turning).T
+    steps = np.diff(x)
+    room = np.minimum(np.append(0.0, steps), np.append(steps, 0.0))  # none at the ends
+    s = _cornered(signal, x[indices], room[indices], signs)
+    return [
+        Turn(cycle.wrapped(at) if span.turn else at, value, sign)
+        for at, value, sign in zip(
+            s.tolist(), signal.value(s).tolist(), signs.tolist(), strict=True
+        )
+    ]
 
 
-def _cornered(signal: Signal, s: float, room: float, sign: int) -> float:
-    """An extremum, closed in on where values beside it are better: then it is no smooth one."""
-    aside = np.outer([-1, 1], room * BESIDE).ravel()
-    at, *neighbours = (sign * signal.value(np.append(s, s + aside))).tolist()
-    if not max(neighbours) > at + ROUNDING * abs(at):
-        return s
-    samples = np.array([s - room, s, s + room])
+def _cornered(signal: Signal, s: Floats, room: Floats, sign: Floats) -> Floats:
+    """Extrema (k,), closed in on where values beside them are better: those are no smooth ones."""
+    aside = np.concatenate([[0.0], -BESIDE, BESIDE])
 
-    def value(row: Array, coordinates: Floats) -> Floats:
-        return sign * signal.value(coordinates.ravel()).reshape(coordinates.shape)
+    def values(row: Array, shares: Floats) -> Floats:
+        coordinates = s[row, None] + room[row, None] * shares
+        y = signal.value(coordinates.ravel()).reshape(coordinates.shape)
+        return np.asarray(sign[row, None] * y)
 
-    values = sign * signal.value(samples)[None]
-    return float(Search(value, samples, values, remainder=EPS).largest().place[0])
+    at, *neighbours = values(np.arange(len(s)), aside).T
+    best = np.fmax.reduce(neighbours)
+    corners = np.flatnonzero((room > 0.0) & (best > at + ROUNDING * np.abs(at)))
+    if len(corners):
+        shares = np.array([1.0, 2.0, 3.0])  # from 1 on: places are halved to rounding of themselves
+        search = Search(
+            lambda row, x: values(corners[row], x - 2.0),
+            shares,
+            values(corners, shares - 2.0),
+            remainder=EPS,
+        )
+        s[corners] += room[corners] * (search.largest().place - 2.0)
+    return s
 
 
 def _at(signal: Signal, s: float) -> float:

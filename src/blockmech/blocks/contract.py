@@ -49,7 +49,7 @@ from blockmech.blocks.joints import (
 )
 from blockmech.friction.laws.contract import AnyFriction, FrictionLaw
 from blockmech.ground.errors import listed
-from blockmech.ground.plane import apply, largest
+from blockmech.ground.plane import apply, largest, primitives_of
 from blockmech.ground.values import Axis, Link, Play, mistake
 
 __all__ = [
@@ -182,7 +182,7 @@ class Moving(Block):
     def characteristic_length(self) -> float:
         """The largest length [m]; 1 m where the block has none."""
         length = self.largest_length()
-        size: float = apply("where", length > 0.0, length, 1.0)
+        size: float = primitives_of(length)["where"](length > 0.0, length, 1.0)
         return size
 
     def slider_owner(self, joint: str) -> Literal["later", "earlier"]:

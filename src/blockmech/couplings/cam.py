@@ -310,17 +310,18 @@ class Cam(Coupling, type="coupling.cam"):
                 yield Problem("undercut", where, message, valid, remedy)
                 return
 
-        def room(x: float) -> float:  # negative where the profile is cut away
-            radius = float(touch(pose_at(x), p).radius)
+        def room(radius: float) -> float:  # negative where the profile is cut away
             return radius if self.follower == "flat" else 1 - self.roller / (radius + self.roller)
 
-        rooms = [room(x) for x in angles]
+        rooms = [room(float(meets.radius)) for _, meets in turn]
         bad = [k for k in range(SCANNED) if not rooms[k] > 0]
         if not bad:
             return
         first = next((k for k in bad if rooms[k - 1] > 0), 0)
         before = angles[first] - math.tau / SCANNED
-        begin = bisect(lambda x: room(x) > 0, before, angles[first])
+        begin = bisect(
+            lambda x: room(float(touch(pose_at(x), p).radius)) > 0, before, angles[first]
+        )
         radii = [meets.radius + self.roller for _, meets in turn]
         message = f"the profile is undercut from {begin % math.tau:.6g} rad of the cam's angle on"
         if self.follower == "flat":

@@ -221,6 +221,7 @@ class Integration(Run):
         """Why the run is over where a solver gave up; None if another one goes on."""
         if self.method != "dop853":
             self.method = "dop853"  # which comes as near as one can to where there is no pose
+            self.equation.limit = min(self.equation.limit, self.equation.spent + EVALUATIONS)
             return None
         end, status, remaining_time, *_ = classify_obstacle(self.equation, self.t, self.y)
         locked = end == ends.SELF_LOCKED and not self.pieces

@@ -133,7 +133,12 @@ def failures(
 ) -> Failures:
     """Samples (...) without an answer: the first block that fails is blamed.
 
-    Arguments as those of `assess`; margins and outcomes of friction by block.
+    Parameters
+    ----------
+    margin, outcome : block -> (...) its margin, and how its friction ended
+    undefined : (...) whether a wanted value is not finite
+    prismatic : blocks with friction in a prismatic pair
+    following : dyads whose branch follows the motion: it runs on where their margin is zero
     """
     blocks = ("", *dict.fromkeys((*margin, *outcome)))
     word, blame = np.zeros(undefined.shape, np.int8), np.zeros(undefined.shape, np.int64)
@@ -165,9 +170,8 @@ def failures(
 def assess(
     n: int,
     reports: Mapping[str, Mapping[Any, tuple[Array, ...]]],
-    undefined: NDArray[np.bool_],
-    prismatic: frozenset[str],
-    following: frozenset[str] = frozenset(),
+    failed: Failures,
+    following: frozenset[str],
 ) -> Quality:
     """Work out the quality of a run.
 
@@ -175,14 +179,11 @@ def assess(
     ----------
     n : number of samples
     reports : as `plan.Plan.reports`, with arrays in place of indices
-    undefined : (n,) whether a wanted value is not finite
-    prismatic : blocks with friction in a prismatic pair
+    failed : samples without an answer
     following : dyads whose branch follows the motion: it runs on where their margin is zero
     """
     margin = {block: at_most_one(m) for block, (m,) in reports["margin"].items()}
     friction = reports["friction"]
-    outcomes = {k: v[3] for k, v in friction.items()}
-    failed = failures(margin, outcomes, undefined, prismatic, following)
     gaps = np.flatnonzero(failed.word).tolist()
     status = tuple(np.array(WORDS, object)[failed.word].tolist()) if gaps else (OK,) * n
     blame = {i: failed.blocks[failed.block[i]] for i in gaps}

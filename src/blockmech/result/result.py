@@ -20,7 +20,14 @@ from blockmech.ground.units import NoQuantity, quantity
 from blockmech.plan.plan import Output, Plan, Undefined
 from blockmech.result.exported import Exported
 from blockmech.result.motion import Motion
-from blockmech.result.quality import OK, Flag, Quality, assess
+from blockmech.result.quality import (
+    OK,
+    Failures,
+    Flag,
+    Quality,
+    assess,
+    failures,
+)
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
 from blockmech.typing import (
@@ -274,23 +281,38 @@ class Result(Exported, Generic[M]):
         >>> result.quality.status
         ('ok', 'ok')
         """
-        reports = {
+        quality = assess(self.n, self._reports, self._failures, self._following)
+        flags, joints = quality.flags, self._compiled._joint_names
+        if joints:
+            flags = tuple(replace(f, where=joints.get(f.where, f.where)) for f in flags)
+        return replace(quality, flags=flags + self._without_effort(quality))
+
+    @cached_property
+    def _reports(self) -> dict[str, dict[Any, tuple[Array, ...]]]:
+        """What the plan reports, by kind and by what it is about."""
+        return {
             kind: {
                 where: tuple(np.atleast_1d(_real(self._column(i))) for i in indices)
                 for where, indices in of.items()
             }
             for kind, of in self.plan.reports.items()
         }
+
+    @cached_property
+    def _failures(self) -> Failures:
+        """Samples without an answer; much cheaper than the flags of `quality`."""
+        margin = {block: m for block, (m,) in self._reports["margin"].items()}
+        outcomes = {block: friction[3] for block, friction in self._reports["friction"].items()}
         blocks = self._compiled.structure.blocks
         prismatic = frozenset(
             name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
         )
-        following = frozenset(self._compiled.structure.followed)
-        quality = assess(self.n, reports, self._not_finite(), prismatic, following)
-        flags, joints = quality.flags, self._compiled._joint_names
-        if joints:
-            flags = tuple(replace(f, where=joints.get(f.where, f.where)) for f in flags)
-        return replace(quality, flags=flags + self._without_effort(quality))
+        return failures(margin, outcomes, self._not_finite(), prismatic, self._following)
+
+    @property
+    def _following(self) -> frozenset[str]:
+        """Dyads whose branch follows the motion."""
+        return frozenset(self._compiled.structure.followed)
 
     def _without_effort(self, quality: Quality) -> tuple[Flag, ...]:
         """Answered samples at which the drive rests, so that no mechanical advantage exists."""
