@@ -19,7 +19,7 @@ from __future__ import annotations
 import cmath
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -86,19 +86,22 @@ class OneMode(Dyad):
 class TwoModes(Dyad):
     """A dyad with two assembly modes; classes that are one declare ``branch`` and ``home``."""
 
+    if TYPE_CHECKING:
+        branch: AnyBranch
+        home: BranchHome | None
+
     @model_validator(mode="after")
     def _home_if_it_follows(self) -> TwoModes:
-        block: Any = self
-        if block.branch == FOLLOW and block.home is None:
+        if self.branch == FOLLOW and self.home is None:
             raise mistake(
                 "missing-key",
                 'a branch that follows the motion needs a "home"',
                 "",
                 'add "home": {"drivers": {"<driver>": <coordinate>}, "branch": 1}',
             )
-        if block.branch != FOLLOW and block.home is not None:
+        if self.branch != FOLLOW and self.home is not None:
             raise mistake(
-                "unknown-key", f'"home" has no meaning with branch {block.branch}', "", "remove it"
+                "unknown-key", f'"home" has no meaning with branch {self.branch}', "", "remove it"
             )
         return self
 
@@ -116,10 +119,9 @@ class TwoModes(Dyad):
 
     def parameters(self) -> Parameters:
         """The block's numbers; of a branch that follows, the one at home."""
-        block: Any = self
-        if not self.follows:
+        if not self.follows or self.home is None:
             return super().parameters()
-        at_home = self.model_copy(update={"branch": block.home.branch, "home": None})
+        at_home = self.model_copy(update={"branch": self.home.branch, "home": None})
         return at_home.parameters()
 
 

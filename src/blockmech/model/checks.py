@@ -160,7 +160,7 @@ def _branch_problems(blocks: Blocks, ends: Iterable[Ends]) -> Iterator[Problem]:
     for name, block in following.items():
         above = nx.ancestors(dag, name)
         drivers = list(driven_joints({n: b for n, b in blocks.items() if n in above}))
-        named = list(block.home.drivers)  # type: ignore[attr-defined]
+        named = [*block.home.drivers] if block.home else []
         if len(drivers) != 1:
             message = f"it is moved by {len(drivers)} drivers, not by one that leads from home"
             yield Problem("many-drivers", f"{name}.branch", message, "", "give the branch -1 or 1")

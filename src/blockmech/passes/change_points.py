@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,11 +62,10 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
     wrong: set[str] = set()
     last, upstream = "", schedule(structure, scene, Friction("none"))
     for name, block in structure.blocks.items():
-        if not (isinstance(block, TwoModes) and block.follows):
+        if not (isinstance(block, TwoModes) and block.follows and (home := block.home)):
             continue
         if wrong & structure.ancestors(name):
             continue  # nothing is known of what stands on a wrong home
-        home: Any = block.home  # type: ignore[attr-defined]
         ((driver, q_home),) = home.drivers.items()
         shared = {p for x in followed_structure.followed.values() for p in x.points}
         if last in structure.ancestors(name):  # what moves it goes on from there
