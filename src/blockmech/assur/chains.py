@@ -13,12 +13,13 @@ and Machine Theory 38 (2003): 1, 2, 16, 230 chains of 4, 6, 8, 10 links.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import networkx as nx
 import numpy as np
 
 from blockmech.ground.errors import refused
+from blockmech.typing import Array
 
 Chain: TypeAlias = "nx.Graph[int]"
 MOST = 10  # links: of 12 there are 6,856 chains, which take hours
@@ -94,7 +95,7 @@ def _with_ear(chain: Chain, links: int, last: bool) -> Iterator[Chain]:
                     yield extended
 
 
-def _freedom(chain: Chain) -> tuple[Any, Any]:
+def _freedom(chain: Chain) -> tuple[Array, Array]:
     """3 links - 2 joints of every part of a chain, and whether (n, parts) it has a link."""
     n = chain.number_of_nodes()
     parts = np.arange(1 << n)

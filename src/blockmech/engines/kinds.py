@@ -121,7 +121,7 @@ def smaller(a: float, b: float) -> float:
     return b if b < a else a
 
 
-TRANSLATED: dict[Any, Any] = {max: larger, min: smaller}
+TRANSLATED: dict[Callable[..., object], Callable[..., float]] = {max: larger, min: smaller}
 
 
 @cache

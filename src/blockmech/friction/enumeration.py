@@ -197,7 +197,7 @@ def _ends(systems: Equations, signs: Floats, bend: float, care: float) -> Vector
         size = 1.0 + np.abs(z[going]).max(axis=1)
         off = np.abs(first - ahead).max(axis=1) / size
         rest = np.abs(second - first).max(axis=1) / size
-        good: Any = (off <= GOOD * care) & (rest <= GOOD * np.maximum(off, EPS**0.75))
+        good: Array = (off <= GOOD * care) & (rest <= GOOD * np.maximum(off, EPS**0.75))
         z[going[good]] = second[good]
         s[going[good]] += step[good]
         h[going] = np.where(good, np.where(off <= EASY * care, 2.0, 1.0) * step, 0.5 * step)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from blockmech.ground.units import shown_in
 from blockmech.plan.plan import Output
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Accuracy, Quality
-from blockmech.typing import Arguments, Floats, Named, Real
+from blockmech.typing import Arguments, Array, Floats, Named, Real
 
 __all__ = ["AnyPath", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
@@ -140,7 +139,7 @@ def output_columns(result: Labelled, name: str) -> list[Column]:
     return [_column(result, part, unit, values, name) for part, values in _components(result, name)]
 
 
-def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
+def _components(result: Labelled, name: str) -> Iterator[tuple[str, Array]]:
     values, kind = result[name], result.output(name).kind
     if kind == "vector":
         yield from ((f"{name}.x", values.real), (f"{name}.y", values.imag))

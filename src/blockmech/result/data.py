@@ -16,7 +16,7 @@ from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.report import as_json
 from blockmech.result.columns import Column, Labelled, columns
 from blockmech.result.motion import Motion
-from blockmech.typing import Array, Data
+from blockmech.typing import Array, Data, Real
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -186,7 +186,7 @@ def _output(result: Labelled, name: str) -> Data:
     return data
 
 
-def _values(raw: Any) -> list[Any]:
+def _values(raw: Real) -> list[object]:
     """Samples as JSON data; a sample that is not finite in any part is None."""
     table: Array = np.atleast_1d(np.asarray(raw))
     if np.iscomplexobj(table):

@@ -66,7 +66,7 @@ class Task:
         return 1.0 if self.points is None else size_of(self.points)
 
     @property
-    def _columns(self) -> Any:
+    def _columns(self) -> Array:
         """Which unknowns are free: shape, A and B, the zero of angles, and the crank's angles."""
         shape = [True] * SHAPE if self.points is not None else [True] * 4 + [False] * 2
         similarity = [self.points is not None] * 4

@@ -88,7 +88,7 @@ def driving_link(c: Connection, link: str, pairs: Connections) -> BlockDraft:
     """
     at, flipped = c.on(link), c.first == link
     if c.kind == "R":
-        keys, points = dict[str, Any](), {(link, at): "A"}
+        keys, points = dict[str, object](), {(link, at): "A"}
         pins = [d.on(link) for d in pairs.values() if d.kind == "R" and link in d.links]
         e = c.guide(link)
         arms = {pin: (pin - at) * e.conjugate() for pin in pins}
