@@ -152,6 +152,17 @@ def test_steps_that_agree_by_chance_in_front_of_a_dead_centre_are_not_believed()
     assert motion.error < 1e-5
 
 
+@pytest.mark.parametrize("target", [1e-2, 1e-3 * 10**0.5, 3.27e-4, 1e-4])
+def test_loose_targets_are_judged_by_steps_whose_errors_fall_with_their_length(target):
+    """Steps of such a length gave 1.5e-4 for 2.9e-4: no sixteenth was left of the difference."""
+    _, mech, start, span = scene(1_129_000_008)
+    request = {"start": start, "method": "dop853"}
+    motion, exact = (
+        mech.simulate(f"time={span!r}", accuracy=a, **request).motion for a in (target, 1e-12)
+    )
+    assert_honest(motion, exact)
+
+
 def pairs_of(*offs):
     """Pairs of runs of q = 1 + t that are so far off, as `refined` asks for them."""
     offsets = iter(offs)

@@ -34,6 +34,7 @@ from blockmech.dynamics.equation import cached_rates
 from blockmech.dynamics.estimate import (
     FINER,
     FLOOR,
+    LOOSEST,
     ROUNDING,
     SMOOTH,
     TARGET,
@@ -91,7 +92,7 @@ def moved(
     slots = slots_of(values)
     slots = np.ascontiguousarray(np.broadcast_to(slots, (m, slots.shape[1])))
     target = request.accuracy or TARGET
-    tolerance = np.full(m, max(target / FIRST, FLOOR * FINER))
+    tolerance = np.full(m, max(min(target, LOOSEST) / FIRST, FLOOR * FINER))
     coarse, best = _Run(system, request, rates, slots, tolerance).motions(), None
     open_ = ~coarse.alone
     while open_.any():

@@ -31,6 +31,7 @@ SMOOTH = 1 / 16  # of an error of order 8, of which half the steps leave 1/256
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy's integrators take
 TARGET = 1e-9  # [rad or m] of the error if none is given
 LEAST = 1e-12  # of a target from which on pairs of runs go down one ladder
+LOOSEST = 1e-5  # tolerance: of longer steps errors do not fall as their order says
 COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
 # Of |q| or t: a value is a sum of some fifty terms of a series, which is the integral of one that
 # values were summed to. Roundings of up to EPS / 2 each, added like a random walk, twice that.
@@ -243,7 +244,7 @@ def refined(
 
     Targets below `LEAST` go down one ladder of tolerances, so that errors fall with the request.
     """
-    tolerance, best = max(target, LEAST), None
+    tolerance, best = max(min(target, LOOSEST), LEAST), None
     while True:
         coarse = run(tolerance, False)
         if coarse.end in UNFINISHED:
