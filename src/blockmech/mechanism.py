@@ -80,12 +80,11 @@ class Mechanism(Compiled["Mechanism"]):
     _homes = {"run().{}": "blockmech.result.result.Result"}
 
     def _repr_svg_(self) -> str | None:
-        """The mechanism over its range, or, where that is not known, with its drivers at zero."""
+        """The mechanism over its range, or, where that is not known, as it starts; else nothing."""
         from blockmech.draw import mechanism_svg
 
-        for at in (None, dict.fromkeys(self.drivers, 0.0)):
-            with suppress(BlockmechError):
-                return mechanism_svg(self, at)
+        with suppress(BlockmechError):
+            return mechanism_svg(self)
         return None
 
     def _feasible(self, groups: frozenset[str], fixed: Mapping[str, float] | None = None) -> str:

@@ -305,7 +305,7 @@ class Cam(Coupling, type="coupling.cam"):
                 return
             if dot(meets.point - at.a.p, meets.n) <= 0:
                 message = f"at {x:.4g} rad the follower touches behind the cam's centre"
-                remedy = "move the follower outward, by its phase or its place"
+                remedy = "move the follower outward: its phase, its guide, or at= on the follower"
                 valid = "the profile goes round the centre"
                 yield Problem("undercut", where, message, valid, remedy)
                 return

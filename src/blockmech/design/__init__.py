@@ -16,3 +16,4 @@ from blockmech.design.flywheel import flywheel
 from blockmech.design.identify import identify
 
 __all__ = ["available", "balance", "floquet", "flywheel", "identify", "motor", "shapes"]
+__dir__ = __all__.copy  # completion shows these alone

@@ -83,7 +83,7 @@ class Flywheel(Facts, Pictured):
         alone = f"{self.without:.4g}" if math.isfinite(self.without) else "it does not get round"
         yield (
             f"flywheel {self.inertia:.6g} kg m2 for a fluctuation of {self.fluctuation:.4g} at "
-            f"{self.speed:.6g} rad/s, motor {self.moment:.6g} N m; without it {alone}"
+            f"{self.speed:.6g} rad/s, motor {self.moment + 0.0:.6g} N m; without it {alone}"
         )
 
 

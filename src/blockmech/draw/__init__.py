@@ -45,6 +45,7 @@ __all__ = [
     "plot",
     "run_pictures",
 ]
+__dir__ = __all__.copy  # completion shows these alone
 
 
 Subject: TypeAlias = Runnable
@@ -200,6 +201,10 @@ def animate(
         motion = moves_of_result(subject)
     else:
         motion = moves(subject.compile(), at, samples=frames + 1)
+        if at is None and motion.result.n == 1:
+            message = "no law of motion says how far its drivers move"
+            remedy = "give every driver a law, poses by at=, or animate the result of simulate()"
+            raise refused(motion.mechanism.name, message, remedy, code="no-range")
     animation = Animation(motion, seconds, trace, degrees)
     return animation if path is None else animation.save(path)
 

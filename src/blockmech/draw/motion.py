@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
-from blockmech.ground.errors import Problem, RequestError
+from blockmech.ground.errors import RequestError
 from blockmech.ground.tolerances import BLUR
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.spots import Spot
@@ -126,9 +126,9 @@ class Motion:
 
 
 def moves(mechanism: Compiled, at: Coordinates | None = None, samples: int | None = None) -> Motion:
-    """Poses of a mechanism at driver coordinates ``at``, or over the range of its laws.
+    """Poses of a mechanism at driver coordinates ``at``, by default over the range of its laws.
 
-    Raises `RequestError` where neither ``at`` nor the scene says where the drivers are.
+    Where a driver has no law it is the one pose in which the drivers start.
     """
     if at is None:
         at = _starts(mechanism)
@@ -166,21 +166,8 @@ def moves_of_result(result: Result) -> Motion:
 
 
 def _starts(mechanism: Compiled) -> dict[str, float] | None:
-    """Where a free motion starts, if laws do not give the drivers' ranges; else None."""
-    laws, starts = mechanism.scene.drive, mechanism.scene.initial
-    missing = [d for d in mechanism.drivers if d not in laws]
-    if missing and all(d in starts for d in mechanism.drivers):
-        return {d: starts[d].q for d in mechanism.drivers}
-    if missing:
-        raise RequestError(
-            Problem(
-                "no-range",
-                mechanism.scene.address("drive", d),
-                f"the range of driver {d} is not known",
-                "a picture of the motion needs a law of motion for every driver",
-                f'give one, e.g. drive("{d}", bm.motion.ConstantRate(rate=1.0)), '
-                "or name poses with at=",
-            )
-            for d in missing
-        )
-    return None
+    """Where the drivers start, if laws do not give the range of all; else None."""
+    scene = mechanism.scene
+    if all(d in scene.drive for d in mechanism.drivers):
+        return None
+    return {d: scene.start_of(d)[0] for d in mechanism.drivers}

@@ -57,7 +57,7 @@ GOALS = {
         "the period of the loads [s] or nothing",
         lambda x: x > 0,
     ),
-    "event": GoalNumber("event"),
+    "event": GoalNumber("event (a Watch of yours)"),
 }
 NAMES: tuple[str, ...] = get_args(MotionName)
 FIXED: tuple[str, ...] = get_args(FixedStepName)
@@ -337,8 +337,7 @@ def starts_of(
     if missing or unknown:
         fault = f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}"
         remedy = (
-            'give it "initial": {"<driver>": {"q": ..., "rate": ...}}, or say where it '
-            "starts: start= in Python, --start on the command line"
+            f"give start={START}, --start on the command line, or put it in the scene by start()"
         )
         valid = f"drivers: {listed(drivers)}"
         raise refused(scene.address("initial"), fault, remedy, valid, "no-start")

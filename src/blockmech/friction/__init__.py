@@ -33,3 +33,4 @@ __all__ = [
     "Successive",
     "Viscous",
 ]
+__dir__ = __all__.copy  # completion shows these alone

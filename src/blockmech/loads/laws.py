@@ -35,6 +35,7 @@ from blockmech.ground.values import (
 from blockmech.typing import Argument, Parameters, Real
 
 __all__ = ["DC", "Constant", "Fourier", "Polynomial", "Signal", "Table"]
+__dir__ = __all__.copy  # completion shows these alone
 
 Turns = Annotated[int, Field(strict=True, gt=0)]
 

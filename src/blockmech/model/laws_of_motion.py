@@ -36,6 +36,7 @@ __all__ = [
     "RateAcceleration",
     "Trajectory",
 ]
+__dir__ = __all__.copy  # completion shows these alone
 
 Motion = tuple[Floats, Floats, Floats]
 

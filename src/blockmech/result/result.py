@@ -441,7 +441,14 @@ class Result(Exported, Generic[M]):
         link_names = {where.link: name for name, where in names.items()}
         turning = [str(link_names.get(x, x)) for x in points if abs(first[f"{x}.omega"][0]) > 0]
         explanation = "mass and no inertia: they count as points at their cm"
-        return [f"{listed(turning, 4)} turn with {explanation}"] if turning else []
+        notes = [f"{listed(turning, 4)} turn with {explanation}"] if turning else []
+        links = getattr(self._compiled.document, "links", {})
+        joints = self._compiled.document.joints.values() if links else ()
+        seats = {link for x in joints for link, at in zip(x.links, x.at, strict=True) if at.z == 0}
+        heavy = [name for name, x in links.items() if x.mass and "cm" not in x.model_fields_set]
+        if loose := [name for name in heavy if name not in seats]:
+            notes.append(f"{listed(loose, 4)}: no cm, so the mass is at the origin of the link's axes")
+        return notes
 
     @cached_property
     def digits_lost(self) -> tuple[Flag, ...]:

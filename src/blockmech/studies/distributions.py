@@ -18,6 +18,7 @@ from blockmech.ground.values import is_number
 from blockmech.typing import Floats
 
 __all__ = ["Normal", "Sample", "Uniform"]
+__dir__ = __all__.copy  # completion shows these alone
 
 
 @dataclass(frozen=True)

@@ -41,3 +41,4 @@ __all__ = [
     "structures",
     "three_positions",
 ]
+__dir__ = __all__.copy  # completion shows these alone

@@ -56,7 +56,7 @@ class Design(Facts, Report):
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The miss, and where the driver stands at the positions."""
         at = np.degrees(self.at) if degrees else self.at
-        angles = ", ".join(f"{q:.6g}" for q in at)
+        angles = ", ".join(f"{q + 0.0:.6g}" for q in at)
         unit = "deg" if degrees else "rad"
         quality = f"largest miss {self.miss:.6g}, least margin {self.margin:.3g}"
         yield f"{self.output}: {quality}, at {angles} {unit}"
