@@ -503,3 +503,15 @@ def test_a_stroke_and_extremes_of_a_result_are_told_in_its_units():
     assert crank.stroke("link.piston.p").length == pytest.approx(0.1)
     lines = str(extremes(crank, "link.piston.p.x")).splitlines()
     assert lines[1] == "link.piston.p.x  maximum 250 mm at driver.motor.q = 0 deg"
+
+
+def test_a_mass_without_a_cm_is_at_the_origin_and_a_note_says_so():
+    m = bm.Linkage("drawing")
+    m.add_link("crank", mass=1.0)
+    m.add_link("slide", mass=1.0)
+    m.add_joint("A", "R", ["frame", "crank"], point=(0.0, 0.0))
+    m.add_joint("B", "R", ["crank", "slide"], point=(1.0, 0.0))
+    m.add_driver("motor", "A", bm.motion.ConstantRate(rate=1.0))
+    m.add_driver("wrist", "B", bm.motion.ConstantRate(rate=1.0))
+    (note,) = [note for note in m.run(samples=3).notes() if "origin" in note]
+    assert note.startswith("slide: no cm")  # the crank turns about its origin

@@ -206,12 +206,15 @@ def test_a_mechanism_that_never_closes_and_unknown_markers_are_refused():
         draw_mechanism(fourbar(rocker=20.0).compile())
 
 
-def test_without_a_range_poses_must_be_named():
+def test_without_a_law_it_stands_where_it_starts_and_is_no_film():
     g = fourbar()
     g.scene = g.scene.model_copy(update={"drive": {}})
-    with pytest.raises(bm.RequestError, match="range of driver crank is not known"):
-        draw_mechanism(g.compile())
-    assert set(pins(draw_mechanism(g.compile(), at=1.0))) == set("ABCD")
+    g.start("crank", q=1.0)
+    named = draw_mechanism(g.compile(), at=1.0)
+    standing = draw_mechanism(g.compile())
+    assert pins(standing) == pins(named)
+    with pytest.raises(bm.RequestError, match="no law of motion says how far its drivers move"):
+        bm.draw.animate(g)
 
 
 def test_gravity_and_its_direction_are_in_the_caption():

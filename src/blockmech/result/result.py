@@ -447,7 +447,7 @@ class Result(Exported, Generic[M]):
         seats = {link for x in joints for link, at in zip(x.links, x.at, strict=True) if at.z == 0}
         heavy = [name for name, x in links.items() if x.mass and "cm" not in x.model_fields_set]
         if loose := [name for name in heavy if name not in seats]:
-            notes.append(f"{listed(loose, 4)}: no cm, so the mass is at the origin of the link's axes")
+            notes.append(f"{listed(loose, 4)}: no cm, so the mass is at the origin of its axes")
         return notes
 
     @cached_property
