@@ -99,12 +99,12 @@ def test_one_file_is_one_sheet(folder):
 
 
 def test_a_renamed_block_is_renamed_wherever_it_is_named():
-    form = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").to_data()
-    renamed = bm.Graph.from_data(edits.renamed(form, "crank", "motor"))
+    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    renamed = bm.Graph.from_data(edits.renamed(graph, "crank", "motor"))
     assert renamed.check() == []
     assert list(renamed.scene.drive) == ["motor"]
     with pytest.raises(bm.GraphError, match="taken"):
-        edits.renamed(form, "crank", "dyad")
+        edits.renamed(graph, "crank", "dyad")
 
 
 def test_without_a_block_its_wires_and_its_drive_are_gone():
@@ -114,12 +114,12 @@ def test_without_a_block_its_wires_and_its_drive_are_gone():
 
 
 def test_a_driver_called_by_a_joint_goes_with_its_block():
-    form = bm.Graph.load(GRAPHS / "scissor_lift.json").to_data()
-    assert list(form["scene"]["drive"]) == ["scissors.cylinder"]
-    renamed = bm.Graph.from_data(edits.renamed(form, "scissors", "arms"))
+    graph = bm.Graph.load(GRAPHS / "scissor_lift.json")
+    assert list(graph.scene.drive) == ["scissors.cylinder"]
+    renamed = bm.Graph.from_data(edits.renamed(graph, "scissors", "arms"))
     assert renamed.check() == []
     assert list(renamed.scene.drive) == ["arms.cylinder"]
-    assert "drive" not in edits.without(form, ["scissors"])["scene"]
+    assert "drive" not in edits.without(graph.to_data(), ["scissors"])["scene"]
 
 
 def test_the_palette_offers_every_kind_of_block():
@@ -136,9 +136,17 @@ def test_a_friction_law_is_chosen_where_there_was_none():
     assert ("friction", "A", "kinetic") in fields
 
 
+@pytest.mark.parametrize(("name", "load"), [("engine", "gas"), ("pump", "motor")])
+def test_a_load_with_a_law_has_another_name(name, load):
+    graph = bm.Graph.load(GRAPHS / f"{name}.json")
+    form = edits.renamed(graph, load, "other")
+    assert form["blocks"]["other"] == graph.to_data()["blocks"][load]
+    assert bm.Graph.from_data(form).check() == []
+
+
 def test_a_coupling_follows_the_new_name_of_its_driver():
-    form = bm.Graph.load(GRAPHS / "geared_fivebar.json").to_data()
-    renamed = bm.Graph.from_data(edits.renamed(form, "second", "wheel"))
+    graph = bm.Graph.load(GRAPHS / "geared_fivebar.json")
+    renamed = bm.Graph.from_data(edits.renamed(graph, "second", "wheel"))
     assert renamed.check() == []
     assert renamed.blocks["mesh"].driven == "wheel"
 

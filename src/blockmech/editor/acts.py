@@ -14,7 +14,7 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Linkage
 from blockmech.editor import applied, edits, sketching
 from blockmech.editor.dragging import Hold, dragged, undraggable
-from blockmech.editor.fields import Units, item_at
+from blockmech.editor.fields import Units
 from blockmech.editor.forms import typed
 from blockmech.editor.pins import pins_of
 from blockmech.editor.redraw import as_links
@@ -239,9 +239,10 @@ def _duplicate(now: Revision, request: Request) -> Step:
 
 def _rename(now: Revision, request: Request) -> Step:
     old, new = request["name"], str(request["to"]).strip()
-    if item_at(_blocks(now), ("blocks", old)) is None:
+    document: Any = now.document
+    if old not in _blocks(now)["blocks"]:
         raise refused(old, "no block is called so", "choose it again")
-    return Step(edits.renamed(now.form, old, new), f"{old} renamed to {new}")
+    return Step(edits.renamed(document, old, new), f"{old} renamed to {new}")
 
 
 ACTS: dict[str, Callable[[Revision, Request], Step]] = {

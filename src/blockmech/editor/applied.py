@@ -30,7 +30,7 @@ def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
     """
     ends, couplings = list(both_pins(names)), form.get("couplings", {})
     for name in ends:
-        form = form if name in form["joints"] else with_joint(form, name)
+        form = with_joint(form, name)
     pairs = REGISTRY[f"coupling.{kind}"].pairs
     kinds = "".join(form["joints"].get(name, {}).get("type", "-") for name in ends)
     if kinds not in pairs:

@@ -18,6 +18,7 @@ from blockmech.editor.pins import (
     SAME,
     Drawn,
     cylinders_of,
+    ends_of,
     guide_of,
     outlines_of,
     pins_of,
@@ -110,14 +111,9 @@ def _spot(link: str, at: Any) -> list[Any]:
 def _loads(form: Form) -> Iterator[Drawing]:
     """Forces with their places, springs with their ends."""
     for name, load in form.get("loads", {}).items():
-        links = load.get("links") or [load.get("link")]
-        ends_at = load.get("at")
-        if ends_at is None or None in links:
-            continue
-        positions = ends_at if load.get("links") else [ends_at]
         force = load.get("force") if load["type"] == "force" else None
-        if load["type"] != "force" or isinstance(force, list):
-            ends = [_spot(*end) for end in zip(links, positions, strict=False)]
+        ends = [_spot(*end) for end in ends_of(load)]
+        if ends and (load["type"] != "force" or isinstance(force, list)):
             yield {"name": name, "ends": ends, "force": force}
 
 

@@ -10,19 +10,19 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from blockmech.blocks.contract import Block, Moving
-from blockmech.blocks.registry import REGISTRY
 from blockmech.editor.fields import simplest, with_item
 from blockmech.figures.palette import ROW
 from blockmech.ground.errors import GraphError
 from blockmech.ground.names import numbered_name
 from blockmech.loads.contract import Element
-from blockmech.model import checks
+from blockmech.model import checks, flat
+from blockmech.model.diagram import Wire
+from blockmech.model.graph import Graph
+from blockmech.model.scene import PER_DRIVER
 from blockmech.typing import Data, Record
 
 Form = Data
 Positions = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
-OF_DRIVERS = ("drive", "initial", "stops", "motion")  # sections of the scene, by driver
-NAMES_OTHERS = ("driver", "driven", "on")  # fields of blocks that name drivers or markers
 
 
 def markers_of(block: Any) -> Data:
@@ -58,29 +58,22 @@ def without(form: Form, blocks: Iterable[str], wires: Iterable[str] = ()) -> For
     return _by_block(changed, lambda name: None if name.split(".")[0] in gone else name)
 
 
-def renamed(form: Form, old: str, new: str) -> Form:
-    """With another name of a block, wherever the block is named.
+def renamed(document: Graph, old: str, new: str) -> Form:
+    """A diagram's form with another name of a block, wherever the block is named.
 
     Raises `GraphError` for a name that is taken or is none.
     """
-    block = REGISTRY[form["blocks"][old]["type"]].model_construct()
-    problem = checks.name_problem(dict.fromkeys(form["blocks"], block), new, block)
-    if problem:
+    if problem := checks.name_problem(document.blocks, new, document.blocks[old]):
         raise GraphError(problem)
 
     def end(address: str) -> str:
         name, dot, rest = address.partition(".")
         return f"{new}{dot}{rest}" if name == old else address
 
-    blocks = {}
-    for name, raw in form["blocks"].items():
-        named: Data = {key: end(raw[key]) for key in NAMES_OTHERS if key in raw}
-        if "drivers" in raw.get("home", {}):
-            drivers = {end(driver): q for driver, q in raw["home"]["drivers"].items()}
-            named["home"] = {**raw["home"], "drivers": drivers}
-        blocks[end(name)] = {**raw, **named}
-    wires = [{"from": end(wire["from"]), "to": end(wire["to"])} for wire in form["wires"]]
-    return _by_block({**form, "blocks": blocks, "wires": wires}, end)
+    changed = document.snapshot()
+    changed.blocks = {end(name): flat.renamed(x, end) for name, x in document.blocks.items()}
+    changed.wires = [Wire(end(wire.source), end(wire.target)) for wire in document.wires]
+    return _by_block(changed.to_data(), end)
 
 
 def duplicated(form: Form, names: Iterable[str], positions: Positions) -> Form:
@@ -115,7 +108,7 @@ def _by_block(form: Form, rename: Callable[[str], str | None]) -> Form:
         return {new: item for old, item in part.items() if (new := rename(old)) is not None}
 
     scene = form.get("scene", {})
-    scene = {key: keyed(part) if key in OF_DRIVERS else part for key, part in scene.items()}
+    scene = {key: keyed(part) if key in PER_DRIVER else part for key, part in scene.items()}
     changed = {**form, "scene": {key: part for key, part in scene.items() if part != {}}}
     if "view" in form:
         changed["view"] = keyed(form["view"])

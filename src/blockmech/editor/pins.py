@@ -10,7 +10,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from blockmech.editor.fields import item_at
 from blockmech.ground.values import Place
@@ -80,6 +80,15 @@ def cylinders_of(form: Record) -> dict[str, tuple[str, str]]:
                 ends[link] = guide, pin
     both = {g: [pin for guide, pin in ends.values() if guide == g] for g, _ in ends.values()}
     return {link: (both[g][0], both[g][1]) for link, (g, _) in ends.items() if len(both[g]) == 2}
+
+
+def ends_of(load: Record) -> list[tuple[str, Any]]:
+    """The links of a load, each with the place on it; none of a load without places."""
+    links, at = load.get("links"), load.get("at")
+    ends: list[Any] = (
+        list(zip(links, at or (), strict=False)) if links else [(load.get("link"), at)]
+    )
+    return [] if any(None in end for end in ends) else ends
 
 
 def guide_of(form: Record, name: str) -> float:

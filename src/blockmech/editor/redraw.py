@@ -22,21 +22,14 @@ COMPARED = 3  # poses
 SAME = 1e-9  # of the size: poses are found by other formulas
 
 
-def _said(form: Record, motion: Motion) -> SaidByLinks:
-    """In the pose that is farthest from dead centres."""
-    k = motion.clearest
-    poses = {
-        link: (complex(o[k]), complex(motion.axis[link][k])) for link, o in motion.origin.items()
-    }
-    return SaidByLinks(form, motion.structure, poses)
-
-
 def as_links(form: Record, motion: Motion) -> Form:
     """A graph's form as links and joints.
 
     Raises `RequestError` where these do not say the same, with the reason.
     """
-    redrawn = _said(form, motion)
+    k, axis = motion.clearest, motion.axis
+    poses = {link: (complex(o[k]), complex(axis[link][k])) for link, o in motion.origin.items()}
+    redrawn = SaidByLinks(form, motion.structure, poses)
     form_of_links = redrawn.document()
     try:
         linkage = Linkage.from_data(form_of_links)

@@ -19,7 +19,7 @@ from blockmech.compiled import Compiled
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.motion import Motion
 from blockmech.editor.edits import without
-from blockmech.editor.turn import gaps_of, turn
+from blockmech.editor.turn import fault_of, turn
 from blockmech.figures.paper import rendered
 from blockmech.ground.errors import BlockmechError, GraphError, Problem, refused
 from blockmech.mechanism import Mechanism
@@ -105,7 +105,7 @@ class Revision:
             motion = turn(mechanism, moved, at)
             if motion.feasible.any():
                 return motion, message
-            message = message or gaps_of(motion)[0].why
+            message = message or fault_of(motion)
             blamed |= set(motion.quality.blame.values())
             mechanism = what_moves(form, blamed, file)
         return None, message

@@ -17,6 +17,7 @@ from blockmech.editor.pins import (
     SAME,
     Drawn,
     cylinders_of,
+    ends_of,
     guide_of,
     pins_of,
     pose_of,
@@ -242,19 +243,16 @@ def _put(form: Form, name: str, pin: Drawn, z: complex, links: Sequence[str]) ->
 def _loads_put(form: Form, put: Sequence[tuple[Drawn, Any]], fixed: Container[str]) -> Form:
     """With the ends of loads at some pins where these are put, but on links that go as a whole."""
     for name, load in form.get("loads", {}).items():
-        on = load.get("links") or [load.get("link")]
-        positions = load.get("at") if load.get("links") else [load.get("at")]
-        if not positions or None in (*positions, *on):
-            continue
-        at = list(positions)
-        for i, link in enumerate(on):
+        ends = ends_of(load)
+        at = [position for _, position in ends]
+        for i, (link, position) in enumerate(ends):
             o, e = pose_of(form, link)
-            z_end = o + e * Place.parse(positions[i]).z
+            z_end = o + e * Place.parse(position).z
             for pin, z in put:
                 coincident = abs(z_end - pin.z) <= SAME * (abs(o) + abs(z_end))
                 if coincident and link in pin.links and link not in fixed:
                     at[i] = on_link(form, link, z)
-        if at != positions:
+        if at != [position for _, position in ends]:
             path = ("loads", name, "at")
             form = dict(with_item(form, path, at if load.get("links") else at[0]))
     return form
@@ -283,9 +281,7 @@ def welded(form: Form, names: Iterable[str]) -> Form:
     joint that is driven.
     """
     for name in names:
-        form = _of_kind(
-            form if name in form["joints"] else with_joint(form, name), name, "weld", 0.0
-        )
+        form = _of_kind(with_joint(form, name), name, "weld", 0.0)
     return form
 
 
@@ -389,8 +385,7 @@ def driven(form: Form, names: Iterable[str]) -> Form:
         if mine:
             form = _without_drivers(form, mine)
         else:
-            if name not in form["joints"]:
-                form = with_joint(form, name)
+            form = with_joint(form, name)
             turns = form["joints"][name]["type"] == "R"
             law = {"law": "constant_rate", "rate": 1.0} if turns else {}
             motor = free(drivers, ["motor"], "motor")
@@ -400,6 +395,8 @@ def driven(form: Form, names: Iterable[str]) -> Form:
 
 def with_joint(form: Form, name: str) -> Form:
     """With a pin of one link on the frame. Raises `RequestError` for a pin of none."""
+    if name in form["joints"]:
+        return form
     if not pins_of(form)[name].links:
         raise refused(name, "it joins no two links", "draw a link to it first")
     return attached(form, [name])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 from blockmech.builders import Linkage
 from blockmech.draw.motion import Motion
@@ -68,7 +68,8 @@ class View:
 
 def state_of(view: View) -> Data:
     """All that the page shows of a revision but answers."""
-    now = view.now
+    now, mechanism = view.now, cast(Any, view.now.mechanism)
+    numbers = {} if mechanism is None else mechanism.parameters()
     return {
         "revision": now.number,
         "name": now.form["name"],
@@ -78,7 +79,7 @@ def state_of(view: View) -> Data:
         "empty": now.empty,
         "outputs": [] if view.motion is None else list(view.motion.mechanism.outputs),
         "drives": drives_of(view.motion),
-        "parameters": [] if now.mechanism is None else _numbers_of(now),
+        "parameters": [name for name, x in numbers.items() if x.value],
         **view.data,
     }
 
@@ -92,11 +93,6 @@ def status_of(now: Revision) -> str:
         sentences = [". ".join(filter(None, (p.found, p.remedy))) for p in now.problems[:SENTENCES]]
         return "Next: " + " ".join(f"{p.where}: {x}." for p, x in zip(now.problems, sentences))  # noqa: B905
     return now.formation.replace("->", "→")
-
-
-def _numbers_of(now: Revision) -> list[str]:
-    mechanism: Any = now.mechanism
-    return [address for address, number in mechanism.parameters().items() if number.value]
 
 
 def drives_of(motion: Motion | None) -> list[str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
@@ -126,31 +125,22 @@ def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
     return tuple(sorted(events))
 
 
-@dataclass(frozen=True)
-class Gap:
-    """A run of samples without an answer, from the first to the last."""
-
-    motion: Motion
-    first: int
-    last: int
-
-    @cached_property
-    def why(self) -> str:
-        """Why there is none, as a sentence; of many groups it takes a second to find."""
-        mechanism = self.motion.mechanism
-        points = tuple(name for name in mechanism.outputs if name.endswith(".p"))
-        at = {d: float(q[self.first]) for d, q in self.motion.q.items()}
-        settings: Arguments = {"want": points, "on_gap": "mark", "friction": "none"}
-        alone = mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), **settings)
-        return why_not(alone if alone.quality.gaps else self.motion.result.rerun(*points))
+def fault_of(motion: Motion) -> str:
+    """Why the first sample without an answer has none, as a sentence."""
+    mechanism, first = motion.mechanism, motion.quality.gaps[0]
+    points = tuple(name for name in mechanism.outputs if name.endswith(".p"))
+    at = {d: float(q[first]) for d, q in motion.q.items()}
+    settings: Arguments = {"want": points, "on_gap": "mark", "friction": "none"}
+    alone = mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), **settings)
+    return why_not(alone if alone.quality.gaps else motion.result.rerun(*points))
 
 
-def gaps_of(motion: Motion) -> list[Gap]:
-    """Runs of samples without an answer."""
-    bad = np.zeros(motion.result.n, bool)
-    bad[list(motion.quality.gaps)] = True
-    edges = np.flatnonzero(np.diff(np.pad(bad.astype(int), 1)))
-    return [Gap(motion, int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+def gaps_of(motion: Motion) -> list[list[int]]:
+    """Runs of samples without an answer, from the first to the last."""
+    bad = np.zeros(motion.result.n + 2, int)
+    bad[[k + 1 for k in motion.quality.gaps]] = 1
+    edges = np.flatnonzero(np.diff(bad)).reshape(-1, 2)
+    return [[int(a), int(b) - 1] for a, b in edges]
 
 
 # -- as the page gets it ------------------------------------------------------------------
@@ -185,8 +175,8 @@ def motion_data(motion: Motion, home: Mapping[str, float]) -> Data:
         "time": None if time is None else time.tolist(),
         "seconds": SECONDS if time is None else screen_time(float(np.ptp(time))),
         "forward": bool(simulated or motion.returns),
-        "gaps": [[gap.first, gap.last] for gap in gaps],
-        "why": gaps[0].why if gaps and len(gaps) < len(motion.samples) else "",
+        "gaps": gaps,
+        "why": fault_of(motion) if gaps and len(gaps) < len(motion.samples) else "",
     }
 
 
