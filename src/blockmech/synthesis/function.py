@@ -14,7 +14,7 @@ Linkages, 1964, ch. 10.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -24,14 +24,14 @@ from blockmech.ground.progress import with_bar
 from blockmech.synthesis.designs import Design, Synthesis, fourbar, proposed
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point
 from blockmech.synthesis.search import STARTS, Task, monotonic
-from blockmech.typing import Floats, Progress
+from blockmech.typing import Array, Floats, Progress
 
 
 @with_bar
 @declared
 def function_generator(
-    inputs: Any,
-    outputs: Any,
+    inputs: Sequence[float] | Array,
+    outputs: Sequence[float] | Array,
     *,
     count: int = 5,
     starts: int = STARTS,

@@ -330,8 +330,8 @@ class Candidates(Facts, Report, Sequence[Candidate]):
 @with_bar
 @declared
 def path_over_structures(
-    points: Any,
-    angles: Any = None,
+    points: Sequence[complex] | Sequence[Sequence[float]] | Array,
+    angles: Sequence[float] | Array | None = None,
     *,
     links: Iterable[int] = (4, 6),
     starts: int = STARTS,

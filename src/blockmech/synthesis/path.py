@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,14 +10,14 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.progress import with_bar
 from blockmech.synthesis.designs import Synthesis, design_of_path, proposed
 from blockmech.synthesis.search import STARTS, Task, path_of
-from blockmech.typing import Progress
+from blockmech.typing import Array, Progress
 
 
 @with_bar
 @declared
 def path_generator(
-    points: Any,
-    angles: Any = None,
+    points: Sequence[complex] | Sequence[Sequence[float]] | Array,
+    angles: Sequence[float] | Array | None = None,
     *,
     count: int = 5,
     starts: int = STARTS,

@@ -47,7 +47,7 @@ CLOSE = DOUBLE_ROOT  # relative: misfit of a pin's conditions, and two pins that
 @with_bar
 @declared
 def body_guidance(
-    positions: Any,
+    positions: Sequence[Sequence[float]] | Array,
     *,
     count: int = 5,
     tried: int = TRIED,
@@ -163,7 +163,7 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
     return _design(rows, fourbars, 0, float(margins[0]), name)
 
 
-def _positions(positions: Any, maximum: int | None) -> Floats:
+def _positions(positions: object, maximum: int | None) -> Floats:
     """Rows (n, 3) of x, y, angle. Raises `RequestError` for others."""
     try:
         rows = np.asarray(positions, float)

@@ -16,15 +16,16 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from blockmech.ground.errors import refused
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point, margin, pose
-from blockmech.typing import Array, Floats, Numbers, Progress, Vectors
+from blockmech.typing import Array, Floats, Progress, Vectors
 
 STARTS = 2**14  # shapes that are tried
 REFINED = 256  # of them are refined
@@ -260,7 +261,7 @@ def _timing(task: Task, draw: Floats) -> Floats:
     return np.asarray((direction * part)[:, None] * math.tau * along / along[-1] + 0.0)  # no -0
 
 
-def monotonic(name: str, angles: Numbers, n: int) -> Floats:
+def monotonic(name: str, angles: Sequence[float] | Array, n: int) -> Floats:
     """Angles (n,) that rise or fall. Raises `RequestError` for others."""
     try:
         theta = np.asarray(angles, float)
@@ -272,7 +273,9 @@ def monotonic(name: str, angles: Numbers, n: int) -> Floats:
     return theta
 
 
-def path_of(points: Any, angles: Any) -> tuple[Vectors, Floats | None]:
+def path_of(
+    points: object, angles: Sequence[float] | Array | None
+) -> tuple[Vectors, Floats | None]:
     """Points and angles of a request. Raises `RequestError` for what is none."""
     try:
         P = np.asarray(points)
