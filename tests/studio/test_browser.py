@@ -34,7 +34,7 @@ def test_a_four_bar_is_drawn_moved_live_and_undone(page, studio):
     hand = four_bar(page, studio)
     assert hand.acts <= 9
     made = hand.state
-    assert (made["problems"], made["status"]) == ([], "I(link) → II RRR(link1, link2)")
+    assert (made["problems"], made["status"]) == ([], "I(link) → II RRR(link_2, link_3)")
     assert hand.places() == {"A": 0, "B": 0.03 + 0.05j, "C": 0.15 + 0.09j, "D": 0.18}
     page.keyboard.press("Escape")
     before, curve = hand.places(), page.locator('.path[data-path="C"]')

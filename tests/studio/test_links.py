@@ -40,14 +40,14 @@ def test_a_drawn_four_bar_moves_as_the_file_does():
     assert "RRR" in pane.said
     motor = pane.mechanism.drivers[0]
     result = pane.mechanism.run(
-        at={motor: [0.0, 1.0]}, want=["link.link2.omega"], friction="none", rates={motor: 10.0}
+        at={motor: [0.0, 1.0]}, want=["link.link_3.omega"], friction="none", rates={motor: 10.0}
     )
     file = opened(GRAPHS / "joints" / "ruiz_fourbar.json").run(
         at=[0.0, 1.0], want=["link.rocker.omega"], friction="none"
     )
     length = abs(complex(7.607142857142857, 2.135403697) - 5.5)
     assert length == pytest.approx(3, abs=1e-8)  # how exactly it was drawn
-    assert result["link.link2.omega"] == pytest.approx(file["link.rocker.omega"], rel=1e-7)
+    assert result["link.link_3.omega"] == pytest.approx(file["link.rocker.omega"], rel=1e-7)
 
 
 def test_every_step_of_a_drawing_is_undone():
@@ -81,8 +81,8 @@ def test_a_slider_crank_is_drawn():
     pane.act("Slider", "D")
     pane.act("Driver", "A")
     assert "RRP" in pane.said
-    result = pane.mechanism.run(at=[1.0], rates=0.0, want=["link.link2.p"], friction="none")[
-        "link.link2.p"
+    result = pane.mechanism.run(at=[1.0], rates=0.0, want=["link.link_3.p"], friction="none")[
+        "link.link_3.p"
     ][0]
     exact = math.cos(1.0) + math.sqrt(9 - math.sin(1.0) ** 2)
     assert result == pytest.approx(exact, abs=1e-14)
@@ -145,12 +145,12 @@ def test_a_block_slides_on_a_moving_link():
     pane.add(0.5 + 0j)  # on the rocker, off the crank
     pane.act("Link", "C", "D")
     pane.act("To the frame", "A", "C")
-    pane.act("Slider", "B", angle=math.pi / 2, on="link1")
+    pane.act("Slider", "B", angle=math.pi / 2, on="link_2")
     pane.act("Driver", "A")
     assert pane.problems == ()
-    result = pane.mechanism.run(at=[0.7], rates=1.0, want=["link.link1.omega"])
+    result = pane.mechanism.run(at=[0.7], rates=1.0, want=["link.link_2.omega"])
     b = 1j * complex(math.cos(0.7), math.sin(0.7))  # the rocker points from C to B
-    assert result["link.link1.omega"][0] == pytest.approx((1j * b / (b + 2j)).imag, abs=1e-14)
+    assert result["link.link_2.omega"][0] == pytest.approx((1j * b / (b + 2j)).imag, abs=1e-14)
 
 
 def test_a_pin_and_the_guide_of_its_block_move_together():
@@ -232,8 +232,8 @@ def test_a_gesture_that_begins_and_ends_at_pins_joins_them():
     pane.do("draw", **{"tool": "", "from": {"pin": "B"}, "to": {"at": [2, 1]}})
     on_link = {"at": [0.5, 0], "on": "link"}
     pane.do("draw", **{"tool": "Link", "from": {"at": [0.5, 2]}, "to": on_link})
-    assert pane.drawn["B"].links == ("link", "link1")
-    assert pane.drawn["E"].links == ("link", "link2")
+    assert pane.drawn["B"].links == ("link", "link_2")
+    assert pane.drawn["E"].links == ("link", "link_3")
     assert [pin.kind for pin in pane.drawn.values()].count("R") == 2
 
 
@@ -310,8 +310,8 @@ def test_a_cam_lifts_a_valve_as_its_law_says():
     (cam,) = pane.sheet.form["couplings"].values()
     motor = cam["driver"]
     q = [0.0, math.pi / 2, math.pi, 2 * math.pi]
-    result = pane.mechanism.run(at={motor: q}, rates={motor: 1.0}, want=["link.link1.p"])
-    height = result["link.link1.p"].imag - 2.0
+    result = pane.mechanism.run(at={motor: q}, rates={motor: 1.0}, want=["link.link_2.p"])
+    height = result["link.link_2.p"].imag - 2.0
     assert height == pytest.approx([0.0, 0.1, 0.2, 0.0], abs=1e-12)
     pane.act("Cam", "C", "A")
     assert "in this order" in pane.said
@@ -376,7 +376,7 @@ def test_a_copy_is_moved_as_what_it_was_made_of():
     pane.sheet.change(form, "mass")
     pane.act("Copy", "A", "B")
     assert pane.drawn["D"].z - pane.drawn["C"].z == 1
-    assert pane.sheet.form["links"]["link1"]["mass"] == 2.0
+    assert pane.sheet.form["links"]["link_2"]["mass"] == 2.0
     pane.act("Delete", *"ABCD")
     assert pane.sheet.form["links"] == {} == pane.drawn
 
@@ -463,11 +463,11 @@ def test_a_dimension_stays_when_a_pin_leaves_the_frame():
 def test_a_dimension_of_two_markers_of_one_name_stays():
     pane = fourbar()
     form = pane.form
-    markers = {"link": [1.0, 0.0], "link1": [1.0, 0.5]}
+    markers = {"link": [1.0, 0.0], "link_2": [1.0, 0.5]}
     links = {
         name: {**form["links"][name], "markers": {"M": {"at": at}}} for name, at in markers.items()
     }
-    between = {"type": "length", "points": ["link.M", "link1.M"], "value": 0.7}
+    between = {"type": "length", "points": ["link.M", "link_2.M"], "value": 0.7}
     form = {**form, "links": {**form["links"], **links}, "dimensions": {"between": between}}
     pane.sheet.change(form, "markers")
     pane.act("Delete", "D")

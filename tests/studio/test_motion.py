@@ -224,7 +224,7 @@ def test_masses_are_given_to_all_links_or_it_says_which_have_none():
     hand.act("Driver", "A")
     hand.do("Masses", pins=[])
     assert hand.sheet.undoable == "Masses; without length: slider"
-    assert all(hand.form["links"][link]["mass"] > 0 for link in ("link", "link1"))
+    assert all(hand.form["links"][link]["mass"] > 0 for link in ("link", "link_2"))
 
 
 def test_without_a_link_its_neighbours_keep_their_ends():

@@ -11,8 +11,9 @@ import numpy as np
 from blockmech.blocks.registry import REGISTRY
 from blockmech.editor.fields import with_item
 from blockmech.editor.pins import guide_of, outlines_of, pins_of, sides_of
-from blockmech.editor.sketching import Form, both_pins, driven, free, on_link, with_joint
+from blockmech.editor.sketching import Form, both_pins, driven, on_link, with_joint
 from blockmech.ground.errors import listed, refused
+from blockmech.ground.names import numbered_name
 from blockmech.model.joints.contents import FRAME
 
 BAR = 1.0  # [kg/m] of a bar whose mass nobody has said
@@ -46,7 +47,7 @@ def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
     form = with_item(form, ("drivers", of[ends[1]]), {"joint": ends[1]})  # it has no own law
     sizes = _sizes(form, ends, kinds, kind)
     coupling = {"type": kind, "driver": of[ends[0]], "driven": of[ends[1]], **sizes}
-    return dict(with_item(form, ("couplings", free(couplings, [kind], kind)), coupling))
+    return dict(with_item(form, ("couplings", numbered_name(kind, couplings)), coupling))
 
 
 def _sizes(form: Form, ends: list[str], kinds: str, kind: str) -> Form:
@@ -81,7 +82,7 @@ def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
     else:
         loads = [{"force": [0.0, -10.0], "link": x, "at": z} for x, z in zip(on, at, strict=True)]
     for load in loads:
-        name = free(form.get("loads", {}), [kind], kind)
+        name = numbered_name(kind, form.get("loads", {}))
         form = with_item(form, ("loads", name), {"type": kind, **load})
     return form
 

@@ -24,6 +24,7 @@ from blockmech.editor.pins import (
     standing_at,
 )
 from blockmech.ground.errors import listed, refused
+from blockmech.ground.names import numbered_name
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
 from blockmech.typing import Data, Record
@@ -31,13 +32,6 @@ from blockmech.typing import Data, Record
 Form = Data
 STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
 DIMENSIONS = {2: "length", 3: "angle"}  # of so many pins
-
-
-def free(names: Iterable[str], preferred: Iterable[str], wish: str) -> str:
-    """The first of some words that is free, or the wish with a number."""
-    used = set(names)
-    numbered = (f"{wish}{i}" for i in range(1, len(used) + 2))
-    return next(name for name in [*preferred, *numbered] if name not in used)
 
 
 def linked(form: Form, names: Iterable[str]) -> Form:
@@ -54,7 +48,7 @@ def linked(form: Form, names: Iterable[str]) -> Form:
 
 def _link(form: Form, word: str) -> str:
     """A name for a new link."""
-    return free([*form["links"], FRAME], [word], word)
+    return numbered_name(word, {*form["links"], FRAME})
 
 
 def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
@@ -199,15 +193,16 @@ def with_dimension(form: Form, names: Iterable[str]) -> Form:
         raise refused(listed(names), "they stand at one place", "choose pins that stand apart")
     value = cmath.phase(arms[1] / arms[0]) if first else abs(arms[0])
     dimension = {"type": kind, "points": [point_of(pins, name) for name in names], "value": value}
-    name = free(form.get("dimensions", {}), [kind], kind)
+    name = numbered_name(kind, form.get("dimensions", {}))
     return dict(with_item(form, ("dimensions", name), dimension))
 
 
 def pin_at(form: Form, end: Record) -> tuple[Form, str]:
     """The pin that an end of a gesture names, or a new one at its place ``at``, ``on`` a link."""
-    if end.get("pin") in pins_of(form):
+    pins = pins_of(form)
+    if end.get("pin") in pins:
         return form, end["pin"]
-    name = free(pins_of(form), ascii_uppercase, "P")
+    name = next((x for x in ascii_uppercase if x not in pins), "") or numbered_name("P", pins)
     changed = with_item(form, (*LOOSE, name), list(end["at"]))
     return (
         attached(changed, [name], end["on"]) if end.get("on") in form["links"] else changed
@@ -302,11 +297,11 @@ def _on_a_block(form: Form, name: str, angle: float, on: str) -> Form:
     pins = pins_of(form)
     if on in pins[name].links:
         raise refused(name, f"is a pin of {on}", "choose another link that it slides on")
-    block = free([*form["links"], FRAME], ["slider"], "slider")
+    block = _link(form, "slider")
     form = attached(form, [name], block)
     if on not in form["links"]:
         form = with_item(form, ("links", on), {})
-    guide = free(pins, [f"{name}_guide"], f"{name}_guide")
+    guide = numbered_name(f"{name}_guide", pins)
     return _guided(form, guide, {on: pins[name].z, block: pins[name].z}, angle)
 
 
@@ -329,7 +324,7 @@ def cylinder(form: Form, names: Iterable[str]) -> Form:
     form = attached(form, [a], barrel)
     rod = _link(form, "rod")
     form = attached(form, [b], rod)
-    guide = free(pins, ["cylinder"], "cylinder")
+    guide = numbered_name("cylinder", pins)
     positions, axis = {barrel: pins[a].z, rod: pins[b].z}, pins[b].z - pins[a].z
     return driven(_guided(form, guide, positions, cmath.phase(axis)), [guide])
 
@@ -388,7 +383,7 @@ def driven(form: Form, names: Iterable[str]) -> Form:
             form = with_joint(form, name)
             turns = form["joints"][name]["type"] == "R"
             law = {"law": "constant_rate", "rate": 1.0} if turns else {}
-            motor = free(drivers, ["motor"], "motor")
+            motor = numbered_name("motor", drivers)
             form = with_item(form, ("drivers", motor), {"joint": name, **law})
     return form
 
