@@ -10,6 +10,7 @@ import blockmech as bm
 from blockmech.builders import opened
 from blockmech.editor import drawing, sketching
 from blockmech.editor.pins import Drawn, outlines_of, pins_of
+from blockmech.editor.sharing import link_of
 from blockmech.exchange.formats import Order
 from blockmech.exchange.outlines import outlines
 from tests.studio.hand import Hand
@@ -483,3 +484,17 @@ def test_a_typed_point_of_a_dimension_that_is_none_is_refused():
     pane.do("fields", part=part, edits=[[["points"], '["A", "X"]']])
     assert 'no joint or marker "X"' in pane.said
     assert pane.form == form
+
+
+def test_what_does_not_close_at_its_start_has_a_link_without_its_motion():
+    """A cylinder without a law starts at its length 0, at which nothing meets."""
+    pane = Hand(bm.Linkage("bucket"))
+    pane.add(0.2, 0.22 + 0.08j, 0.32 + 0.08j, 0.34, 0.04 + 0.1j)
+    for pins in ("AB", "BC", "CD"):
+        pane.act("Link", *pins)
+    pane.act("To the frame", "A", "D", "E")
+    pane.act("Cylinder", "E", "B")
+    assert pane.problems == ()
+    link = link_of(pane.sheet.now, ())
+    assert link.page is None
+    assert "the group cannot close" in link.why

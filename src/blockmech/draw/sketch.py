@@ -130,7 +130,12 @@ class Sketch:
 
 
 def sketch_of(motion: Motion) -> Sketch:
-    """The looks of a mechanism; ``motion`` closes somewhere, and tells how far sliders travel."""
+    """The looks of a mechanism; ``motion`` tells how far sliders travel.
+
+    Raises `SampleError` where it closes nowhere.
+    """
+    if not motion.feasible.any():
+        motion.refuse()
     motion = motion.only(motion.feasible)
     s = motion.structure
     refs = [JointRef(name, j) for name, block in s.blocks.items() for j in block.joints]

@@ -177,8 +177,8 @@ def _picture(drawing: Script) -> Data:
     """What is drawn: places are outputs of the drawing, or lie in the frame of a link."""
     at = {name: i for i, name in enumerate(drawing.outputs)}
     motion = moves(drawing.mechanism)
-    motion = motion.only(motion.feasible)
     sketch, s = sketch_of(motion), motion.structure
+    motion = motion.only(motion.feasible)
     markers = [m for block in (s.frame, *s.blocks) for m in s.markers(block)]
     markers_at = {
         f"{m}.p.x": motion.at(m.on, marker_place(s, m)) for m in markers if f"{m}.p.x" in at
