@@ -68,6 +68,8 @@ def test_a_key_that_is_like_none_is_not_simply_removed():
         ("revolute", ("R", "P", "weld"), "R"),
         ("prismatic", ("R", "P", "weld"), "P"),
         ("ground", ("frame", "crank", "rod"), "frame"),
+        ("offset", ("l", "h", "branch"), "h"),
+        ("length", ("l", "h", "branch"), "l"),
         ("torque", ("driver.motor.q", "driver.motor.drive"), "driver.motor.drive"),
         ("link.coupler.P", ("link.coupler.v", "link.coupler.P.p"), "link.coupler.P.p"),
         ("A", ("joint.B.p", "joint.A.p", "joint.A.reaction"), "joint.A.p"),
@@ -130,3 +132,8 @@ def test_a_mechanism_is_not_saved_as_json_by_the_name_of_a_drawing(tmp_path):
 def test_what_an_angle_of_a_joint_is_names_both_links():
     outputs = bm.read("graphs/joints/ruiz_fourbar.json").compile().outputs
     assert outputs["joint.B.coordinate"].about.startswith("angle of coupler against crank")
+
+
+def test_a_result_is_not_written_but_its_mechanism_is(tmp_path):
+    with pytest.raises(bm.RequestError, match=r"the mechanism is its \.mechanism"):
+        bm.write(MECHANISM.run(at=0.5), tmp_path / "a.xlsx")

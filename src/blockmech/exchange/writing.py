@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from blockmech.exchange.formats import Order, writer_for
+from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, close_match, listed, refused
 from blockmech.ground.files import AnyPath, refuse_spared
 from blockmech.ground.runnable import EVERYTHING, Runnable
@@ -15,6 +16,7 @@ POSES = ("at", "samples", "times")
 SETTINGS = ("friction", "static")
 
 
+@declared
 def write(
     subject: Runnable,
     path: AnyPath,
@@ -48,9 +50,6 @@ def write(
     """
     path = Path(path)
     writer = writer_for(path, to)
-    if not isinstance(subject, Runnable):
-        message = f"got {type(subject).__name__}"
-        raise refused("write", message, "load its file first", "a graph, a linkage or a mechanism")
     mechanism = subject.compile()
     settings = {k: v for k, v in options.items() if k not in (*POSES, *SETTINGS)}
     if unknown := [name for name in settings if name not in writer.options]:
