@@ -163,12 +163,8 @@ def _inner(cycle: Cycle, signal: Signal, span: Span, floor: float) -> list[Turn]
     steps = np.diff(x)
     room = np.minimum(np.append(0.0, steps), np.append(steps, 0.0))  # none at the ends
     s = _cornered(signal, x[indices], room[indices], signs)
-    return [
-        Turn(cycle.wrapped(at) if span.turn else at, value, sign)
-        for at, value, sign in zip(
-            s.tolist(), signal.value(s).tolist(), signs.tolist(), strict=True
-        )
-    ]
+    turns = zip(s.tolist(), signal.value(s).tolist(), signs.tolist(), strict=True)
+    return [Turn(cycle.wrapped(at) if span.turn else at, *rest) for at, *rest in turns]
 
 
 def _cornered(signal: Signal, s: Floats, room: Floats, sign: Floats) -> Floats:
@@ -185,12 +181,8 @@ def _cornered(signal: Signal, s: Floats, room: Floats, sign: Floats) -> Floats:
     corners = np.flatnonzero((room > 0.0) & (best > at + ROUNDING * np.abs(at)))
     if len(corners):
         shares = np.array([1.0, 2.0, 3.0])  # from 1 on: places are halved to rounding of themselves
-        search = Search(
-            lambda row, x: values(corners[row], x - 2.0),
-            shares,
-            values(corners, shares - 2.0),
-            remainder=EPS,
-        )
+        samples = values(corners, shares - 2.0)
+        search = Search(lambda k, x: values(corners[k], x - 2.0), shares, samples, remainder=EPS)
         s[corners] += room[corners] * (search.largest().place - 2.0)
     return s
 

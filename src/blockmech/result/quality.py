@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from blockmech.friction.continuation import Outcome
 from blockmech.ground.report import Facts, as_json
 from blockmech.ground.tolerances import BLUR, ROUNDING
+from blockmech.model.structure import Structure
 from blockmech.typing import Array, Data, Floats, Real, Record
 
 OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
@@ -128,8 +129,7 @@ def failures(
     margin: Record,
     outcome: Record,
     undefined: NDArray[np.bool_],
-    prismatic: frozenset[str],
-    following: frozenset[str],
+    structure: Structure,
 ) -> Failures:
     """Samples (...) without an answer: the first block that fails is blamed.
 
@@ -137,9 +137,9 @@ def failures(
     ----------
     margin, outcome : block -> (...) its margin, and how its friction ended
     undefined : (...) whether a wanted value is not finite
-    prismatic : blocks with friction in a prismatic pair
-    following : dyads whose branch follows the motion: it runs on where their margin is zero
+    structure : dyads whose branch follows the motion run on where their margin is zero
     """
+    following = structure.followed
     blocks = ("", *dict.fromkeys((*margin, *outcome)))
     word, blame = np.zeros(undefined.shape, np.int8), np.zeros(undefined.shape, np.int64)
 
@@ -158,8 +158,11 @@ def failures(
         note(failing & (m >= -ROUNDING), DEAD_CENTRE, block)
         note(failing, NO_ASSEMBLY, block)
     for block, results in outcome.items():
-        locked = JAMMED if block in prismatic else SELF_LOCKED
-        for outcome_kind in Outcome if np.any(results) else ():
+        if not np.any(results):
+            continue
+        by, joints = structure.blocks[block].friction, structure.blocks[block].joints
+        locked = JAMMED if any(joints[j].kind == "P" for j in by) else SELF_LOCKED
+        for outcome_kind in Outcome:
             if not outcome_kind.solved:
                 failure = NOT_CONVERGED if outcome_kind == Outcome.NOT_CONVERGED else locked
                 note((results == outcome_kind) & np.ones_like(undefined), failure, block)
@@ -171,7 +174,7 @@ def assess(
     n: int,
     reports: Mapping[str, Mapping[Any, tuple[Array, ...]]],
     failed: Failures,
-    following: frozenset[str],
+    structure: Structure,
 ) -> Quality:
     """Work out the quality of a run.
 
@@ -180,8 +183,9 @@ def assess(
     n : number of samples
     reports : as `plan.Plan.reports`, with arrays in place of indices
     failed : samples without an answer
-    following : dyads whose branch follows the motion: it runs on where their margin is zero
+    structure : as that of `failures`
     """
+    following = structure.followed
     margin = {block: at_most_one(m) for block, (m,) in reports["margin"].items()}
     friction = reports["friction"]
     gaps = np.flatnonzero(failed.word).tolist()

@@ -281,7 +281,7 @@ class Result(Exported, Generic[M]):
         >>> result.quality.status
         ('ok', 'ok')
         """
-        quality = assess(self.n, self._reports, self._failures, self._following)
+        quality = assess(self.n, self._reports, self._failures, self._compiled.structure)
         flags, joints = quality.flags, self._compiled._joint_names
         if joints:
             flags = tuple(replace(f, where=joints.get(f.where, f.where)) for f in flags)
@@ -303,16 +303,7 @@ class Result(Exported, Generic[M]):
         """Samples without an answer; much cheaper than the flags of `quality`."""
         margin = {block: m for block, (m,) in self._reports["margin"].items()}
         outcomes = {block: friction[3] for block, friction in self._reports["friction"].items()}
-        blocks = self._compiled.structure.blocks
-        prismatic = frozenset(
-            name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
-        )
-        return failures(margin, outcomes, self._not_finite(), prismatic, self._following)
-
-    @property
-    def _following(self) -> frozenset[str]:
-        """Dyads whose branch follows the motion."""
-        return frozenset(self._compiled.structure.followed)
+        return failures(margin, outcomes, self._not_finite(), self._compiled.structure)
 
     def _without_effort(self, quality: Quality) -> tuple[Flag, ...]:
         """Answered samples at which the drive rests, so that no mechanical advantage exists."""

@@ -225,10 +225,6 @@ class _Planned:
         self.inputs = taken.given(self.plan.program.inputs)
         self.range = Range(mechanism, self.plan, self.engine, self.samples, moved)
         self.weights = self.samples.weights(len(mechanism.drivers))
-        blocks = mechanism.structure.blocks
-        self.prismatic = frozenset(
-            name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
-        )
 
     def block(self, values: Values, m: int) -> Rows:
         """m designs with these parameters."""
@@ -280,8 +276,7 @@ class _Planned:
             for part in (x.real, x.imag) if isinstance(x, Planar) else (x,):
                 if not np.isfinite(np.sum(part)):  # quicker than each by itself
                     bad |= ~np.isfinite(part)
-        following = frozenset(self.mechanism.structure.followed)
-        return failures(margins, outcomes, bad, self.prismatic, following)
+        return failures(margins, outcomes, bad, self.mechanism.structure)
 
     def _rows(self, why: Failures, missing: Array, without: Array) -> Rows:
         """Rows without values: words, blocks, first poses and numbers of poses (m,) each."""

@@ -99,19 +99,9 @@ def trade(
     else:
         why = f"the budget of {budget:g} s is too small for a reference and its check"
         points, skipped = (), (Skipped("all settings", trial.notes[-1] if trial.notes else why),)
-    return Trade(
-        mechanism.name,
-        trial.asked,
-        trial.MEASURE,
-        trial.COUNTED,
-        trial.reference,
-        points,
-        skipped,
-        trial.notes,
-        target,
-        within,
-        clock.spent,
-    )
+    asked = (trial.asked, trial.MEASURE, trial.COUNTED, trial.reference)
+    limits = (target, within, clock.spent)
+    return Trade(mechanism.name, *asked, points, skipped, trial.notes, *limits)
 
 
 def _refuse_mistakes(
@@ -127,16 +117,11 @@ def _refuse_mistakes(
         for name, value in limits.items()
         if value is not None and not 0 < value < math.inf
     ]
-    valid_names = REQUESTS[question]
-    for name in (name for name in names if name not in valid_names):
-        remedies = [
-            f"leave it out, or ask the question {q}" for q in REQUESTS if name in REQUESTS[q]
-        ]
-        remedy = remedies[0]
-        message, valid = (
-            f"the question {question} does not take it",
-            f"it takes: {listed(valid_names)}",
-        )
+    valid = f"it takes: {listed(REQUESTS[question])}"
+    for name in (name for name in names if name not in REQUESTS[question]):
+        asked_by = next(q for q in REQUESTS if name in REQUESTS[q])
+        remedy = f"leave it out, or ask the question {asked_by}"
+        message = f"the question {question} does not take it"
         problems.append(Problem("useless-setting", name, message, valid, remedy))
     if problems:
         raise RequestError(problems)

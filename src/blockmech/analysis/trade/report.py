@@ -6,7 +6,7 @@ import math
 import platform
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from blockmech.typing import Arguments, Data
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+T = TypeVar("T")
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
 
@@ -125,10 +126,7 @@ class Trade(CsvTable, Facts, Pictured):
 
     def series(self) -> dict[str, list[Point]]:
         """Points by method, in the order measured."""
-        by_method: dict[str, list[Point]] = {}
-        for point in self.points:
-            by_method.setdefault(point.method, []).append(point)
-        return by_method
+        return grouped((p.method, p) for p in self.points)
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """The work-precision diagram: error over cost, log-log, one series a method.
@@ -251,12 +249,9 @@ class Trade(CsvTable, Facts, Pictured):
         rows = [_row(p, p in pareto) for series in self.series().values() for p in series]
         yield from (f"{self.mechanism}, {self.question}", "", *aligned(HEAD, rows), "")
         yield "* no other setting is both faster, beyond the noise, and at least as exact"
-        beaten: dict[str, list[str]] = {}
-        for point in self.points:
-            if (better := self.beaten_by(point)) is not None:
-                beaten.setdefault(better.label, []).append(point.label)
-        for better_one, labels in beaten.items():
-            yield f"beaten in time and in error by {better_one}: {'; '.join(labels)}"
+        beaten = grouped((q.label, p.label) for p in self.points if (q := self.beaten_by(p)))
+        for faster, labels in beaten.items():
+            yield f"beaten in time and in error by {faster}: {'; '.join(labels)}"
         yield (
             "time: least processor time of the warm repeats, which take turns, or of one run; "
             f"evaluations: {self.counted}"
@@ -268,9 +263,7 @@ class Trade(CsvTable, Facts, Pictured):
                 f"known to {size(reference.floor)} (the floor)"
             )
         yield from (f"note: {note}" for note in self.notes)
-        reasons: dict[str, list[str]] = {}
-        for s in self.skipped:
-            reasons.setdefault(s.why, []).append(s.label)
+        reasons = grouped((s.why, s.label) for s in self.skipped)
         yield from (f"skipped: {'; '.join(labels)}: {why}" for why, labels in reasons.items())
         yield from (f"measured in {self.spent:.1f} s", "", self.recommendation)
 
@@ -301,10 +294,17 @@ class Trade(CsvTable, Facts, Pictured):
         """Points, and each as data."""
         rows, pareto = [], self.pareto
         for p in self.points:
-            better = self.beaten_by(p)
-            more = {"pareto": p in pareto, "beaten_by": "" if better is None else better.label}
-            rows.append((p, asdict(p) | more))
+            better = getattr(self.beaten_by(p), "label", "")
+            rows.append((p, asdict(p) | {"pareto": p in pareto, "beaten_by": better}))
         return rows
+
+
+def grouped(pairs: Iterable[tuple[str, T]]) -> dict[str, list[T]]:
+    """Second items by the first ones, in their order."""
+    groups: dict[str, list[T]] = {}
+    for name, item in pairs:
+        groups.setdefault(name, []).append(item)
+    return groups
 
 
 def duration(seconds: float) -> str:
