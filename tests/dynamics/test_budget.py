@@ -79,3 +79,11 @@ def test_dry_joints_that_lock_in_motion_have_an_answer():
     assert motion.status == "failed"
     assert motion.t_end == pytest.approx(0.417118, abs=1e-6)
     assert len(told) > 20
+
+
+def test_turns_that_repeat_end_within_the_budget():
+    """Gas a million times as strong: a hundred thousand turns gain energy in a millisecond."""
+    data = json.loads((GRAPHS / "engine.json").read_text("utf-8"))
+    data["blocks"]["gas"]["law"]["values"][1] *= 1e6
+    motion = bm.Graph.from_json(json.dumps(data)).compile().simulate("time=0.3", budget=0.5).motion
+    assert (motion.end, motion.status) == ("budget", "unfinished")

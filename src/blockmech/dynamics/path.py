@@ -165,7 +165,8 @@ class PathRun(Run):
         return True
 
     def report_progress(self, t: float) -> None:
-        """Tell those who follow the progress how far it is [s]."""
+        """Tell those who follow the progress how far it is [s], while there is budget."""
+        self.system.budget.check()
         if self.system.progress is not None:
             span = self.request.span
             self.system.progress("moving", t, span if span < math.inf else None)
