@@ -7,7 +7,7 @@ as much: most take 0.1 s.)
 
 SLOW = {
     "": "calls docs examples extremes gallery notebooks outside_package pickling plan "
-    "portable samples search synthesis",
+    "portable samples search synthesis typing",
     "analysis": "accuracy equilibria extremes_of_outputs friction_solutions trade trade_budget "
     "verify",
     "assur": "rigidity",
