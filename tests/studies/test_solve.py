@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis.turning_points import Signal, Turn, Turns
+from blockmech.design.solve import _crossings
 from tests.gallery import GRAPHS
 
 RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").compile()
@@ -127,3 +131,16 @@ def test_what_cannot_be_reached_says_how_near_it_came():
     solutions = RUIZ.solve({ANGLE: 3.0}, to="dyad.l_i", at=0.5)
     assert len(solutions) == 0
     assert "no solution: dyad.l_i = " in str(solutions)
+
+
+def test_a_gap_between_samples_is_refused_by_its_place():
+    """Half of a signal's range is lost between two places at which it has values."""
+
+    def value(s):
+        return np.where(np.abs(s - 0.5) < 0.25, np.nan, s)
+
+    cycle = SimpleNamespace(stretches=lambda value: [(0.0, 1.0)])
+    turns = Turns(Turn(0.0, 0.0, -1), Turn(1.0, 1.0, 1), (), False)
+    signal = Signal("crank.drive", value, value, value)
+    with pytest.raises(bm.RequestError, match=r"no value at 0\.5"):
+        list(_crossings(cycle, signal, turns, 0.5, False))

@@ -217,7 +217,9 @@ def _crossings(
     from scipy.optimize import brentq
 
     def off(q: float) -> float:
-        return float(signal.value(np.array([q]))[0]) - value
+        if math.isnan(y := float(signal.value(np.array([q]))[0])):  # between samples that have one
+            raise refused(signal.name, f"it has no value at {q:.9g}", "follow a shorter range")
+        return y - value
 
     for low, high in cycle.stretches(signal.value):
         x = [low, *(turn.s for turn in extremes.inner if low < turn.s < high), high]
