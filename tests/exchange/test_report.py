@@ -87,3 +87,8 @@ def test_what_a_report_cannot_have_is_one_sentence(tmp_path, call):
     outcome = call("report", GRAPHS / "ruiz_fourbar.json", "-o", path, "--want", "crank.drve")
     assert (outcome.code, path.exists()) == (2, False)
     assert "crank.drive" in outcome.err
+
+
+def test_an_upright_edge_has_its_length(tmp_path):
+    coupling = opened(GRAPHS / "joints" / "oldham_coupling.json").compile()
+    assert "<h1>Oldham coupling" in report_of(coupling, tmp_path / "it.html", samples=5)

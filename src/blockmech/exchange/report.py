@@ -106,7 +106,7 @@ def dimensioned(picture: Picture) -> dict[str, float]:
             if abs(b - a) < shortest:
                 continue
             sides[f"{body.name or body.link} {k + 1}"] = 1e3 * abs(b - a)
-            middle, turn = (a + b) / 2, np.degrees(np.arctan((b - a).imag / (b - a).real))
+            middle, turn = (a + b) / 2, np.degrees(np.angle((b - a) ** 2)) / 2  # upright
             text, place = f"{1e3 * abs(b - a):.4g}", (middle.real, middle.imag)
             picture.axes.annotate(text, place, rotation=turn, **DIMENSION)
     return sides
