@@ -46,18 +46,19 @@ def hanging(**joints):
     return linkage
 
 
-def of_blocks():
-    """The same as a graph of blocks: its crank counts from the x axis."""
+def of_blocks(direction=0.0):
+    """The same as a graph of blocks: its crank counts from the x axis, or another direction."""
     graph = bm.Graph("hanging", gravity=(0.0, -9.81))
     bar = {"mass": 0.0025, "inertia": 0.0025 * SIDE**2 / 12, "cm": (SIDE / 2, 0.0)}
     middle = {"mass": 0.01, "inertia": 0.01 * COUPLER**2 / 12, "cm": (COUPLER / 2, 0.0)}
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (APART, 0.0)}))
+    marker = bm.Marker(at=(0.0, 0.0), angle=direction)
+    graph.add("frame", bm.Frame(markers={"A": marker, "D": (APART, 0.0)}))
     graph.add("left", bm.Crank(length=SIDE, links={"crank": bm.Link(**bar)}))
     links = {"i": bm.Link(**middle), "j": bm.Link(**bar)}
     graph.add("loop", bm.RRR(l_i=COUPLER, l_j=SIDE, branch=-1, links=links))
     for wire in ("frame.A left.A", "left.B loop.B", "frame.D loop.D"):
         graph.connect(*wire.split())
-    hangs = math.atan2(-math.sqrt(SIDE**2 - 0.01), 0.1)
+    hangs = math.atan2(-math.sqrt(SIDE**2 - 0.01), 0.1) - direction
     graph.start("left", q=hangs + 0.5)
     return graph, hangs
 
@@ -137,6 +138,56 @@ def test_blocks_move_as_their_links_and_joints(falling):
     assert result["loop.C.coordinate"] == pytest.approx(
         np.angle(np.exp(1j * (result["loop.j.angle"] - result["loop.i.angle"]))), abs=1e-12
     )
+
+
+@pytest.mark.parametrize("direction", [0.9, -2.5])
+def test_a_crank_counts_from_a_markers_direction_in_all_charts(falling, direction):
+    """It counted from the x axis, as the joint does, from the first change of charts on."""
+    graph, hangs = of_blocks(direction)
+    mechanism = graph.compile()
+    result = mechanism.simulate(times=TIMES, want="*", accuracy=1e-11)
+    assert len(result.motion.charts) == 4
+    assert result["left.q"] - hangs == pytest.approx(LEFT, abs=5e-9)
+    assert result.motion.q_end - hangs == pytest.approx(LEFT[-1], abs=5e-9)
+    assert result["left.crank.angle"] == pytest.approx(result["left.q"] + direction, abs=1e-9)
+    turned = result["left.A.coordinate"] - result["left.q"]
+    assert np.exp(1j * turned) == pytest.approx(np.ones(len(TIMES)), abs=1e-9)
+    places = falling["joint.C.p"][np.searchsorted(falling.time, TIMES)]
+    assert result["loop.C.p"] == pytest.approx(places, abs=1e-8)
+    assert mechanism.verify(result).ok
+    stopped = mechanism.simulate("time=1", stops={"left": (hangs - 1.0, hangs + 1.0)}, want=())
+    assert stopped.motion.end == "dead centre"
+    assert any("count from the direction of a marker" in x for x in stopped.motion.notes)
+    rests = [next(iter(e.at.values())) - hangs for e in mechanism.equilibria()]
+    graph, hangs = of_blocks()
+    places = [next(iter(e.at.values())) - hangs for e in graph.compile().equilibria()]
+    assert len(rests) == 4
+    for rest in rests:
+        assert min(abs(math.remainder(rest - q, math.tau)) for q in places) < 1e-9
+
+
+def test_a_crank_that_goes_on_leading_counts_from_its_markers_direction():
+    def falling(left, right):
+        graph = bm.Graph("five", gravity=(0.0, -9.81))
+        markers = {"A": bm.Marker(at=(0, 0), angle=left), "E": bm.Marker(at=(2, 0), angle=right)}
+        graph.add("frame", bm.Frame(markers=markers))
+        crank = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
+        for arm in ("left", "right"):
+            graph.add(arm, bm.Crank(length=1.0, links={"crank": crank}))
+        rods = {x: bm.Link(mass=1.5, inertia=0.5, cm=(0.7, 0.0)) for x in "ij"}
+        graph.add("dyad", bm.RRR(l_i=1.4, l_j=1.4, branch=1, links=rods))
+        for wire in ("frame.A left.A", "frame.E right.A", "left.B dyad.B", "right.B dyad.D"):
+            graph.connect(*wire.split())
+        graph.start("left", q=1.404 - left, rate=1.427)
+        graph.start("right", q=1.732 - right, rate=2.738)
+        times, want = np.linspace(0.0, 0.8, 9), ["*.q", "dyad.C.p"]
+        return graph.compile().simulate(times=times, want=want, accuracy=1e-8)
+
+    plain, turned = falling(0.0, 0.0), falling(0.9, -2.0)
+    assert plain.motion.charts[1][1] == turned.motion.charts[1][1] == ("left.A", "dyad.C")
+    assert turned["left.q"] == pytest.approx(plain["left.q"] - 0.9, abs=1e-8)
+    assert turned["right.q"] == pytest.approx(plain["right.q"] + 2.0, abs=1e-8)
+    assert turned["dyad.C.p"] == pytest.approx(plain["dyad.C.p"], abs=1e-8)
 
 
 def test_one_chart_changes_nothing():

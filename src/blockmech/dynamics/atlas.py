@@ -43,6 +43,7 @@ from blockmech.dynamics.turns import TurnsInTime
 from blockmech.ground.errors import BlockmechError, listed
 from blockmech.ground.plane import EPS
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.references import coordinate_of
 from blockmech.model.scene import Stops
 from blockmech.model.structure import COORDINATE
 from blockmech.result.motion import Cost, Motion, RolesFrom
@@ -284,7 +285,8 @@ class Atlas:
         q, qd = np.atleast_1d(end.q_end), np.atleast_1d(end.qd_end)
         users = np.atleast_1d(leg.state(np.array([end.t_end])).q[0])
         turns = {joint: x for joint, (x, _) in references.items()}
-        turns |= dict(zip(chart.users, users.tolist(), strict=True))
+        for joint, x in zip(chart.users, users.tolist(), strict=True):
+            turns[joint] = x - chart.zeros.get(joint, 0.0)
         weakest = chart.singular_values(chart.poses(q), chart.joints)[-1]
         self.offset = self.rounded * EPS / weakest
         leads = dict(zip(chart.joints, zip(q.tolist(), qd.tolist(), strict=True), strict=True))
@@ -450,6 +452,11 @@ def beyond_dead_centres(
     named |= {d for watch in request.watch for d in watch.then}
     loads = {getattr(load, "driver", None) for load in linkage.loads.values()}
     fixed = tuple(j for j, d in home.users.items() if d in named or linkage.driven[j] in loads)
+    stopped_joints = {coordinate_of(name) or linkage.drivers[name].joint for name in linkage.stops}
+    if home.zeros.keys() & {*fixed, *stopped_joints}:
+        why = "drivers that stops, roles or loads name count from the direction of a marker"
+        note = f"no other joint than the drivers' leads on: {why}"
+        return motion.but(notes=(*motion.notes, note))
     chart_request = replace(request, why=WHY)
 
     def prepared(chart: Chart, *arguments: Any) -> tuple[System, SimulationRequest]:

@@ -20,7 +20,6 @@ from blockmech.dynamics.motion_outputs import (
     result_in_chart,
     settings_along,
 )
-from blockmech.model.naming import Names
 from blockmech.outputs.by_block import PARTS
 from blockmech.outputs.by_link import readings, wrapped
 from blockmech.plan.settings import friction_asked
@@ -32,6 +31,7 @@ from blockmech.typing import Array, Complex, Data, Floats, FrictionMethod, M
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
+    from blockmech.dynamics.charts import Chart
     from blockmech.dynamics.legs import Leg
 
 IDLE = ("drive", "drive_by_reduction", "power")  # of a driver that is free
@@ -46,8 +46,9 @@ class Source(NamedTuple):
     angle: bool = False  # between -pi and pi
 
 
-def sources_of(blocks: Compiled, names: Names) -> dict[str, Source]:
+def sources_of(blocks: Compiled, chart: Chart) -> dict[str, Source]:
     """Outputs of blocks in the document that says them, whose parts in the blocks names tell."""
+    names, zeros = chart.names, chart.zeros
     s, sources = blocks.structure, dict[str, Source]()
     for _, make, arguments in readings(s, names, blocks.outputs.by_owner):
         for reading in make(*arguments, ""):
@@ -57,8 +58,8 @@ def sources_of(blocks: Compiled, names: Names) -> dict[str, Source]:
                 sources.setdefault(name, source)
     for name, pair in names.joints.items():
         if s.joint(pair.joint).rotary:
-            where = f"{pair.joint}.coordinate"
-            source = Source(f"joint.{name}.coordinate", -1 if pair.flipped else 1, 0.0, True)
+            where, sign = f"{pair.joint}.coordinate", -1 if pair.flipped else 1
+            source = Source(f"joint.{name}.coordinate", sign, -zeros.get(name, 0.0), True)
             sources[where] = source
     return sources
 
@@ -141,14 +142,19 @@ class ChartedResult(SimulationResult[M]):
         if mechanism is of or (of.names is None) == (mechanism.names is None):
             names = {x: Source(x) for x in self.plan.want}
         else:
-            sources, names = sources_of(of, leg.chart.names), {}
+            sources, names = sources_of(of, leg.chart), {}
             for x in self.plan.want:
                 head, _, part = x.rpartition(".")
                 if x in sources:
                     names[x] = sources[x]
                 elif part in PARTS and head in sources:
                     names[x] = sources[head]._replace(name=f"{sources[head].name}.{part}")
-        names = {x: source for x, source in names.items() if source.name in mechanism.outputs}
+        counted = leg.counted and {of._of_driver(d, "q") for d in of.drivers}
+        names = {
+            x: source
+            for x, source in names.items()
+            if source.name in mechanism.outputs and x not in (counted or ())
+        }
         want = [source.name for source in names.values()]
         want += [mechanism._of_driver(d, "acceleration") for d in mechanism.drivers]
         settings = {key: x for key, x in self.settings.items() if key != "static"}

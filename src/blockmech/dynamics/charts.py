@@ -20,7 +20,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
@@ -36,7 +36,7 @@ from blockmech.ground.names import free_name
 from blockmech.ground.values import Marker
 from blockmech.model.graph import Graph
 from blockmech.model.joints.blocks import SaidByLinks
-from blockmech.model.joints.closing import Closing
+from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME, DriverGiven, LinkGiven
 from blockmech.model.joints.decompose import decompose
 from blockmech.model.joints.layout import Layout, Pose, Poses
@@ -69,6 +69,8 @@ class Chart:
     users : joint -> the user's driver
     names : where links and joints of the document are in the blocks of the user
     cache : charts of the document that there are already, by their blocks
+    zeros : joint -> [rad or m] by how much the user's driver counts more than the document does;
+        drivers of blocks may count from a marker's direction
     """
 
     mechanism: Compiled
@@ -77,6 +79,7 @@ class Chart:
     users: Mapping[str, str]
     names: Names
     cache: dict[str, Chart]
+    zeros: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def layout(self) -> Layout:
@@ -171,8 +174,12 @@ class Chart:
     def states(self, q: Floats, qd: Floats) -> dict[str, tuple[float, float]]:
         """Joint -> coordinate [rad or m] and rate, of all that may lead."""
         coordinates, rows, _ = self.may_lead.state(q, 0 * q)
-        states = zip(coordinates.tolist(), (rows @ qd).tolist(), strict=True)
-        return dict(zip(self.weights, states, strict=True))
+        values = zip(coordinates.tolist(), (rows @ qd).tolist(), strict=True)
+        states = dict(zip(self.weights, values, strict=True))
+        for joint, x, rate in zip(self.joints, q.tolist(), qd.tolist(), strict=True):
+            if joint in self.zeros and self.mechanism.names is None:  # of the user's blocks
+                states[joint] = x - self.zeros[joint], rate
+        return states
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -188,11 +195,12 @@ class Chart:
     def counted(self, q: Real, users: Floats) -> Counted | None:
         """Coordinates of the user's drivers, which are so much where it begins.
 
-        None where these lead.
+        None where these lead, and count from where their joints do.
         """
-        if self.joints == (joints := tuple(self.users)):
+        joints, at = tuple(self.users), np.array(np.atleast_1d(q), dtype=np.float64)
+        if self.joints == joints and (np.abs(users - at) < SETTLED).all():
             return None
-        pairs, at = self.pairs(joints), np.array(np.atleast_1d(q), dtype=np.float64)
+        pairs = self.pairs(joints)
         apart = users - pairs.state(at, 0 * at)[0]
         turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
         return Counted(pairs, at, np.where(np.abs(apart - turns) < SETTLED, turns, apart))
@@ -293,7 +301,22 @@ def home_chart(mechanism: Compiled, q: Floats) -> Chart:
         joints = [as_links.joints[s.driven[d]] for d in mechanism.drivers]
     users = dict(zip(joints, mechanism.drivers, strict=True))
     home, names = _marked(linkage, cast("Names", names), s)
-    return Chart(mechanism, tuple(joints), home, users, names, mechanism._once(chart_cache))
+    chart = Chart(mechanism, tuple(joints), home, users, names, mechanism._once(chart_cache))
+    return (
+        chart if isinstance(mechanism.document, Linkage) else replace(chart, zeros=_zeros(chart, q))
+    )
+
+
+def _zeros(chart: Chart, q: Floats) -> dict[str, float]:
+    """Those of `Chart.zeros` that are not zero, but for whole turns."""
+    poses, zeros = chart.poses(q), dict[str, float]()
+    for joint, x in zip(chart.joints, q.tolist(), strict=True):
+        pair = chart.layout.pairs[joint]
+        apart = x - coordinate(poses, pair)
+        zero = math.remainder(apart, math.tau) if pair.kind == "R" else apart
+        if abs(zero) > SETTLED:
+            zeros[joint] = zero
+    return zeros
 
 
 def _marked(linkage: Linkage, names: Names, s: Structure) -> tuple[Linkage, Names]:

@@ -110,10 +110,13 @@ class Counted:
     They are continued from the last place asked for; `again` goes back to where a motion begins.
     """
 
-    def __init__(self, pairs: PairStops, q: Floats, turns: Floats) -> None:
+    def __init__(self, pairs: PairStops, q: Floats, offsets: Floats) -> None:
+        """``offsets`` (p,) : by how much they are more there than the pairs' own, turns included"""
         self.pairs = pairs
+        turns = np.where(pairs.rotary, math.tau * np.round(offsets / math.tau), 0.0)
+        self.zeros = offsets - turns  # from where they count
         coordinates, rows, _ = pairs.state(q, 0 * q)
-        self.start = q, coordinates + turns, rows
+        self.start = q, coordinates + offsets, rows
         self.again()
 
     def again(self) -> None:
@@ -143,6 +146,7 @@ class Counted:
         if (q0 == q).all():
             return last
         coordinates, rows, _ = self.pairs.state(q, 0 * q)
+        coordinates += self.zeros
         if self.pairs.rotary.any():
             foretold = before + (rows0 + rows) @ (q - q0) / 2
             turns = math.tau * np.round((foretold - coordinates) / math.tau)
