@@ -152,18 +152,18 @@ def test_a_crank_counts_from_a_markers_direction_in_all_charts(falling, directio
     assert result["left.crank.angle"] == pytest.approx(result["left.q"] + direction, abs=1e-9)
     turned = result["left.A.coordinate"] - result["left.q"]
     assert np.exp(1j * turned) == pytest.approx(np.ones(len(TIMES)), abs=1e-9)
-    places = falling["joint.C.p"][np.searchsorted(falling.time, TIMES)]
-    assert result["loop.C.p"] == pytest.approx(places, abs=1e-8)
+    pin = falling["joint.C.p"][np.searchsorted(falling.time, TIMES)]
+    assert result["loop.C.p"] == pytest.approx(pin, abs=1e-8)
     assert mechanism.verify(result).ok
     stopped = mechanism.simulate("time=1", stops={"left": (hangs - 1.0, hangs + 1.0)}, want=())
     assert stopped.motion.end == "dead centre"
     assert any("count from the direction of a marker" in x for x in stopped.motion.notes)
     rests = [next(iter(e.at.values())) - hangs for e in mechanism.equilibria()]
     graph, hangs = of_blocks()
-    places = [next(iter(e.at.values())) - hangs for e in graph.compile().equilibria()]
+    angles = [next(iter(e.at.values())) - hangs for e in graph.compile().equilibria()]
     assert len(rests) == 4
     for rest in rests:
-        assert min(abs(math.remainder(rest - q, math.tau)) for q in places) < 1e-9
+        assert min(abs(math.remainder(rest - q, math.tau)) for q in angles) < 1e-9
 
 
 def test_a_crank_that_goes_on_leading_counts_from_its_markers_direction():
