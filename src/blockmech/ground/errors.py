@@ -333,9 +333,7 @@ def elsewhere(name: str, homes: Mapping[str, object]) -> str:
     """
     modules = {x: resolve_name(at) if isinstance(at, str) else at for x, at in homes.items()}
     synonyms = dict.fromkeys((name, *SYNONYMS.get(name.lower(), ())))
-    phrases = [
-        x.format(word) for word in synonyms for x, at in modules.items() if hasattr(at, word)
-    ]
+    phrases = [x.format(word) for word in synonyms for x, at in modules.items() if word in dir(at)]
     return f": write {' or '.join(phrases[:2])}" if phrases else ""
 
 

@@ -111,7 +111,7 @@ class Document:
         from blockmech.ground.files import cannot_write, writing
 
         where = os.fspath(path)
-        if os.path.splitext(where)[1] not in ("", ".json"):
+        if os.path.splitext(where)[1].lower() not in ("", ".json"):
             message, remedy = (
                 "a mechanism is saved as JSON",
                 "name it .json, or use blockmech.write",

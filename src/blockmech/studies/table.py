@@ -219,7 +219,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         mapped = grid == 2 and min(self.designs.shape) > 1
         missing, mark = self.n - self.status.count("ok"), "hatched" if mapped else "crosses"
         caption = f"{shown_name(self.name, 40)}: {self.n} designs over {listed(self.vary, 3)}"
-        caption += f", {missing} without an answer ({mark})." if missing else "."
+        caption += f"; {missing} without an answer ({mark})." if missing else "."
         return (self._maps if mapped else self._matrix)(caption, results, numbers[: ink.PANELS], ax)
 
     def _maps(
