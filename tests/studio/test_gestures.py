@@ -208,9 +208,11 @@ def test_a_dimension_holds_while_its_pins_are_dragged(page, four_bar):
     page.locator("g.stated").wait_for(state="attached")
     number = page.get_by_role("button", name="distance B to C")
     field = page.get_by_label("new distance B to C in mm", exact=True)
-    while not field.is_visible():  # what is drawn anew under the hand takes no click
+    for _ in range(20):  # what is drawn anew under the hand takes no click
         number.click()
         page.wait_for_timeout(500)
+        if field.is_visible():
+            break
     hand.changed(lambda: (field.fill("120"), field.press("Enter")))
     assert hand.form()["dimensions"]["length"]["value"] == 0.12
     take_hold(hand, "C", (0.19, 0.08))

@@ -42,7 +42,6 @@ from blockmech.dynamics.time import TimeIntegration, repeats
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.ground.errors import BlockmechError, listed
 from blockmech.ground.plane import EPS
-from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import coordinate_of
 from blockmech.model.scene import Stops
 from blockmech.model.structure import COORDINATE
@@ -381,8 +380,11 @@ def until(motion: Motion, t: float) -> Motion:
     )
 
 
-def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) -> str:
+def _refused(home: Chart, fixed: Sequence[str], request: SimulationRequest) -> str:
     """What a motion has that is not handed over from chart to chart; empty where all is."""
+    mechanism, linkage = home.mechanism, home.home
+    of_drivers = {name: driver.joint for name, driver in linkage.drivers.items()}
+    stopped_joints = {of_drivers.get(name) or coordinate_of(name) for name in linkage.stops}
     reasons = {
         "it has couplings": linkage.couplings,
         "signals or friction laws have states": mechanism.structure.states,
@@ -390,6 +392,9 @@ def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) 
         "end stops let it bounce": request.stops,
         "a steady state is looked for": request.until.goal == "steady",
         "its steps are fixed": request.method in STEPPERS,
+        "drivers that stops, roles or loads name count from the direction of a marker": (
+            home.zeros.keys() & {*fixed, *stopped_joints}
+        ),
     }
     return listed([why for why, so in reasons.items() if so])
 
@@ -441,10 +446,6 @@ def beyond_dead_centres(
         note = f"links and joints do not say these blocks, so no other joint leads on: {error}"
         return motion.but(notes=(*motion.notes, note))
     linkage, method = home.home, "radau" if request.method == "radau" else "dop853"
-    if why := _refused(mechanism, linkage, request):
-        return motion.but(
-            notes=(*motion.notes, f"no other joint than the drivers' leads on: {why}")
-        )
     if stops is not None:
         linkage.stops = _stops_of_pairs(home, stops)
     roles = {} if request.roles is None else request.roles.by_driver()
@@ -452,9 +453,7 @@ def beyond_dead_centres(
     named |= {d for watch in request.watch for d in watch.then}
     loads = {getattr(load, "driver", None) for load in linkage.loads.values()}
     fixed = tuple(j for j, d in home.users.items() if d in named or linkage.driven[j] in loads)
-    stopped_joints = {coordinate_of(name) or linkage.drivers[name].joint for name in linkage.stops}
-    if home.zeros.keys() & {*fixed, *stopped_joints}:
-        why = "drivers that stops, roles or loads name count from the direction of a marker"
+    if why := _refused(home, fixed, request):
         note = f"no other joint than the drivers' leads on: {why}"
         return motion.but(notes=(*motion.notes, note))
     chart_request = replace(request, why=WHY)

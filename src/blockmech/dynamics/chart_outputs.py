@@ -149,11 +149,11 @@ class ChartedResult(SimulationResult[M]):
                     names[x] = sources[x]
                 elif part in PARTS and head in sources:
                     names[x] = sources[head]._replace(name=f"{sources[head].name}.{part}")
-        counted = leg.counted and {of._of_driver(d, "q") for d in of.drivers}
+        counted = () if leg.counted is None else {of._of_driver(d, "q") for d in of.drivers}
         names = {
             x: source
             for x, source in names.items()
-            if source.name in mechanism.outputs and x not in (counted or ())
+            if source.name in mechanism.outputs and x not in counted
         }
         want = [source.name for source in names.values()]
         want += [mechanism._of_driver(d, "acceleration") for d in mechanism.drivers]

@@ -200,10 +200,7 @@ class Chart:
         joints, at = tuple(self.users), np.array(np.atleast_1d(q), dtype=np.float64)
         if self.joints == joints and (np.abs(users - at) < SETTLED).all():
             return None
-        pairs = self.pairs(joints)
-        apart = users - pairs.state(at, 0 * at)[0]
-        turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
-        return Counted(pairs, at, np.where(np.abs(apart - turns) < SETTLED, turns, apart))
+        return Counted(self.pairs(joints), at, users)
 
     def following(self, motion: Motion, start: Start) -> Chart | None:
         """The same chart, its dyads following a motion that ended at a change point.

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.source import FREE, Source
+from blockmech.dynamics.source import FRICTIONLESS, Source
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
@@ -132,7 +132,7 @@ def knots(compiled: Source) -> tuple[float, ...]:
     q = np.linspace(low, high, SCANNED * max(1, round((high - low) / span)) + 1)
 
     def planned() -> Schedule:
-        return schedule(structure, compiled.scene, FREE)
+        return schedule(structure, compiled.scene, FRICTIONLESS)
 
     coordinates: list[float] = []
     for follower in structure.followers:

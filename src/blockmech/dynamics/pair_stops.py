@@ -12,8 +12,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from blockmech.dynamics.contacts import Constraints
-from blockmech.dynamics.source import FREE, Source
+from blockmech.dynamics.contacts import SETTLED, Constraints
+from blockmech.dynamics.source import FRICTIONLESS, Source
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.names import split_address
 from blockmech.ground.plane import EPS
@@ -63,7 +63,7 @@ class PairStops:
     @cached_property
     def _program(self) -> tuple[ScalarEngine, list[tuple[Output, int]]]:
         structure, drivers = self.mechanism.structure, self.mechanism.structure.drivers
-        s = schedule(structure, self.mechanism.scene, FREE)
+        s = schedule(structure, self.mechanism.scene, FRICTIONLESS)
         outputs = [self.mechanism.outputs[name] for name in self.names]
         columns = [list(output.ask(s)) for output in outputs]
         rows = [s.ask(forward.slip, ref, driver) for ref in self.refs for driver in drivers]
@@ -110,13 +110,14 @@ class Counted:
     They are continued from the last place asked for; `again` goes back to where a motion begins.
     """
 
-    def __init__(self, pairs: PairStops, q: Floats, offsets: Floats) -> None:
-        """``offsets`` (p,) : by how much they are more there than the pairs' own, turns included"""
+    def __init__(self, pairs: PairStops, q: Floats, at_start: Floats) -> None:
+        """``at_start`` (p,) : what they are there; they may count from elsewhere than the pairs."""
         self.pairs = pairs
-        turns = np.where(pairs.rotary, math.tau * np.round(offsets / math.tau), 0.0)
-        self.zeros = offsets - turns  # from where they count
         coordinates, rows, _ = pairs.state(q, 0 * q)
-        self.start = q, coordinates + offsets, rows
+        apart = at_start - coordinates
+        turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
+        self.zeros = np.where(np.abs(apart - turns) < SETTLED, 0.0, apart - turns)
+        self.start = q, coordinates + turns + self.zeros, rows
         self.again()
 
     def again(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.source import FREE, Source, margins
+from blockmech.dynamics.source import FRICTIONLESS, Source, margins
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.passes import friction, reduction, signals
@@ -54,7 +54,7 @@ class Terms(NamedTuple):
 
 def reduced(compiled: Source) -> AdaptiveEvaluator:
     """J, tau, the load's size, then the margins, of one driver; no acceleration is computed."""
-    s = schedule(compiled.structure, compiled.scene, FREE)
+    s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     (driver,) = compiled.structure.drivers
     values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
     return AdaptiveEvaluator(s.program([*values, loads.load_size(s, driver), *margins(s)]))
@@ -62,7 +62,7 @@ def reduced(compiled: Source) -> AdaptiveEvaluator:
 
 def load_sizes(compiled: Source) -> AdaptiveEvaluator:
     """The sizes of the loads on all drivers."""
-    s = schedule(compiled.structure, compiled.scene, FREE)
+    s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     return AdaptiveEvaluator(
         s.program([loads.load_size(s, driver) for driver in compiled.structure.drivers])
     )
@@ -79,7 +79,8 @@ def equation_with_deflections(compiled: Source) -> SingleEvaluator:
 
 
 def _equation(compiled: Source, deflections: bool) -> SingleEvaluator:
-    s, drivers = schedule(compiled.structure, compiled.scene, FREE), compiled.structure.drivers
+    s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
+    drivers = compiled.structure.drivers
     M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
     Q = [s.ask(reduction.reduced_load, k) for k in drivers]
     rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
@@ -91,6 +92,6 @@ def _equation(compiled: Source, deflections: bool) -> SingleEvaluator:
 
 def load_inputs(compiled: Source) -> tuple[str, ...]:
     """What the loads reduced to the drivers are made of: inputs of a program that gives them."""
-    s = schedule(compiled.structure, compiled.scene, FREE)
+    s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     loads = [s.ask(reduction.reduced_load, k) for k in compiled.structure.drivers]
     return s.program(loads).inputs

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from blockmech.dynamics.source import FREE, Source
+from blockmech.dynamics.source import FRICTIONLESS, Source
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.passes import friction, signals
 from blockmech.passes.homotopy import schedule
@@ -81,7 +81,7 @@ def names_of(initial: Sequence[float]) -> tuple[str, ...]:
 
 def signal_program(compiled: Source) -> SignalProgram:
     """What the signal blocks of a mechanism add."""
-    structure, s = compiled.structure, schedule(compiled.structure, compiled.scene, FREE)
+    structure, s = compiled.structure, schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     updated = s.ask(signals.updated)
     initial = structure.initial_states
     initial = initial[: len(initial) - len(structure.remembering)]
@@ -90,7 +90,7 @@ def signal_program(compiled: Source) -> SignalProgram:
         initial,
         (1.0,) * len(initial),
         names_of(initial),
-        len(signals.kinks(schedule(structure, compiled.scene, FREE))),
+        len(signals.kinks(schedule(structure, compiled.scene, FRICTIONLESS))),
         SingleEvaluator(s.program(updated.values())) if updated else None,
         tuple((ref.block, structure.states[ref]) for ref in updated),
     )

@@ -13,7 +13,7 @@ from blockmech.plan.plan import Friction, Output, Schedule
 from blockmech.plan.values import Value
 
 T = TypeVar("T")
-FREE = Friction("none")
+FRICTIONLESS = Friction("none")
 
 
 class Source(Protocol):

@@ -129,16 +129,16 @@ def counted_pairs(mechanism: Compiled, starts: Pairs, stops: tuple[Between, ...]
     if not pairs.names:
         return None
     q = np.array([q for q, _ in starts.values()])
-    coordinates, turns = pairs.state(q, 0 * q)[0], []
-    for (low, high), coordinate, rotary in zip(
-        stops[len(starts) :], coordinates, pairs.rotary, strict=True
+    at_start = []
+    for (low, high), x, rotary in zip(
+        stops[len(starts) :], pairs.state(q, 0 * q)[0], pairs.rotary, strict=True
     ):
-        turns.append(_turns(coordinate, low.q, high.q, rotary))
-        if not low.q <= coordinate + turns[-1] <= high.q:  # nor does a start that does not close
+        coordinate = float(x + _turns(x, low.q, high.q, rotary))
+        if not low.q <= coordinate <= high.q:  # nor does a start that does not close
             where = mechanism.scene.address("stops", low.name)
-            start = (float(coordinate + turns[-1]), low.q, high.q)
-            raise RequestError(_outside(where, low.name, *start))
-    return Counted(pairs, q, np.array(turns))
+            raise RequestError(_outside(where, low.name, coordinate, low.q, high.q))
+        at_start.append(coordinate)
+    return Counted(pairs, q, np.array(at_start))
 
 
 def _of_pair(

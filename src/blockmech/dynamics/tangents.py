@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from blockmech.dynamics.source import FREE, Source, margins
+from blockmech.dynamics.source import FRICTIONLESS, Source, margins
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, value
 from blockmech.ground.errors import refused
@@ -94,6 +94,6 @@ def refuse_friction_states(compiled: Source) -> None:
 
 
 def _effort(compiled: Source) -> DualEngine:
-    s = schedule(compiled.structure, compiled.scene, FREE)
+    s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     efforts = [s.ask(reduction.drive_by_reduction, k) for k in compiled.structure.drivers]
     return DualEngine(s.program([*efforts, *margins(s)]), WITH_DIFFERENCES)
