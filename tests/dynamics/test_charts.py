@@ -46,20 +46,21 @@ def hanging(**joints):
     return linkage
 
 
-def of_blocks(direction=0.0):
-    """The same as a graph of blocks: its crank counts from the x axis, or another direction."""
+def of_blocks(direction=0.0, offset=0.0, sign=1):
+    """The same as a graph of blocks, the angle of its crank direction + sign q + offset."""
     graph = bm.Graph("hanging", gravity=(0.0, -9.81))
     bar = {"mass": 0.0025, "inertia": 0.0025 * SIDE**2 / 12, "cm": (SIDE / 2, 0.0)}
     middle = {"mass": 0.01, "inertia": 0.01 * COUPLER**2 / 12, "cm": (COUPLER / 2, 0.0)}
     marker = bm.Marker(at=(0.0, 0.0), angle=direction)
     graph.add("frame", bm.Frame(markers={"A": marker, "D": (APART, 0.0)}))
-    graph.add("left", bm.Crank(length=SIDE, links={"crank": bm.Link(**bar)}))
+    crank = bm.Crank(length=SIDE, offset=offset, sign=sign, links={"crank": bm.Link(**bar)})
+    graph.add("left", crank)
     links = {"i": bm.Link(**middle), "j": bm.Link(**bar)}
     graph.add("loop", bm.RRR(l_i=COUPLER, l_j=SIDE, branch=-1, links=links))
     for wire in ("frame.A left.A", "left.B loop.B", "frame.D loop.D"):
         graph.connect(*wire.split())
-    hangs = math.atan2(-math.sqrt(SIDE**2 - 0.01), 0.1) - direction
-    graph.start("left", q=hangs + 0.5)
+    hangs = sign * (math.atan2(-math.sqrt(SIDE**2 - 0.01), 0.1) - direction - offset)
+    graph.start("left", q=hangs + sign * 0.5)
     return graph, hangs
 
 
@@ -140,30 +141,50 @@ def test_blocks_move_as_their_links_and_joints(falling):
     )
 
 
-@pytest.mark.parametrize("direction", [0.9, -2.5])
-def test_a_crank_counts_from_a_markers_direction_in_all_charts(falling, direction):
+@pytest.mark.parametrize(
+    ("direction", "offset", "sign"), [(0.9, 0.0, 1), (-2.5, 1.1, 1), (0.9, -0.7, -1)]
+)
+def test_a_crank_counts_as_its_block_says_in_all_charts(falling, direction, offset, sign):
     """It counted from the x axis, as the joint does, from the first change of charts on."""
-    graph, hangs = of_blocks(direction)
+    graph, hangs = of_blocks(direction, offset, sign)
     mechanism = graph.compile()
     result = mechanism.simulate(times=TIMES, want="*", accuracy=1e-11)
     assert len(result.motion.charts) == 4
-    assert result["left.q"] - hangs == pytest.approx(LEFT, abs=5e-9)
-    assert result.motion.q_end - hangs == pytest.approx(LEFT[-1], abs=5e-9)
-    assert result["left.crank.angle"] == pytest.approx(result["left.q"] + direction, abs=1e-9)
-    turned = result["left.A.coordinate"] - result["left.q"]
-    assert np.exp(1j * turned) == pytest.approx(np.ones(len(TIMES)), abs=1e-9)
+    assert sign * (result["left.q"] - hangs) == pytest.approx(LEFT, abs=5e-9)
+    assert sign * (result.motion.q_end - hangs) == pytest.approx(LEFT[-1], abs=5e-9)
+    coordinate = sign * result["left.q"] + offset
+    assert np.array_equal(result["left.A.coordinate"], coordinate)
+    assert result["left.crank.angle"] == pytest.approx(coordinate + direction, abs=1e-9)
     pin = falling["joint.C.p"][np.searchsorted(falling.time, TIMES)]
     assert result["loop.C.p"] == pytest.approx(pin, abs=1e-8)
     assert mechanism.verify(result).ok
-    stopped = mechanism.simulate("time=1", stops={"left": (hangs - 1.0, hangs + 1.0)}, want=())
-    assert stopped.motion.end == "dead centre"
-    assert any("count from the direction of a marker" in x for x in stopped.motion.notes)
-    rests = [next(iter(e.at.values())) - hangs for e in mechanism.equilibria()]
+    stops = {"left": sorted((hangs - sign * 0.1, hangs + sign * 1.0))}
+    motion = mechanism.simulate("time=1", stops=stops, want=()).motion
+    assert (motion.status, motion.end) == ("ended", "end stop")
+    assert motion.q_end == pytest.approx(hangs - sign * 0.1, abs=1e-9)
+    rests = [sign * (next(iter(e.at.values())) - hangs) for e in mechanism.equilibria()]
     graph, hangs = of_blocks()
     angles = [next(iter(e.at.values())) - hangs for e in graph.compile().equilibria()]
     assert len(rests) == 4
     for rest in rests:
         assert min(abs(math.remainder(rest - q, math.tau)) for q in angles) < 1e-9
+
+
+def test_welded_links_pass_dead_centres_as_the_link_that_they_are(falling):
+    """A link that another carries has no pose of its own: this was a KeyError."""
+    linkage = hanging()
+    coupler = linkage.links["m"]
+    link_data = {"mass": coupler.mass / 2, "inertia": coupler.inertia / 2, "cm": coupler.cm}
+    linkage.links["m"] = coupler.model_copy(update=link_data)
+    linkage.add_link("plate", **link_data)
+    linkage.add_joint("W", "weld", ["m", "plate"], point=(0.0, 0.0))
+    result = linkage.compile().simulate(
+        times=TIMES, want=["driver.motor.q", "link.plate.p"], accuracy=1e-11
+    )
+    assert len(result.motion.charts) == 4
+    assert result["driver.motor.q"] == pytest.approx(LEFT, abs=5e-9)
+    at = np.searchsorted(falling.time, TIMES)
+    assert result["link.plate.p"] == pytest.approx(falling["link.m.p"][at], abs=1e-9)
 
 
 def test_a_crank_that_goes_on_leading_counts_from_its_markers_direction():

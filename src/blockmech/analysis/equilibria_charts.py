@@ -79,7 +79,7 @@ def equilibria_through_charts(line: Line) -> Equilibria:
         home = home_chart(line.mechanism, np.array([(pieces[0].low + pieces[0].high) / 2]))
     except BlockmechError:  # links and joints do not say these blocks
         return answer
-    if home.home.couplings or (home.zeros and home.home.stops):
+    if home.home.couplings:
         return answer
     poses = [home.poses(e.q) for e in answer]
     equilibria, queue, visited = list(answer.found), [(_Leading(home, line), pieces)], set[object]()
@@ -114,7 +114,7 @@ def _said(e: Equilibrium, chart: Chart, home: Chart, line: Line) -> Iterator[Equ
     """An equilibrium of a chart in the user's words, if it is between the stops of the driver."""
     (driver,) = home.mechanism.drivers
     (joint,) = home.users
-    coordinate = float(chart.pairs([joint]).state(e.q, 0 * e.q)[0][0]) + home.zeros.get(joint, 0.0)
+    coordinate = float(chart.pairs([joint]).state(e.q, 0 * e.q)[0][0])
     low, high = line.system.stops[0]
     if line.system.rotary[0] and math.isfinite(low):
         coordinate = low + (coordinate - low) % math.tau

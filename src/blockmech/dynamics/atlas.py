@@ -42,7 +42,6 @@ from blockmech.dynamics.time import TimeIntegration, repeats
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.ground.errors import BlockmechError, listed
 from blockmech.ground.plane import EPS
-from blockmech.model.joints.references import coordinate_of
 from blockmech.model.scene import Stops
 from blockmech.model.structure import COORDINATE
 from blockmech.result.motion import Cost, Motion, RolesFrom
@@ -284,8 +283,7 @@ class Atlas:
         q, qd = np.atleast_1d(end.q_end), np.atleast_1d(end.qd_end)
         users = np.atleast_1d(leg.state(np.array([end.t_end])).q[0])
         turns = {joint: x for joint, (x, _) in references.items()}
-        for joint, x in zip(chart.users, users.tolist(), strict=True):
-            turns[joint] = x - chart.zeros.get(joint, 0.0)
+        turns |= zip(chart.users, users.tolist(), strict=True)
         weakest = chart.singular_values(chart.poses(q), chart.joints)[-1]
         self.offset = self.rounded * EPS / weakest
         leads = dict(zip(chart.joints, zip(q.tolist(), qd.tolist(), strict=True), strict=True))
@@ -380,11 +378,9 @@ def until(motion: Motion, t: float) -> Motion:
     )
 
 
-def _refused(home: Chart, fixed: Sequence[str], request: SimulationRequest) -> str:
+def _refused(home: Chart, request: SimulationRequest) -> str:
     """What a motion has that is not handed over from chart to chart; empty where all is."""
     mechanism, linkage = home.mechanism, home.home
-    of_drivers = {name: driver.joint for name, driver in linkage.drivers.items()}
-    stopped_joints = {of_drivers.get(name) or coordinate_of(name) for name in linkage.stops}
     reasons = {
         "it has couplings": linkage.couplings,
         "signals or friction laws have states": mechanism.structure.states,
@@ -392,9 +388,6 @@ def _refused(home: Chart, fixed: Sequence[str], request: SimulationRequest) -> s
         "end stops let it bounce": request.stops,
         "a steady state is looked for": request.until.goal == "steady",
         "its steps are fixed": request.method in STEPPERS,
-        "drivers that stops, roles or loads name count from the direction of a marker": (
-            home.zeros.keys() & {*fixed, *stopped_joints}
-        ),
     }
     return listed([why for why, so in reasons.items() if so])
 
@@ -453,7 +446,7 @@ def beyond_dead_centres(
     named |= {d for watch in request.watch for d in watch.then}
     loads = {getattr(load, "driver", None) for load in linkage.loads.values()}
     fixed = tuple(j for j, d in home.users.items() if d in named or linkage.driven[j] in loads)
-    if why := _refused(home, fixed, request):
+    if why := _refused(home, request):
         note = f"no other joint than the drivers' leads on: {why}"
         return motion.but(notes=(*motion.notes, note))
     chart_request = replace(request, why=WHY)

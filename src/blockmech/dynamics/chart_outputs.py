@@ -14,12 +14,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from blockmech.blocks.joints import Coordinate
 from blockmech.dynamics.motion_outputs import (
     STATIC,
     SimulationResult,
     result_in_chart,
     settings_along,
 )
+from blockmech.model.joints.linkage import Linkage
+from blockmech.model.structure import COORDINATE
 from blockmech.outputs.by_block import PARTS
 from blockmech.outputs.by_link import readings, wrapped
 from blockmech.plan.settings import friction_asked
@@ -48,8 +51,7 @@ class Source(NamedTuple):
 
 def sources_of(blocks: Compiled, chart: Chart) -> dict[str, Source]:
     """Outputs of blocks in the document that says them, whose parts in the blocks names tell."""
-    names, zeros = chart.names, chart.zeros
-    s, sources = blocks.structure, dict[str, Source]()
+    names, s, sources = chart.names, blocks.structure, dict[str, Source]()
     for _, make, arguments in readings(s, names, blocks.outputs.by_owner):
         for reading in make(*arguments, ""):
             if len(reading.parts) == 1 and not reading.wrapped:
@@ -57,11 +59,19 @@ def sources_of(blocks: Compiled, chart: Chart) -> dict[str, Source]:
                 source = Source(reading.name, sign, reading.turn, bool(reading.turn))
                 sources.setdefault(name, source)
     for name, pair in names.joints.items():
-        if s.joint(pair.joint).rotary:
+        if s.joint(pair.joint).rotary and not s.joint(pair.joint).driven:
             where, sign = f"{pair.joint}.coordinate", -1 if pair.flipped else 1
-            source = Source(f"joint.{name}.coordinate", sign, -zeros.get(name, 0.0), True)
-            sources[where] = source
+            sources[where] = Source(f"joint.{name}.coordinate", sign, angle=True)
     return sources
+
+
+def coordinates_of_drivers(mechanism: Compiled) -> dict[str, tuple[str, Coordinate]]:
+    """Coordinates of driven pairs: name of the output -> driver, and how it follows."""
+    document, s = mechanism.document, mechanism.structure
+    if isinstance(document, Linkage):
+        joints = {driver: f"joint.{x.joint}" for driver, x in document.drivers.items()}
+        return {f"{joint}.{COORDINATE}": (d, Coordinate()) for d, joint in joints.items()}
+    return {f"{ref}.{COORDINATE}": (d, s.coordinate(d)) for d, ref in s.driven.items()}
 
 
 @dataclass
@@ -87,6 +97,9 @@ class LegOutputs:
 
     def read(self, name: str) -> Any:
         """Values (n,) of one of the user's outputs."""
+        driver, coordinate = coordinates_of_drivers(self.of).get(name, ("", None))
+        if coordinate is not None:
+            return coordinate.of_joint(self._of_driver(self.of._of_driver(driver, "q")))
         if (source := self.names.get(name)) is None:
             return self._of_driver(name)
         if self.of.outputs[name].kind == "matrix" and self.leg.counted is not None:

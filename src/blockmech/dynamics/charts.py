@@ -20,7 +20,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
@@ -36,7 +36,7 @@ from blockmech.ground.names import free_name
 from blockmech.ground.values import Marker
 from blockmech.model.graph import Graph
 from blockmech.model.joints.blocks import SaidByLinks
-from blockmech.model.joints.closing import Closing, coordinate
+from blockmech.model.joints.closing import Closing
 from blockmech.model.joints.contents import FRAME, DriverGiven, LinkGiven
 from blockmech.model.joints.decompose import decompose
 from blockmech.model.joints.layout import Layout, Pose, Poses
@@ -69,8 +69,6 @@ class Chart:
     users : joint -> the user's driver
     names : where links and joints of the document are in the blocks of the user
     cache : charts of the document that there are already, by their blocks
-    zeros : joint -> [rad or m] by how much the user's driver counts more than the document does;
-        drivers of blocks may count from a marker's direction
     """
 
     mechanism: Compiled
@@ -79,7 +77,6 @@ class Chart:
     users: Mapping[str, str]
     names: Names
     cache: dict[str, Chart]
-    zeros: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def layout(self) -> Layout:
@@ -175,11 +172,8 @@ class Chart:
         """Joint -> coordinate [rad or m] and rate, of all that may lead."""
         coordinates, rows, _ = self.may_lead.state(q, 0 * q)
         values = zip(coordinates.tolist(), (rows @ qd).tolist(), strict=True)
-        states = dict(zip(self.weights, values, strict=True))
-        for joint, x, rate in zip(self.joints, q.tolist(), qd.tolist(), strict=True):
-            if joint in self.zeros and self.mechanism.names is None:  # of the user's blocks
-                states[joint] = x - self.zeros[joint], rate
-        return states
+        leading = zip(self.joints, zip(q.tolist(), qd.tolist(), strict=True), strict=True)
+        return dict(zip(self.weights, values, strict=True)) | dict(leading)
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -237,9 +231,10 @@ class Chart:
         names = {joint: free_name(joint, used_names) for joint in starts} | linkage.driven
         stopped = {d: x.joint for d, x in linkage.drivers.items()}
         copy = linkage.snapshot()
-        copy.links = {
-            name: link if name == FRAME else link.model_copy(update={"pose": _pose(poses[name])})
-            for name, link in linkage.links.items()
+        copy.links = linkage.links | {
+            name: linkage.links[name].model_copy(update={"pose": _pose(pose)})
+            for name, pose in poses.items()
+            if name != FRAME
         }
         copy.drivers = {
             names[joint]: linkage.drivers.get(names[joint]) or DriverGiven(joint=joint)
@@ -287,33 +282,20 @@ def home_chart(mechanism: Compiled, q: Floats) -> Chart:
     else:
         links = [link for link in s.links if link != s.frame_link]
         want = [f"{link}.{quantity}" for link in links for quantity in ("p", "angle")]
+        want += [f"{driver}.q" for driver in s.driven]
         at = dict(zip(mechanism.drivers, q.tolist(), strict=True))
         result = mechanism.run(at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
         poses = {
             x: (complex(result[f"{x}.p"][0]), cmath.rect(1.0, result[f"{x}.angle"][0]))
             for x in links
         } | {s.frame_link: (0j, 1 + 0j)}
-        as_links = SaidByLinks(cast("Graph", linkage).flat().to_data(), s, poses)
+        coordinates = {driver: float(result[f"{driver}.q"][0]) for driver in s.driven}
+        as_links = SaidByLinks(cast("Graph", linkage).flat().to_data(), s, poses, coordinates)
         linkage, names = Linkage.from_data(as_links.document()), as_links.names()
         joints = [as_links.joints[s.driven[d]] for d in mechanism.drivers]
     users = dict(zip(joints, mechanism.drivers, strict=True))
     home, names = _marked(linkage, cast("Names", names), s)
-    chart = Chart(mechanism, tuple(joints), home, users, names, mechanism._once(chart_cache))
-    return (
-        chart if isinstance(mechanism.document, Linkage) else replace(chart, zeros=_zeros(chart, q))
-    )
-
-
-def _zeros(chart: Chart, q: Floats) -> dict[str, float]:
-    """Those of `Chart.zeros` that are not zero, but for whole turns."""
-    poses, zeros = chart.poses(q), dict[str, float]()
-    for joint, x in zip(chart.joints, q.tolist(), strict=True):
-        pair = chart.layout.pairs[joint]
-        apart = x - coordinate(poses, pair)
-        zero = math.remainder(apart, math.tau) if pair.kind == "R" else apart
-        if abs(zero) > SETTLED:
-            zeros[joint] = zero
-    return zeros
+    return Chart(mechanism, tuple(joints), home, users, names, mechanism._once(chart_cache))
 
 
 def _marked(linkage: Linkage, names: Names, s: Structure) -> tuple[Linkage, Names]:

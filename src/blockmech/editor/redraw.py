@@ -29,7 +29,10 @@ def as_links(form: Record, motion: Motion) -> Form:
     """
     k, axis = motion.clearest, motion.axis
     poses = {link: (complex(o[k]), complex(axis[link][k])) for link, o in motion.origin.items()}
-    redrawn = SaidByLinks(form, motion.structure, poses)
+    drivers = motion.structure.driven
+    coordinates = motion.result._inside(*(f"{driver}.q" for driver in drivers))
+    at = {driver: float(coordinates[f"{driver}.q"][motion.samples[k]]) for driver in drivers}
+    redrawn = SaidByLinks(form, motion.structure, poses, at)
     form_of_links = redrawn.document()
     try:
         linkage = Linkage.from_data(form_of_links)

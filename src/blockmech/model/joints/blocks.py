@@ -1,25 +1,31 @@
 """Blocks said again as links and joints: the same links in the same poses, joined alike.
 
-Links keep the frames of their blocks, and a driven pair counts as its driver does.
+Links keep the frames of their blocks, and a driven pair counts as its driver does: a guide's place
+is where it counts from, and a pin that counts from another direction than its link's x axis has a
+datum, a link without mass that is welded to that link in this direction.
 """
 
 from __future__ import annotations
 
 import cmath
+import math
 from collections.abc import Iterator, Mapping
 
 from blockmech.ground.errors import refused
+from blockmech.ground.plane import EPS, dot
 from blockmech.ground.values import xy
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.scene import PER_DRIVER
-from blockmech.model.spots import guide_spots, marker_place, pin_spot
+from blockmech.model.spots import Spot, guide_spots, marker_place, pin_spot
 from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef, Structure
 from blockmech.typing import Data, Record
 
 Form = Data
 COUPLED = ("driver", "driven")
 OF_LINKS = ("mass", "inertia", "cm")
+ORIGIN = [0.0, 0.0]
+ROUNDED = 64 * EPS  # of a coordinate: what poses of some links one after the other are known to
 
 
 class SaidByLinks:
@@ -30,6 +36,8 @@ class SaidByLinks:
     links : link of the graph -> its name in the document, the fixed one among them
     joints : pair of the graph -> its name
     drivers : driver -> its name
+    zeros : driven pair -> [rad or m] by how much its driver counts more than the pair would, from
+        the x axes or places of its links; where it does
     """
 
     def __init__(
@@ -37,8 +45,15 @@ class SaidByLinks:
         form: Record,
         structure: Structure,
         poses: Mapping[LinkRef, tuple[complex, complex]],
+        at: Mapping[str, float],
     ) -> None:
-        """``poses`` : link -> its origin [m] and x axis [-], the fixed one among them."""
+        """Blocks in a pose.
+
+        Parameters
+        ----------
+        poses : link -> its origin [m] and x axis [-], the fixed one among them
+        at : driver -> its coordinate [rad or m] there
+        """
         self.form, self.s, self.poses = form, structure, poses
         several = {ref.block for ref in self.s.links if ref.link != ref.block}
         self.links = {
@@ -54,6 +69,8 @@ class SaidByLinks:
         }
         self.flipped = {ref for d, ref in self.s.driven.items() if self.s.coordinate(d).sign < 0}
         self.drivers = {driver: driver.replace(".", "_") for driver in self.s.driven}
+        zeros = {ref: self._zero(ref, at[driver]) for driver, ref in self.s.driven.items()}
+        self.zeros = {ref: zero for ref, zero in zeros.items() if zero}
 
     def document(self) -> Form:
         """The joint-based form. Raises `RequestError` for blocks that are neither."""
@@ -106,9 +123,26 @@ class SaidByLinks:
         ends = [self.s.earlier_link(ref), self.s.later_link(ref)]
         return ends[::-1] if ref in self.flipped else ends
 
-    def _on(self, link: LinkRef, z: complex) -> list[float]:
+    def _zero(self, ref: JointRef, q: float) -> float:
+        """By how much [rad or m] a driver's coordinate is more than its pair's; 0 by rounding."""
+        ends = self._ends(ref)
+        if self.s.joint(ref).rotary:
+            first, second = (self.poses[link][1] for link in ends)
+            zero = math.remainder(q - cmath.phase(second / first), math.tau)
+            return zero if abs(zero) > ROUNDED * (1 + abs(q)) else 0.0
+        point, guide, direction = guide_spots(self.s, ref)
+        at = {spot.link: self._in_world(spot) for spot in (guide, point)}
+        first, second = (at[link] for link in ends)
+        zero = q - dot(direction * self.poses[guide.link][1], second - first)
+        return zero if abs(zero) > ROUNDED * (abs(first) + abs(second)) else 0.0
+
+    def _in_world(self, spot: Spot) -> complex:
+        o, e = self.poses[spot.link]
+        return o + e * spot.at
+
+    def _on(self, link: LinkRef, z: complex) -> complex:
         o, e = self.poses[link]
-        return xy((z - o) / e)
+        return (z - o) / e
 
     def _links(self) -> Iterator[tuple[str, Form]]:
         used = {*self.joints.values()}
@@ -127,25 +161,38 @@ class SaidByLinks:
             pose = {} if name == FRAME else {"pose": [o.real, o.imag, cmath.phase(e)]}
             yield name, {**data, **pose, **({"markers": markers} if markers else {})}
 
+        for pair, zero in self.zeros.items():
+            if self.s.joint(pair).rotary:
+                o, e = self.poses[self._ends(pair)[0]]
+                yield self._datum(pair), {"pose": [o.real, o.imag, cmath.phase(e) - zero]}
+
+    def _datum(self, ref: JointRef) -> str:
+        """Name of the link from whose x axis a driven pin counts, welded to its first link."""
+        return f"{self.links[self._ends(ref)[0]]}_{self.joints[ref]}_datum"
+
     def _pairs(self) -> Iterator[tuple[str, Form]]:
         for ref in self.pairs:
-            both = self._ends(ref)
+            both, zero = self._ends(ref), self.zeros.get(ref, 0.0)
+            names = [self.links[x] for x in both]
             law = self.form["blocks"][ref.block].get("friction", {}).get(ref.name)
-            data: Form = {"type": self.s.joint(ref).kind, "links": [self.links[x] for x in both]}
-            if data["type"] == "R":
+            if self.s.joint(ref).rotary:
                 spot = pin_spot(self.s, ref)
                 if spot is None:
                     raise refused(str(ref), "no marker says where it is", "draw it anew")
-                o, e = self.poses[spot.link]
-                z = o + e * spot.at
-                data["at"] = [self._on(link, z) for link in both]
+                at = [self._on(link, self._in_world(spot)) for link in both]
+                if zero:
+                    weld: Form = {"type": "weld", "links": [names[0], self._datum(ref)]}
+                    yield self._datum(ref), {**weld, "at": [ORIGIN, ORIGIN], "angle": [-zero, 0.0]}
+                    names[0], at[0] = self._datum(ref), at[0] * cmath.rect(1.0, zero)
+                data: Form = {"type": "R", "links": names, "at": [*map(xy, at)]}
             else:
                 point, guide, direction = guide_spots(self.s, ref)
-                axis = direction * self.poses[guide.link][1]
-                points = {spot.link: xy(spot.at) for spot in (guide, point)}
-                data["at"] = [points[link] for link in both]
+                axis, slider = direction * self.poses[guide.link][1], both.index(point.link)
+                foot = guide.at + direction * (-zero if slider else zero)
+                points = {guide.link: foot, point.link: point.at}
+                data = {"type": "P", "links": names, "at": [xy(points[link]) for link in both]}
                 data["angle"] = [cmath.phase(axis / self.poses[link][1]) for link in both]
-                data["slider"] = both.index(point.link)
+                data["slider"] = slider
             yield self.joints[ref], {**data, **({"friction": law} if law else {})}
 
     def _said(self, name: str, prefix: str) -> Form:
