@@ -83,6 +83,9 @@ class Diagram:
         self._couplings: dict[str, str] = {}  # coupling -> its block
         self._signals: dict[str, str] = {}  # signal -> its block
         self._upstream: dict[str, dict[str, None]] = {}  # block -> drivers it depends on
+        self._carried = defaultdict[str, list[str]](list)  # carrier -> links on it, itself one
+        for link, weld in found.layout.welds.items():
+            self._carried[weld.link].append(link)
         # place on a link -> the markers there: direction, and whether it stands for a line
         self._marked = defaultdict[tuple[str, complex], list[_Marked]](list)
         self._taken: dict[str, set[str]] = {}  # block -> names of markers
@@ -97,14 +100,12 @@ class Diagram:
 
     def _seat(self, carrier: str, seat: LinkPlacement) -> None:
         """Place a link of the graph, and with it the links that are welded to it."""
-        for link, weld in self.found.layout.welds.items():
-            if weld.link == carrier:
-                self._seats[link] = weld.on(seat)
+        for link in self._carried[carrier]:
+            self._seats[link] = self.found.layout.welds[link].on(seat)
 
     def _mass(self, carrier: str) -> Data:
         """Mass properties of a link of the graph: of all that are welded to it."""
-        welds = self.found.layout.welds
-        links = [link for link in welds if welds[link].link == carrier]
+        links = self._carried[carrier]
         return _mass_of([(self.linkage.links[link], self._seats[link]) for link in links])
 
     def add(self, unit: Unit, draft: BlockDraft) -> None:
