@@ -85,7 +85,7 @@ def test_largest_driving_moment_of_designs(
 ) -> None:
     plan = mech.plan("crank.drive", friction=friction)
     q = np.linspace(0.0, 2 * np.pi, TURN, endpoint=False)
-    taken = make_samples(("crank",), mech.scene, q, None, None, 10.0, None)
+    taken = make_samples(mech._coordinate_units, mech.scene, q, rates=10.0)
     inputs = taken.given(plan.program.inputs)
     columns = [np.linspace(a, b, DESIGNS)[:, None] for a, b in ((5.6, 6.4), (1.0, 3.0))]
     values = plan.program.values(design(mech, *columns, 5.5, 0.4), mech.scene)
