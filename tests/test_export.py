@@ -465,15 +465,15 @@ def test_a_result_is_shown_in_other_units_and_keeps_its_numbers(turn):
     assert np.array_equal(converted["dyad.C.p"], turn["dyad.C.p"])
     assert converted.to_dict() == turn.to_dict()
     assert converted.plan is turn.plan
-    figure = converted.plot(names=["dyad.C.p", "crank.rate"])
+    figure = converted.plot(want=["dyad.C.p", "crank.rate"])
     assert [axes.get_ylabel() for axes in figure.axes] == ["p [mm]", "rate [rpm]"]
     with pytest.raises(bm.RequestError, match='no unit "furlong"'):
         turn.to("furlong")
 
 
 def test_vectors_are_drawn_by_size_or_by_components(turn):
-    sized = turn.plot(names=["dyad.D.reaction"])
-    parts = turn.plot(names=["dyad.D.reaction"], components=True)
+    sized = turn.plot(want=["dyad.D.reaction"])
+    parts = turn.plot(want=["dyad.D.reaction"], components=True)
     assert [axes.get_ylabel() for axes in (*sized.axes, *parts.axes)] == [
         *("|reaction| [kN]", "reaction [kN]")
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import pytest
 
 import blockmech as bm
@@ -82,8 +84,34 @@ def test_the_words_of_other_tools_are_known(word, valid, name):
 
 def test_a_length_is_not_taken_for_the_inertia_of_the_link():
     assert close_match("links.rod.length", ("links.rod.mass", "links.rod.inertia")) == ""
-    with pytest.raises(bm.RequestError, match="add_dimension"):
-        bm.read("graphs/joints/slider_crank.json").replace({"links.rod.length": 0.3})
+    for address in ("links.rod.length", "link.rod.length"):
+        with pytest.raises(bm.RequestError, match="add_dimension"):
+            bm.read("graphs/joints/slider_crank.json").replace({address: 0.3})
+
+
+def test_the_place_that_a_guide_lacks_is_not_taken_for_its_normal_force():
+    with pytest.raises(bm.RequestError) as caught:
+        bm.read("graphs/joints/slider_crank.json").run(want="joint.cylinder.p.y")
+    assert "did you mean" not in str(caught.value)
+
+
+def test_keys_of_a_model_are_those_of_python_in_python():
+    with pytest.raises(bm.GraphError) as caught:
+        bm.motion.Cycloidal(start=0.0, rise="90deg")
+    text = str(caught.value)
+    assert 'needs "end"' in text
+    assert 'needs "time"' in text
+    assert '"to"' not in text
+    with pytest.raises(bm.GraphError, match=r"Cycloidal\.end: end must be a number"):
+        bm.motion.Cycloidal(start=0.0, end=None, time=2.0)
+
+
+def test_a_model_says_how_it_is_changed():
+    crank = bm.Crank(length=0.05)
+    with pytest.raises(bm.GraphError) as caught:
+        crank.length = 0.06
+    assert '.model_copy(update={"length": 0.06})' in str(caught.value)
+    assert crank.model_copy(update={"length": 0.06}).length == 0.06
 
 
 @pytest.mark.parametrize(
@@ -100,6 +128,13 @@ def test_a_length_is_not_taken_for_the_inertia_of_the_link():
             "numpy.argmin",
         ),
         (lambda: bm.animate, "blockmech.draw.animate"),
+        (lambda: bm.shapes, "blockmech.design.shapes"),
+        (lambda: bm.Coulomb, "blockmech.friction.Coulomb"),
+        (lambda: bm.Linkage("empty").dof, "compile().structure.mobility"),
+        (lambda: MECHANISM.quick_return, "write stroke"),
+        (lambda: MECHANISM.run(at=0.5).reactions, '["crank.A.reaction"]'),
+        (lambda: MECHANISM.run(at=0.5).torque, '["crank.drive"]'),
+        (lambda: MECHANISM.run(at=0.5).save, "write to_csv"),
         (lambda: bm.load, "read"),
         (lambda: bm.Slider, "SlideDrive"),
     ],
@@ -108,6 +143,45 @@ def test_a_missing_attribute_says_what_has_it(lacks, hint):
     with pytest.raises(AttributeError) as caught:
         lacks()
     assert hint in str(caught.value)
+
+
+def test_what_a_missing_attribute_means_is_looked_up_where_the_message_is_read(monkeypatch):
+    monkeypatch.setattr("blockmech.ground.errors.elsewhere", lambda name, homes: 1 / 0)
+    assert not hasattr(MECHANISM, "torque")
+    with pytest.raises(AttributeError) as caught:
+        attrgetter("torque")(MECHANISM)
+    with pytest.raises(ZeroDivisionError):
+        str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "phrases"),
+    [
+        (lambda: MECHANISM.stroke(), ("arguments: source, name", "m.compile().stroke(")),
+        (lambda: MECHANISM.run(points=5), ('did you mean "samples"?', 'mech.run(at="30deg"')),
+        (lambda: MECHANISM.extremes("crank.q", over=(0, 1)), ("arguments: source, name",)),
+        (lambda: bm.Linkage("a").add_link("rod", com=(0, 1)), ('did you mean "cm"?', "m.add_link")),
+        (lambda: bm.Graph("a").add_stop("crank", upper=1.0), ('did you mean "high"?',)),
+        (
+            lambda: bm.Linkage("a").add_coupling("mesh", "gear", "left", "right"),
+            ("takes 3 positional", 'm.add_coupling("mesh", "gear", driver="motor"'),
+        ),
+    ],
+)
+def test_a_call_that_does_not_fit_is_answered_by_its_arguments_and_an_example(call, phrases):
+    with pytest.raises(TypeError) as caught:
+        call()
+    assert all(phrase in str(caught.value) for phrase in phrases), str(caught.value)
+
+
+def test_a_mistake_inside_of_a_call_keeps_its_own_message():
+    def follow(t, q):
+        raise TypeError("a mistake of the user's own")
+
+    with pytest.raises(TypeError, match=r"^a mistake of the user's own$"):
+        MECHANISM.study(
+            {"dyad.l_i": [6.0]}, want="max(crank.drive)", progress=lambda *_: follow(1, 2)
+        )
 
 
 def test_a_missing_argument_is_known_by_other_words():

@@ -129,6 +129,16 @@ def test_missing_output_is_a_key_error_that_helps():
         r["crank.drve"]
 
 
+def test_parts_of_a_vector_are_read_by_their_names():
+    run = ruiz().compile().run(at=[0.5, 1.0], want=["dyad.C.p", "crank.drive"])
+    np.testing.assert_array_equal(run["dyad.C.p.x"], run["dyad.C.p"].real)
+    np.testing.assert_array_equal(run["dyad.C.p.y"], run["dyad.C.p"].imag)
+    assert list(run) == ["dyad.C.p", "crank.drive"]
+    for name in ("crank.drive.x", "dyad.B.p.x", "dyad.C.p.z"):
+        with pytest.raises(NotComputedError, match="the run did not compute it"):
+            run[name]
+
+
 def test_one_sample_and_many_read_alike():
     mech = ruiz().compile()
     single, many = mech.run(at=1.0), mech.run(at=[1.0, 2.0])

@@ -104,6 +104,16 @@ def test_a_known_fourbar_is_found_again_from_its_timed_path():
     assert again[0].miss == designs[0].miss  # the same seed
 
 
+def test_positions_are_read_with_units():
+    by_texts = [("0 mm", 0, "0 deg"), ("1 m", "50 cm", "22.5 deg"), (1.6, 1.4, "1 rad")]
+    plain = [(0.0, 0.0, 0.0), (1.0, 0.5, np.pi / 8), (1.6, 1.4, 1.0)]
+    moving = [0.2 - 1.0j, 1.0 - 0.7j]
+    numbers = three_positions(plain, moving).graph.to_data()
+    assert three_positions(by_texts, moving).graph.to_data() == numbers
+    with pytest.raises(bm.RequestError, match='"1 kg" has another kind of unit'):
+        three_positions([*plain[:2], ("1 kg", 0, 0)], moving)
+
+
 def test_three_positions_are_met():
     positions = [(0.0, 0.0, 0.1), (1.0, 0.5, 0.5), (1.6, 1.4, 1.0)]
     for moving in ([0.2 - 1j, 1.0 - 0.7j], [0.0, 1.0], [0.5 - 2j, 2.0 - 1j]):

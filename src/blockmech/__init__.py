@@ -36,6 +36,7 @@ with uncollected():  # all that is made here is kept
     )
     from blockmech.builders import Graph, Linkage, read
     from blockmech.ground.errors import (
+        EVERYWHERE,
         AssemblyError,
         BlockmechError,
         FormatError,
@@ -155,7 +156,7 @@ if not TYPE_CHECKING:  # which tells of names that are not there by itself
             return getattr(import_module(_LATER[name]), name)
         message = f"module 'blockmech' has no attribute {name!r}"
         if not name.startswith("_"):
-            hint = elsewhere(name, {"blockmech.draw.{}": "blockmech.draw"})
+            hint = elsewhere(name, EVERYWHERE)
             message += hint or f". {close_match(name, __all__)}".rstrip(". ")
         raise AttributeError(message, name=name)
 

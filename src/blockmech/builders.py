@@ -41,6 +41,7 @@ class Uncompiled(Runnable["Mechanism"]):
     run = blockmech.compiled.Compiled.run
     _homes = {
         "compile().{}": "blockmech.mechanism.Mechanism",
+        "compile().structure.{}": "blockmech.model.structure.Structure",
         "run().{}": "blockmech.result.result.Result",
     }
 

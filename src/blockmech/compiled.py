@@ -19,6 +19,7 @@ from blockmech.blocks.modes import TwoModes
 from blockmech.engines.cost import account
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine, each_part
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, GraphError, Problem, as_names, listed, refused
 from blockmech.ground.garbage import uncollected
 from blockmech.ground.runnable import EVERYTHING, LazyMethod, Runnable
@@ -229,6 +230,7 @@ class Compiled(Runnable[M]):
         samples = make_samples(self._coordinate_units, self.scene, *request)
         return self._with_deflections(samples) if self.structure.remembering else samples
 
+    @declared
     def run(
         self: Runnable[M],
         at: Coordinates | None = None,

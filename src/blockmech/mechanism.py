@@ -77,7 +77,10 @@ class Mechanism(Compiled["Mechanism"]):
     trade = blockmech.analysis.trade.trade
     velocity_ratio = blockmech.analysis.instant_centres.velocity_ratio
     verify = blockmech.studies.verify.verify
-    _homes = {"run().{}": "blockmech.result.result.Result"}
+    _homes = {
+        "structure.{}": "blockmech.model.structure.Structure",
+        "run().{}": "blockmech.result.result.Result",
+    }
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, as it starts; else nothing."""

@@ -29,7 +29,8 @@ CALLS = {
         ("--json --deg", "JSON results are in SI units"),
         ("--json --csv x.csv", "only one of them"),
         ("--csv - --separator x", "separator"),
-        ("--frobnicate", "--frobnicate"),
+        ("--frobnicate", "--frobnicate. there are --at, --samples"),
+        ("--unit mm", '--unit. did you mean "--deg"?'),
         ("second.json", "second.json"),
     ],
     "simulate WATT": [
@@ -67,7 +68,11 @@ CALLS = {
         ("dyad.C.q", "[unknown-output] dyad.C.q"),
         ("*.nothing", "*.nothing"),
         ("crank.q --json --deg", "JSON results are in SI units"),
+        ("--want crank.q", "[OPTIONS] {FILE} {OUTPUT...}"),
     ],
+    "stroke RUIZ": [("", 'did you mean "extremes"?')],
+    "animate RUIZ": [("", 'did you mean "draw"?')],
+    "conjure RUIZ": [("", "there are run, simulate, check")],
     "outputs RUIZ": [("crank.torque", "[unknown-output] crank.torque"), ("--deg", "--deg")],
     "sweep RUIZ --want max_abs(crank.drive)": [
         ("--vary dyad.l_i", "it names no values"),

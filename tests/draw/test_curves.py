@@ -229,7 +229,7 @@ def test_a_plot_holds_all_pictures_of_a_run_or_what_was_wanted(tmp_path):
     for label in ("driving moment [kN m]", "friction power [W]", "reaction [kN]"):
         assert label in text
     some = ruiz().run(samples=37)
-    assert some.plot(names=["dyad.j.angle"]).axes[0].get_ylabel() == "angle [°]"
+    assert some.plot(want=["dyad.j.angle"]).axes[0].get_ylabel() == "angle [°]"
     assert plot(some, None, ["dyad.j.angle"], degrees=False).axes[0].get_ylabel() == "angle [rad]"
     with pytest.raises(bm.RequestError, match="unknown-suffix"):
         plot(ruiz().run(samples=3), tmp_path / "no.gif")

@@ -65,10 +65,28 @@ def test_steps_are_fixed_of_textbook_methods_alone():
 
 
 @pytest.mark.parametrize(
-    "start", [{"crank": (NAN, 0.0)}, {"crank": 0.3}, [0.3], {"crank": (1, 2, 3)}]
+    "start", [{"crank": (NAN, 0.0)}, {"crank": None}, [0.3], {"crank": (1, 2, 3)}]
 )
 def test_a_start_is_two_finite_numbers_for_each_driver(start):
     assert "[bad-request] start" in said(rod(), "time=1", start=start)
+
+
+@pytest.mark.parametrize("angle", [0.3, "0.3 rad", np.float64(0.3)])
+def test_a_coordinate_alone_starts_at_rest(angle):
+    alone = rod().simulate("time=0.2", start={"crank": angle}).motion
+    pair = rod().simulate("time=0.2", start={"crank": (0.3, 0.0)}).motion
+    assert (alone.q_end, alone.qd_end) == (pair.q_end, pair.qd_end)
+
+
+def test_what_is_no_start_or_no_goal_is_answered_in_the_names_of_the_mechanism():
+    pendulum = bm.Linkage("pendulum", gravity=(0.0, -9.81))
+    pendulum.add_link("arm", mass=1.0, cm=(0.5, 0.0))
+    pendulum.add_joint("O", "R", ["frame", "arm"], point=(0.0, 0.0))
+    pendulum.add_driver("swing", "O")
+    mechanism = pendulum.compile()
+    assert 'start={"swing": (0.0, 1.0)}' in said(mechanism, "time=1")
+    assert '{"swing": (0.0, 1.0)}' in said(mechanism, "time=1", start="rest")
+    assert 'write for example "time=3"' in said(mechanism, 3)
 
 
 def test_end_stops_are_two_numbers_for_each_driver():

@@ -50,6 +50,19 @@ def function(of, end):
 FORMS = pytest.mark.parametrize("form", [linear, function])
 
 
+def test_a_run_beyond_the_end_of_a_table_names_the_load():
+    wind = {"kind": "table", "of": "time", "arguments": [0.0, 1.0], "values": [0.0, 10.0]}
+    arm = bm.Linkage("arm")
+    arm.add_link("arm", mass=1.0, cm=(0.2, 0.0))
+    arm.add_joint("O", "R", ["frame", "arm"], point=(0.0, 0.0))
+    arm.add_driver("motor", "O", bm.motion.ConstantRate(rate=1.0))
+    arm.add_load("wind", "force", link="arm", at=(0.4, 0.0), direction=(1.0, 0.0), law=wind)
+    message = "wind has no value there; 8 of 10 samples"
+    with pytest.raises(bm.SingularError, match=message) as caught:
+        arm.run(samples=10)
+    assert caught.value.failure.samples[0] == 2  # at 1.4 s, of 0.7 s a sample
+
+
 def ended(law, method, start=START, until="time=1"):
     motion = rod(law, gravity=0.0).simulate(until, method=method, start=at_rest(start)).motion
     assert (motion.status, motion.end) == ("ended", "undefined load")

@@ -107,7 +107,7 @@ def test_what_is_no_number_or_no_mapping_is_refused():
     for value in (np.array([6.1]), [6.1], "6.1", None, True, 6 + 0j):
         with pytest.raises(bm.FormatError, match="l_i must be a number in m"):
             graph.replace({"dyad.l_i": value})
-    with pytest.raises(bm.RequestError, match="give a mapping"):
+    with pytest.raises(bm.RequestError, match="a mapping is meant"):
         graph.replace([("dyad.l_i", 6.1)])
 
 

@@ -18,6 +18,18 @@ def fourbar():
     return mechanism("ruiz_fourbar")
 
 
+def test_distributions_are_read_with_units(fourbar):
+    length = bm.dist.Normal("6 m", "0.1 mm")
+    assert (length.mean, length.deviation) == (6.0, 1e-4)
+    assert length == bm.dist.Normal(6.0, 1e-4)
+    assert bm.dist.Uniform("590 cm", 6.1) == bm.dist.Uniform(5.9, 6.1)
+    mass = bm.dist.Normal("6 kg", "1 g")
+    with pytest.raises(bm.RequestError, match=r'dyad\.l_i: "6 kg" has another kind of unit'):
+        fourbar.tolerance({"dyad.l_i": mass}, "crank.drive", at=0.5)
+    with pytest.raises(bm.RequestError, match="has another kind of unit"):
+        fourbar.study({"dyad.l_i": mass}, want="max(crank.drive)", sampling=bm.dist.Sample(4))
+
+
 def test_reductions_are_those_of_the_run(fourbar):
     want = {
         "crank.drive": ["min", "max", "max_abs", "range", "mean", "rms", f"at({TURN['crank'][3]})"],

@@ -17,6 +17,7 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turning_points import Turn, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
+from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, refused, shown
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.tolerances import ROUNDING
@@ -130,6 +131,7 @@ class Extremes(Facts, Report):
         return {"output": self.name, "unit": self.unit, **parts}
 
 
+@declared
 def extremes(
     source: Compiled | Result,
     name: str,

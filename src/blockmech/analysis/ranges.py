@@ -52,7 +52,7 @@ def _range_of(mechanism: Compiled, law: OverRange | None) -> tuple[float, float]
     rotary = mechanism.structure.driver_joint(driver).rotary
     low, high = (0.0, 0.0) if law is None else sorted((float(law.start), float(law.end)))
     if low == high and not rotary:
-        raise no_range(driver, 'give the driver a law of motion with "from" and "to"')
+        raise no_range(driver, 'give its law of motion a start and end, in a file "from" and "to"')
     constant = isinstance(law, ConstantRate)
     turn = low == high or (constant and abs(high - low - TURN) <= ROUNDING * TURN)
     if rotary and turn:

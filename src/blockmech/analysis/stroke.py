@@ -25,6 +25,7 @@ from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turning_points import Turn, Turns, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import fit, panels
+from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, with_unit
@@ -94,6 +95,7 @@ class Stroke(Facts, Report):
         return {"output": self.name, **super().to_dict()}
 
 
+@declared
 def stroke(
     source: Compiled | Result,
     name: str,

@@ -8,6 +8,7 @@ shown with its traceback and gives 3, Ctrl-C gives 130.
 from __future__ import annotations
 
 import os
+import re
 import sys
 import traceback
 import warnings
@@ -46,7 +47,7 @@ from blockmech.cli.terminal import (
 )
 from blockmech.cli.test import test
 from blockmech.cli.trade import trade
-from blockmech.ground.errors import BlockmechError, SampleError
+from blockmech.ground.errors import BlockmechError, SampleError, close_match, listed
 from blockmech.ground.files import sparing
 from blockmech.ground.units import UnitWarning
 
@@ -59,6 +60,9 @@ COMMANDS = (
 
 COMPLETING = "_BLOCKMECH_COMPLETE"
 """What a shell sets that asks how a line could go on: the words are not in the call then."""
+
+GUESSES = re.compile(r"\.? \(Possible|\.? Did you mean")
+"""Where a message of typer's begins to list words that are spelt alike, whatever they mean."""
 
 FAULTY = "This is a fault of blockmech: please report it with these lines."
 
@@ -116,15 +120,32 @@ def _run(arguments: list[str]) -> int:
             raise KeyboardInterrupt from None
         if not hasattr(error, "format_message"):
             raise
-        context = getattr(error, "ctx", None)
-        called = context.command_path if context else "blockmech"
-        message = " ".join(error.format_message().split())
         is_help = type(error).__name__ == "NoArgsIsHelpError"
-        note(error.format_message() if is_help else f"{called}: {message} (see {called} --help)")
+        note(error.format_message() if is_help else _misuse(error))
         return WRONG
     if code == INTERRUPTED:
         raise KeyboardInterrupt
     return code if isinstance(code, int) else DONE
+
+
+def _misuse(error: Any) -> str:
+    """What typer refuses, with the name that is nearest in the words of the trade."""
+    context: Any = getattr(error, "ctx", None)
+    called = context.command_path if context else "blockmech"
+    message = GUESSES.split(" ".join(error.format_message().split()))[0].rstrip(".")
+    usage = context.get_usage().removeprefix("Usage: ") if context else called
+    before, names = "", []
+    if hasattr(error, "option_name"):
+        before = "--"
+        options = (option for x in context.command.params for option in x.opts)
+        names = [option.removeprefix("--") for option in options if option.startswith("--")]
+    elif message.startswith("No such command"):
+        names = context.command.list_commands(context)
+    word = message.rpartition(" ")[2].strip("'-")
+    remedy = close_match(word, names).replace('"', f'"{before}', 1)
+    valid = f"there are {listed((before + x for x in names), len(names))}" if names else ""
+    sentences = filter(None, (message, remedy or valid, f"{usage}; see {called} --help"))
+    return f"{called}: {'. '.join(sentences)}".replace("?.", "?")
 
 
 def command(arguments: Sequence[str] | None = None) -> Any:

@@ -112,6 +112,7 @@ def draw(
 
     >>> figure = bm.draw.draw(mech, "pose.svg", at="30deg")
     """
+    otherwise = "leave kind= out" if kind else ""
     kind = kind or default_kind(path, at is not None or trace is not None)
     if kind not in KINDS:
         message, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
@@ -119,7 +120,8 @@ def draw(
     moving = kind == "animation"
     suffix = ""
     if path is not None:  # before anything is computed
-        suffix = suffix_of(path, f"a{'n' * moving} {kind}", MOVING if moving else STILL)
+        valid_suffixes, subject_name = MOVING if moving else STILL, f"a{'n' * moving} {kind}"
+        suffix = suffix_of(path, subject_name, valid_suffixes, otherwise)
     arguments = {"at": at, "trace": trace, "want": want, "degrees": degrees}
     requested = {"at": at is not None, "trace": trace is not None, "want": want != "*"}
     for name, is_requested in (requested | {"ax": moving and ax is not None}).items():

@@ -303,7 +303,8 @@ def goal_of(until: object, times: Floats | None) -> Until:
         return until.checked()
     if isinstance(until, str):
         return Until.parse(until)
-    raise refused("until", f"{until!r} is no stopping condition", 'write for example "time=2"')
+    goal = f"time={until}" if isinstance(until, float | int) else "time=2"
+    raise refused("until", f"{until!r} is no stopping condition", f'write for example "{goal}"')
 
 
 def starts_of(
@@ -336,8 +337,9 @@ def starts_of(
     unknown = [d for d in states if d not in drivers]
     if missing or unknown:
         fault = f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}"
+        example = START.replace("crank", next(iter(drivers)))
         remedy = (
-            f"give start={START}, --start on the command line, or put it in the scene by start()"
+            f"give start={example}, --start on the command line, or put it in the scene by start()"
         )
         valid = f"drivers: {listed(drivers)}"
         raise refused(scene.address("initial"), fault, remedy, valid, "no-start")
@@ -365,13 +367,19 @@ def refuse_no_inertia(mechanism: Source) -> None:
 def pairs_of(
     where: str, value: object, example: str, units: Mapping[str, str] = {}, per: str = ""
 ) -> dict[str, tuple[float, float]] | None:
-    """Two numbers for each driver, whose coordinate is in its unit: two, or one and its rate."""
+    """Two numbers for each driver, whose coordinate is in its unit: two, or one and its rate.
+
+    A coordinate alone is one at rest.
+    """
     if value is None:
         return None
+    for driver in list(units)[:1]:
+        example = example.replace("crank", driver)
     if not isinstance(value, Mapping):
         raise refused(where, f"{value!r} names no driver", PAIRS.format(pairs=example))
     pairs = {}
-    for driver, pair in value.items():
+    for driver, numbers in value.items():
+        pair = (numbers, 0.0) if per and isinstance(numbers, float | int | str) else numbers
         try:
             unit = units.get(driver, "")
             first, second = (

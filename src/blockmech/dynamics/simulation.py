@@ -24,7 +24,6 @@ from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion_outputs import (
     SimulationResult,
-    frictionless,
     states_along,
 )
 from blockmech.dynamics.request import (
@@ -46,6 +45,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed
 from blockmech.ground.progress import with_bar
 from blockmech.plan.settings import friction_asked
+from blockmech.result.failures import loads_without_value
 from blockmech.result.motion import Event, Motion, RolesFrom
 from blockmech.result.samples import Samples
 from blockmech.typing import (
@@ -62,7 +62,6 @@ from blockmech.typing import (
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-ACTIONS = (".couple", ".force")  # outputs of a load
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
 
 
@@ -97,7 +96,7 @@ def simulate(
         `FixedStep`
     accuracy : target [rad or m] of the driver coordinate at all times
     times : (n,) output times [s]; by default 201 over the whole run, and those of events
-    start : driver -> (q [rad or m], rate); by default the scene's ``initial``
+    start : driver -> (q [rad or m], rate), or q alone at rest; by default the scene's ``initial``
     stops : driver, or the coordinate of a pair such as ``"rod.S.coordinate"`` -> (lowest,
         highest) [rad or m]; by default the scene's
     watch : the user's events
@@ -260,28 +259,12 @@ def with_undefined_loads(mechanism: Compiled, motion: Motion) -> Motion:
 
 def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
     """Loads that have no value where the motion ended or just ahead, in a good pose."""
-    names = list(mechanism.structure.elements)
-    if not names:
-        return []
     q, rate, t = _states_beyond_end(motion)
     inputs: dict[str, Floats] = {}
     for name, x in (("q", q), ("qd", rate), ("qdd", 0 * q)):
         inputs |= {f"{name}_{i}": column for i, column in enumerate(x.T)}
-    load_outputs = {
-        name: [o for o in mechanism.outputs if o.startswith(f"{name}.") and o.endswith(ACTIONS)]
-        for name in names
-    }
-    every = [output for outputs in load_outputs.values() for output in outputs]
     inputs |= states_along(motion, np.full(len(t), motion.t_end))
-    result = frictionless(mechanism, every, Samples(len(t), inputs, t))
-    good = np.ones(len(t), bool)
-    for margin in result.quality.margin.values():
-        good &= np.broadcast_to(margin, t.shape) > 0
-
-    def silent(output: str) -> bool:
-        return bool(np.isnan(np.broadcast_to(result[output].T, t.shape)[good]).any())
-
-    return [name for name, outputs in load_outputs.items() if any(map(silent, outputs))]
+    return loads_without_value(mechanism, Samples(len(t), inputs, t))
 
 
 def _states_beyond_end(motion: Motion) -> tuple[Floats, Floats, Floats]:

@@ -34,6 +34,7 @@ from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
 from blockmech.dynamics.user_functions import refuse_memory
+from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, close_match, listed, refused
 from blockmech.ground.values import is_count, is_number
 from blockmech.model.structure import JointRef
@@ -227,6 +228,7 @@ class Stepper:
         }
 
 
+@declared
 def stepper(
     mechanism: Compiled,
     want: Iterable[str] | str = ("*.q", "*.rate"),
@@ -245,7 +247,7 @@ def stepper(
     ----------
     want : names or patterns of the outputs that a step gives
     copies : number of copies, each with a state of its own
-    start : driver -> (q [rad or m], rate); by default the scene's ``initial``
+    start : driver -> (q [rad or m], rate), or q alone at rest; by default the scene's ``initial``
     stops : driver, or coordinate of a pair -> (lowest, highest) [rad or m]; by default the scene's
     roles : of drivers that are not free, as `simulate` takes them
     friction : of the joints: "none", "single", "successive" or "newton" (default)

@@ -217,4 +217,4 @@ def writer_for(path: Path, to: str | None) -> Writer:
         return writer
     suffixes = ", ".join(f"{WRITERS[n].suffixes[0]} ({n})" for n in WRITERS)
     message = f'no format has the suffix "{suffix}"' if suffix else "the name has no suffix"
-    raise refused(str(path), message, "name the format with --to", f"suffixes: {suffixes}")
+    raise refused(str(path), message, 'name the format, e.g. to="csv"', f"suffixes: {suffixes}")

@@ -128,7 +128,7 @@ def kinematic_panels(result: Result, degrees: bool = False) -> Panels:
 def plot(
     result: Result,
     path: AnyPath | None = None,
-    names: Iterable[str] | None = None,
+    want: Iterable[str] | str | None = None,
     *,
     over: Axis = "auto",
     degrees: bool = IN_DEGREES,
@@ -140,7 +140,7 @@ def plot(
     Parameters
     ----------
     path : .png, .svg or .pdf file; by default none is written
-    names : outputs; by default all that the run wanted, or, if it wanted everything,
+    want : outputs; by default all that the run wanted, or, if it wanted everything,
         those of `blockmech.draw.run_pictures`
     over : driver coordinate or time; "auto" takes what the samples were named by
     degrees : angles and driver coordinates in degrees
@@ -150,14 +150,14 @@ def plot(
     Returns matplotlib's figure. Raises `RequestError` for an unknown suffix or name, or too many
     curves.
 
-    >>> figure = bm.draw.plot(result, names=["crank.drive"])
+    >>> figure = bm.draw.plot(result, want=["crank.drive"])
     """
-    suffix = "" if path is None else suffix_of(path, "a plot", STILL)
+    suffix = "" if path is None else suffix_of(path, "a plot", STILL, "name outputs with want=")
     x_axis = abscissa(result, over, degrees)
-    if names is None and not components and len(result) == len(result.mechanism.outputs):
+    if want is None and not components and len(result) == len(result.mechanism.outputs):
         panels = tuple(p for group in pictures_of(result, degrees).values() for p in group)
     else:
-        outputs = result if names is None else as_names("names", names)
+        outputs = result if want is None else as_names("want", want)
         panels = chosen_panels(result, outputs, degrees, components)
     figure = draw_panels(panels, x_axis, ax)
     if path is not None:

@@ -255,13 +255,19 @@ def write_figure(figure: Figure, path: AnyPath, suffix: str = ".png") -> Path:
     return Path(path)
 
 
-def suffix_of(path: AnyPath, subject: str = "a plot", valid: Sequence[str] = STILL) -> str:
-    """The suffix of a picture's file; raises `RequestError` for one that is not valid."""
+def suffix_of(
+    path: AnyPath, subject: str = "a plot", valid: Sequence[str] = STILL, otherwise: str = ""
+) -> str:
+    """The suffix of a picture's file; raises `RequestError` for one that is not valid.
+
+    ``otherwise`` says what to do where the suffix is not what is wrong.
+    """
     suffix = Path(path).suffix.lower()
     if suffix not in valid:
         message = (
             f'{subject} cannot be written as "{suffix}"' if suffix else "the name has no suffix"
         )
         choices = f"suffixes for {subject}: {listed(valid)}"
-        raise refused(str(path), message, "choose one of them", choices, "unknown-suffix")
+        remedy = f"choose one of them{otherwise and ', or '}{otherwise}"
+        raise refused(str(path), message, remedy, choices, "unknown-suffix")
     return suffix

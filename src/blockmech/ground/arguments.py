@@ -15,12 +15,14 @@ import inspect
 import os
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import chain, islice, repeat
 from numbers import Integral, Real
+from traceback import walk_tb
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
-from blockmech.ground.errors import Problem, RequestError, close_match
+from blockmech.ground.errors import Problem, RequestError, close_match, listed
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -34,39 +36,61 @@ WORDS: Mapping[Any, str] = {
     dict: "a mapping",
 }
 """What an argument of a type is called. A class of our own says it itself, as ``called``."""
+IN_ORDER = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.VAR_POSITIONAL
 
 
 def declared(function: F) -> F:
-    """Refuse arguments that are not of the types in the signature, before anything is done.
+    """Refuse a call that does not fit the signature, before anything is done.
 
-    The call then raises `RequestError` with one problem for each of them. A given thing of
-    ours says what to do with it, as ``instead``.
+    Arguments of other types raise `RequestError` with one problem for each of them; a thing of
+    ours says what to do with it, as ``instead``. Missing and unknown arguments raise `TypeError`,
+    with the arguments that there are and a call from the examples.
     """
-    signature = functools.cache(lambda: inspect.signature(function))
-    hint = functools.cache(lambda name: _hint(signature().parameters[name].annotation, function))
-
-    def several(name: str, value: Any) -> Any:
-        kind = signature().parameters[name].kind
-        return {"VAR_POSITIONAL": value, "VAR_KEYWORD": ()}.get(kind.name, (value,))
+    signature = functools.cache(lambda: inspect.signature(function).parameters)
+    positional = functools.cache(lambda: _positional(signature().values()))
+    hint = functools.cache(lambda name: _hint(signature(), name, function))
+    fitting: set[tuple[object, ...]] = set()  # types of calls that fit
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
+        types_of_call = (*map(type, args), *kwargs, *map(type, kwargs.values()))
+        if types_of_call not in fitting:
+            names, rest = positional()
+            pairs = [*zip(chain(names, repeat(rest)), args, strict=False), *kwargs.items()]
+            if wrong := [
+                _problem(name, x, hint(name)) for name, x in pairs if not _matches(x, hint(name))
+            ]:
+                raise RequestError(wrong)
+            if not any(hasattr(x, "ndim") for _, x in pairs):  # the shape of an array counts, too
+                fitting.add(types_of_call)
         try:
-            arguments = signature().bind(*args, **kwargs).arguments
-        except TypeError as error:  # Python says itself what is missing or too much
-            names = signature().parameters
-            hints = filter(None, (close_match(x, names) for x in kwargs if x not in names))
-            if remedy := next(hints, ""):
-                raise TypeError(f"{function.__name__}(): {error}. {remedy}") from None
             return function(*args, **kwargs)
-        pairs = ((name, x) for name, value in arguments.items() for x in several(name, value))
-        if wrong := [
-            _problem(name, x, hint(name)) for name, x in pairs if not _matches(x, hint(name))
-        ]:
-            raise RequestError(wrong)
-        return function(*args, **kwargs)
+        except TypeError as error:
+            began = inspect.unwrap(function).__code__
+            if any(frame.f_code is began for frame, _ in walk_tb(error.__traceback__)):
+                raise
+            raise TypeError(_misfit(error, function, signature(), kwargs)) from None
 
     return cast(F, call)
+
+
+def _positional(parameters: Iterable[inspect.Parameter]) -> tuple[tuple[str, ...], str]:
+    """Names of the parameters that take arguments by their order, and of that for the rest."""
+    names = {kind: [p.name for p in parameters if p.kind is kind] for kind in IN_ORDER}
+    return tuple(names[IN_ORDER[0]]), next(iter(names[IN_ORDER[1]]), "")
+
+
+def _misfit(
+    error: TypeError, function: Callable[..., object], names: Iterable[str], kwargs: Iterable[str]
+) -> str:
+    """What Python says of a call that does not fit, and how the function is called."""
+    names = [name for name in names if name != "self"]
+    sentences = [str(error), *(close_match(x, names) for x in kwargs if x not in names)]
+    sentences.append(f"arguments: {listed(names, 16)}")
+    lines = map(str.strip, (function.__doc__ or "").splitlines())
+    examples = (x for x in lines if x.startswith(">>> ") and f"{function.__name__}(" in x)
+    sentences += [f"e.g. {example.removeprefix('>>> ')}" for example in islice(examples, 1)]
+    return ". ".join(filter(None, sentences)).replace("?.", "?")
 
 
 def _problem(name: str, value: object, hint: Any) -> Problem:
@@ -76,8 +100,11 @@ def _problem(name: str, value: object, hint: Any) -> Problem:
     return Problem("wrong-type", name, message, valid, getattr(value, "_instead", ""))
 
 
-def _hint(annotation: object, function: Callable[..., object]) -> Any:
-    """The type that an annotation stands for; any where it is only known to type checkers."""
+def _hint(
+    parameters: Mapping[str, inspect.Parameter], name: str, function: Callable[..., object]
+) -> Any:
+    """The type of an argument; any where it is only known to type checkers."""
+    annotation = parameters[name].annotation if name in parameters else Any
     if not isinstance(annotation, str):
         return Any
     try:

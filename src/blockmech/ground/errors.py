@@ -272,21 +272,34 @@ SYNONYMS = {
         ("y", ("values",)),
         ("direction", ("dir",)),
         ("efficiency", ("friction_efficiency",)),
-        ("want outputs", ("names",)),
+        ("names outputs", ("want",)),
+        ("points n count", ("samples",)),
+        ("reactions forces", ("reaction",)),
+        ("upper", ("high",)),
+        ("dof degrees_of_freedom", ("mobility",)),
+        ("quick_return time_ratio", ("stroke",)),
+        ("transmission_angle", ("extremes",)),
+        ("add_marker", ("add_link",)),
+        ("add_friction", ("add_joint",)),
         ("revolute pin hinge rotational", ("R",)),
         ("prismatic slider translational", ("P",)),
         ("fixed rigid", ("weld",)),
         ("ground base world", ("frame",)),
         ("gas pressure", ("thrust",)),
         ("damper", ("spring",)),
-        ("film movie gif animation", ("animate",)),
-        ("plot show picture", ("plot", "draw")),
+        ("film movie gif animation", ("animate", "draw")),
+        ("animate", ("draw",)),
+        ("stroke", ("extremes",)),
+        ("info show_info describe mobility", ("check",)),
+        ("unit units to degrees", ("deg",)),
+        ("plot show picture plot_mechanism", ("plot", "draw")),
         ("max min maximum minimum range", ("extremes",)),
         ("dead_centres dead_centers grashof", ("limits",)),
         ("frequencies natural_frequencies", ("linearize", "equilibria")),
         ("optimize optimise minimize", ("objective", "study")),
         ("best", ("argmin",)),
-        ("export save to_dxf to_excel", ("write",)),
+        ("export save to_dxf to_excel", ("write", "to_csv")),
+        ("to_numpy to_array", ("to_npz",)),
         ("to_pandas df", ("to_dataframe",)),
         ("load open", ("read",)),
         ("dyad", ("RRR",)),
@@ -334,24 +347,44 @@ def elsewhere(name: str, homes: Mapping[str, object]) -> str:
     modules = {x: resolve_name(at) if isinstance(at, str) else at for x, at in homes.items()}
     synonyms = dict.fromkeys((name, *SYNONYMS.get(name.lower(), ())))
     phrases = [x.format(word) for word in synonyms for x, at in modules.items() if word in dir(at)]
+    phrases.sort(key=lambda phrase: "." in phrase)  # those of the object itself first
     return f": write {' or '.join(phrases[:2])}" if phrases else ""
 
 
-EVERYWHERE = {"blockmech.draw.{}": "blockmech.draw", "blockmech.{}": "blockmech"}
+NAMESPACES = "draw", "design", "dist", "friction", "laws", "motion", "signals", "synthesis"
+EVERYWHERE = {f"blockmech.{x}.{{}}": f"blockmech.{x}" for x in NAMESPACES}
+
+
+class MissingAttributeError(AttributeError):
+    """What has the name that a `Guided` object lacks, looked up when somebody reads it."""
+
+    def __init__(self, owner: Guided, attribute: str) -> None:
+        super().__init__(name=attribute, obj=owner)
+        self.owner, self.attribute = owner, attribute
+
+    def __str__(self) -> str:
+        owner, name = self.owner, self.attribute
+        message = f"{type(owner).__name__!r} object has no attribute {name!r}"
+        if name.startswith("_"):
+            return message
+        homes = {"{}": type(owner), **owner._homes, **EVERYWHERE, "blockmech.{}": "blockmech"}
+        entries = list(owner) if isinstance(owner, Mapping) else []
+        entry = next((f': write ["{x}"]' for x in _matches(name, entries)), "")
+        return message + (elsewhere(name, homes) or entry)
 
 
 class Guided:
-    """A class that says, where an attribute is missing, what has it: phrase -> path of that."""
+    """A class that says, where an attribute is missing, what has it: phrase -> path of that.
+
+    Of a mapping it may be an entry.
+    """
 
     _homes: ClassVar[Mapping[str, str]] = {}
 
     if not TYPE_CHECKING:  # which tells of names that are not there by itself
 
         def __getattr__(self, name: str) -> Any:
-            message = f"{type(self).__name__!r} object has no attribute {name!r}"
-            if not name.startswith("_"):
-                message += elsewhere(name, {"{}": type(self), **self._homes, **EVERYWHERE})
-            raise AttributeError(message, name=name, obj=self)
+            raise MissingAttributeError(self, name)
 
 
 def listed(items: Iterable[str], limit: int = 12) -> str:

@@ -90,16 +90,21 @@ def _problems(
     by_alias: bool = True,
 ) -> list[Problem]:
     schema = model.model_json_schema(by_alias, schema_generator=InWrittenOrder)
+    fields = {} if by_alias else {x.alias: name for name, x in model.model_fields.items()}
     problems = []
     for line in error.errors(include_url=False)[: MOST + 1]:
-        problems.append(_problem(_Place(schema, raw, _path_in(raw, line), owner, at), line))
+        path = _path_in(raw, line, fields)
+        problems.append(_problem(_Place(schema, raw, path, owner, at), line))
     return list(_united(problems))
 
 
-def _path_in(raw: Any, line: ErrorDetails) -> list[str | int]:
-    """Pydantic's location without what is not in the data: tags of unions and the like."""
+def _path_in(raw: Any, line: ErrorDetails, fields: Mapping[Any, str]) -> list[str | int]:
+    """Pydantic's location without what is not in the data: tags of unions and the like.
+
+    ``fields`` is key in a file -> field, of a model made in Python.
+    """
     path: list[str | int] = []
-    for k, part in enumerate(line["loc"], start=1):
+    for k, part in enumerate((fields.get(x, x) for x in line["loc"]), start=1):
         is_key = isinstance(raw, dict) and part in raw
         is_index = isinstance(raw, list) and isinstance(part, int) and part < len(raw)
         if is_key or is_index or (line["type"] == "missing" and k == len(line["loc"])):

@@ -323,7 +323,7 @@ class StrictModel(BaseModel):
 
     kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
     plain_kind: ClassVar[str] = ""  # the kind of data without that key
-    remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
+    remade: ClassVar[str] = ""  # what to do instead of setting a field, if not copying the model
     spoken: ClassVar[bool] = False  # whether any model was made with numbers as texts
     refers: ClassVar[tuple[str, ...]] = ()  # fields that name, or are keyed by, drivers or markers
 
@@ -348,11 +348,11 @@ class StrictModel(BaseModel):
             try:
                 super().__setattr__(name, value)
             except ValidationError:
-                where, message = (
-                    f"{type(self).__name__}.{name}",
-                    "it does not change once it is made",
-                )
-                raise GraphError(Problem("frozen", where, message, "", self.remade)) from None
+                where, message = f"{type(self).__name__}.{name}", "a model does not change"
+                remedy = f'put in its place its .model_copy(update={{"{name}": {shown(value)}}})'
+                raise GraphError(
+                    Problem("frozen", where, message, "", self.remade or remedy)
+                ) from None
 
     @model_validator(mode="wrap")
     @classmethod

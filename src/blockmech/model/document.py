@@ -152,6 +152,7 @@ class Document:
 
     # -- free motions -----------------------------------------------------
 
+    @declared
     def start(self, driver: str, q: Quantity = 0.0, rate: Quantity = 0.0) -> None:
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s].
 
@@ -161,6 +162,7 @@ class Document:
         """
         self._give("initial", driver, Initial(q=q, rate=rate))
 
+    @declared
     def add_stop(
         self,
         driver: str,
@@ -184,6 +186,7 @@ class Document:
         keys: Data = {"from": low, "to": high, "restitution": restitution}
         self._give("stops", driver, Stops(**keys))
 
+    @declared
     def prescribe(self, driver: str) -> None:
         """Let a driver follow its law of motion in motions of the others.
 
@@ -193,6 +196,7 @@ class Document:
         """
         self._give("motion", driver, "prescribed")
 
+    @declared
     def lock(self, driver: str, q: Quantity | None = None) -> None:
         """Lock a driver in motions of the others: at q [rad or m], or where it starts.
 
@@ -208,6 +212,7 @@ class Document:
 
     # -- designs ----------------------------------------------------------
 
+    @declared
     def replace(self, values: Mapping[str, float]) -> Self:
         """The same mechanism with other numbers, checked like a file.
 

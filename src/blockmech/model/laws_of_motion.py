@@ -203,9 +203,9 @@ class Harmonic(LawOfMotion):
 
 
 class Cycloidal(LawOfMotion):
-    """A rise from ``from`` to ``to`` [rad or m] without jerk at its ends, then a dwell.
+    """A rise from ``start`` to ``end`` [rad or m] without jerk at its ends, then a dwell.
 
-    ``duration`` [s] is that of the rise.
+    ``time`` [s] is that of the rise; in a file the keys are "from", "to" and "duration".
 
     >>> bm.motion.Cycloidal(start=0.0, end=1.0, time=2.0).at_times(np.array([1.0]))[0]
     array([0.5])

@@ -19,7 +19,6 @@ from blockmech.ground.errors import (
     close_match,
     listed,
     path_text,
-    refused,
 )
 from blockmech.ground.plane import apply
 from blockmech.ground.texts import unit_of
@@ -192,8 +191,6 @@ def named(numbers: Mapping[str, Parameter], requested: Mapping[str, T]) -> dict[
 
     Raises `RequestError` for addresses of nothing, all at once.
     """
-    if not isinstance(requested, Mapping):
-        raise refused("numbers", f"got {requested!r:.60}", 'give a mapping, e.g. {"dyad.l_i": 6.1}')
     as_written: dict[str, Parameter] = {}
     if not numbers.keys() >= requested.keys():
         for p in numbers.values():
@@ -231,7 +228,8 @@ def _unknown(address: object, numbers: Mapping[str, Parameter]) -> Problem:
     neighbours = [a for a in numbers if a.split(".")[0] == head]
     valid = f"addresses there: {listed(neighbours or numbers, 16)}"
     remedy = close_match(str(address), list(numbers))
-    if not remedy and any(a.startswith("joints.") for a in numbers):
+    is_length = str(address).endswith(".length") and any(a.startswith("joints.") for a in numbers)
+    if is_length and "dimensions" not in remedy:
         remedy = 'a length between pins is a number by add_dimension("rod", "length", ["A", "B"])'
     return Problem("unknown-parameter", str(address), message, valid, remedy)
 

@@ -97,10 +97,9 @@ def unknown_output(pattern: str, names: Iterable[str], candidates: Iterable[str]
     """No output has that name; there are those of the same block, link or joint, or all."""
     head, every = pattern.split(".")[0] + ".", list(names)
     siblings = [n for n in every if n.startswith(head)] or every
-    valid, remedy = (
-        f"outputs there: {listed(siblings, 16)}",
-        close_match(pattern, candidates or siblings),
-    )
+    valid = f"outputs there: {listed(siblings, 16)}"
+    vector = pattern.removesuffix(".x").removesuffix(".y")
+    remedy = close_match(vector, candidates or siblings)
     return Problem("unknown-output", pattern, "no output has that name", valid, remedy)
 
 

@@ -33,8 +33,10 @@ from blockmech.result.quality import (
     UNDEFINED,
 )
 from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 from blockmech.result.shortfall import shortfall
 
+ACTIONS = (".couple", ".force")  # outputs of a load
 MOST_GROUPS = 8  # whose limits take a few milliseconds
 
 
@@ -115,10 +117,11 @@ def _what(
         reach = f" (solvable up to {limit:.4g} times the friction)" if limit else ""
         return FrictionError, status, f"no solution is connected with zero friction{reach}"
     if status != NO_ASSEMBLY:
+        silent = loads_without_value(result.mechanism, result.samples.at(np.array([first])))
         lost = {
             CHANGE_POINT: "its two modes meet there, rates and reactions are limits of 0/0",
             DEAD_CENTRE: "rates and reactions do not exist there",
-            UNDEFINED: "a wanted value is not defined there",
+            UNDEFINED: f"{listed(silent) or 'a wanted output'} has no value there",
         }[status]
         if block and result.mechanism.structure.blocks[block].kind == "PRP":
             lost = "its guides are parallel, so no pose, rate or reaction exists there"
@@ -130,6 +133,26 @@ def _what(
         why = shortfall(result.mechanism, block, coordinates, margin)
     reached = _came_as_far(result.mechanism, block, drivers) if margin < 0 else ""
     return AssemblyError, status, f"the group cannot close, {why}{reached}"
+
+
+def loads_without_value(mechanism: Any, samples: Samples) -> list[str]:
+    """Loads that have no value at samples in a good pose: beyond the end of a table, say."""
+    load_outputs = {
+        name: [o for o in mechanism.outputs if o.startswith(f"{name}.") and o.endswith(ACTIONS)]
+        for name in mechanism.structure.elements
+    }
+    every = [output for outputs in load_outputs.values() for output in outputs]
+    if not every:
+        return []
+    result = mechanism._answer(samples, every, {"friction": "none", "static": False})
+    good = np.ones(samples.n, bool)
+    for margin in result.quality.margin.values():
+        good &= np.broadcast_to(margin, good.shape) > 0
+
+    def silent(output: str) -> bool:
+        return bool(np.isnan(np.broadcast_to(result[output].T, good.shape)[good]).any())
+
+    return [name for name, outputs in load_outputs.items() if any(map(silent, outputs))]
 
 
 def _came_as_far(mechanism: Any, block: str, drivers: Mapping[str, float]) -> str:

@@ -50,8 +50,9 @@ FREE = Undefined("in a free motion the drives give nothing")  # their effort the
 class Result(Exported, Generic[M]):
     """Outputs of a run by name.
 
-    ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors,
-    float else, (n, drivers, drivers) for matrices, a float for one number a run.
+    ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors, whose parts are
+    ``result["dyad.B.reaction.x"]`` and ``.y``, float else, (n, drivers, drivers) for matrices,
+    a float for one number a run.
     Samples without an answer are NaN; ``result.quality`` says why.
 
     It can be pickled, for other processes or a cache of the same version of blockmech; to
@@ -224,11 +225,12 @@ class Result(Exported, Generic[M]):
 
     @np.errstate(all="ignore")  # what is not finite is reported by the quality
     def _make(self, name: str) -> Any:
-        if name not in self:
+        source = name if name in self else str(name).rpartition(".")[0]  # of a vector's x or y
+        if source not in self or name not in self._compiled.outputs:
             known = dict.fromkeys(self.plan.want)
             held(known, name, "the run did not compute it", "computed", "name it in want=")
         output = self.output(name)
-        columns = [self._column(i) for i in self.plan.layout[name]]
+        columns = [self._column(i) for i in self.plan.layout[source]]
         if self.motion is not None and name in BY_DRIVES:
             return FREE if output.kind == "number" else np.full(self.n, np.nan)
         if output.kind == "number":
@@ -351,6 +353,7 @@ class Result(Exported, Generic[M]):
         """Unit of a driver coordinate ``"crank.q"``."""
         return self.output(name).unit
 
+    @declared
     def isel(self, index: int | slice | NDArray[np.intp]) -> Self:
         """The samples of these indices, as xarray has it: ``isel(slice(0, 10))`` the first ten.
 

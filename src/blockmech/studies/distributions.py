@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
 from blockmech.ground.errors import refused
+from blockmech.ground.units import NoQuantity, in_si
 from blockmech.ground.values import is_number
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Quantity
 
 __all__ = ["Normal", "Sample", "Uniform"]
 __dir__ = __all__.copy  # completion shows these alone
@@ -27,15 +28,19 @@ class Normal:
 
     Raises `RequestError` for numbers that are none.
 
-    >>> Normal(6.0, 1e-4).deviation
+    >>> Normal("6 m", "0.1 mm").deviation
     0.0001
     """
 
     mean: float
     deviation: float
 
+    if TYPE_CHECKING:
+
+        def __init__(self, mean: Quantity, deviation: Quantity) -> None: ...
+
     def __post_init__(self) -> None:
-        mean, deviation = self.mean, self.deviation
+        mean, deviation = _numbers_of(self)
         if not (is_number(mean) and is_number(deviation) and deviation > 0):
             found, remedy = f"({mean!r}, {deviation!r})", "give the mean and a deviation > 0"
             raise refused("Normal", found, remedy)
@@ -49,7 +54,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class Uniform:
-    """Uniform distribution of a number between two values, in its unit.
+    """Uniform distribution of a number between two values, in its unit or as texts with one.
 
     Raises `RequestError` for numbers that are none.
 
@@ -60,8 +65,12 @@ class Uniform:
     low: float
     high: float
 
+    if TYPE_CHECKING:
+
+        def __init__(self, low: Quantity, high: Quantity) -> None: ...
+
     def __post_init__(self) -> None:
-        low, high = self.low, self.high
+        low, high = _numbers_of(self)
         if not (is_number(low) and is_number(high) and low < high):
             remedy = "give the lowest and the highest value"
             raise refused("Uniform", f"({low!r}, {high!r})", remedy)
@@ -83,6 +92,18 @@ class Uniform:
 
 Distribution: TypeAlias = Normal | Uniform
 """How a number scatters."""
+
+
+def _numbers_of(law: Distribution) -> tuple[float, float]:
+    """Both numbers in SI; ``texts`` stay, as it is an address that knows which unit fits."""
+    stated = dict(vars(law))
+    try:
+        first, second = in_si(list(stated.values()))
+    except NoQuantity as error:
+        raise refused(type(law).__name__, error.found, "", error.valid) from None
+    texts = [x for x in stated.values() if isinstance(x, str)]
+    vars(law).update(zip(stated, (first, second), strict=True), texts=texts)
+    return first, second
 
 
 @dataclass(frozen=True)

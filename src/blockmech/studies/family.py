@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.ground.errors import FormatError, GraphError, Problem
+from blockmech.ground.errors import FormatError, GraphError, Problem, refused
+from blockmech.ground.units import NoQuantity, in_si
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter, Path, named, parameters_of
@@ -35,7 +36,24 @@ from blockmech.studies.variation import (
     of_links,
     planned_aside,
 )
-from blockmech.typing import FrictionMethod
+from blockmech.typing import Data, FrictionMethod
+
+
+def in_si_by_address(mechanism: Compiled, values: Mapping[str, Any], argument: str) -> Data:
+    """Address -> values in SI in place of texts with a unit, which must be one of the number's.
+
+    Raises `RequestError` for addresses of nothing and other units.
+    """
+    rows = {a: [x] if isinstance(x, str) else x for a, x in values.items()}
+    texts = {a: getattr(x, "texts", x) for a, x in rows.items()}
+    texts = {a: x for a, x in texts.items() if type(x) in (list, tuple) and str in map(type, x)}
+    try:
+        for p, address in named(parameters(mechanism), {a: a for a in texts}).items():
+            row = in_si(texts[address], p.unit)
+            rows[address] = rows[address] if hasattr(rows[address], "texts") else row
+    except NoQuantity as error:
+        raise refused(f"{argument}.{address}", error.found, "", error.valid) from None
+    return rows
 
 
 class Parameters(dict[str, Parameter]):

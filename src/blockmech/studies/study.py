@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING, Literal
 
 from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import needed, refused
+from blockmech.ground.errors import needed
 from blockmech.ground.files import AnyPath
 from blockmech.ground.progress import with_bar
-from blockmech.ground.units import NoQuantity, in_si
-from blockmech.model.parameters import named
 from blockmech.studies.distributions import Distribution, Sample
-from blockmech.studies.family import Family, parameters
+from blockmech.studies.family import Family, in_si_by_address
 from blockmech.studies.fingerprint import fingerprint
 from blockmech.studies.motions import runner_of
 from blockmech.studies.rows import WITHOUT, Parts, Rows, Span
@@ -29,12 +27,10 @@ from blockmech.studies.workers import Work, hands
 from blockmech.typing import (
     Arguments,
     Coordinates,
-    Data,
     EngineName,
     FrictionMethod,
     Numbers,
     Progress,
-    Record,
 )
 
 if TYPE_CHECKING:
@@ -113,7 +109,7 @@ def study(
     6.1           10150.1                 ok
     """
     how = {"friction": friction, "static": static}
-    vary = _in_si(mechanism, vary) if isinstance(vary, Mapping) else vary
+    vary = in_si_by_address(mechanism, vary, "vary")
     chosen = designs(vary, sampling)
     family = Family(mechanism, vary, friction)
     poses = {"at": at, "samples": samples, "times": times}
@@ -131,18 +127,6 @@ def study(
         runner.engine,
         runner,
     )
-
-
-def _in_si(mechanism: Compiled, vary: Record) -> Data:
-    """What varies, with numbers in SI in place of texts with a unit."""
-    rows = {a: [x] if isinstance(x, str) else x for a, x in vary.items()}
-    texts = [a for a, x in rows.items() if type(x) in (list, tuple) and str in map(type, x)]
-    try:
-        for p, a in named(parameters(mechanism), {a: a for a in texts}).items() if texts else ():
-            rows[a] = in_si(rows[a], p.unit)
-    except NoQuantity as error:
-        raise refused(f"vary.{a}", error.found, "", error.valid) from None
-    return rows
 
 
 def _rows(

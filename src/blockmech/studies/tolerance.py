@@ -32,7 +32,7 @@ from blockmech.model.parameters import named
 from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.distributions import Distribution, Sample
-from blockmech.studies.family import Family, parameters, remade
+from blockmech.studies.family import Family, in_si_by_address, parameters, remade
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, designs
 from blockmech.studies.sensitivity import Sensitivity
@@ -225,7 +225,7 @@ def tolerance(
     number    deviation   share
     dyad.l_i  0.005774 m  100.0%
     """
-    distributions = numbers if isinstance(numbers, Mapping) else {}
+    distributions = in_si_by_address(mechanism, numbers, "numbers")
     wrong = [a for a, law in distributions.items() if not isinstance(law, Distribution)]
     if wrong or not distributions:
         remedy, addresses = "give e.g. bm.dist.Normal(6.0, 1e-4)", wrong or ["numbers"]

@@ -28,6 +28,8 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.progress import with_bar
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT
+from blockmech.ground.units import NoQuantity, in_si
+from blockmech.ground.values import POSE
 from blockmech.synthesis.designs import (
     ALIKE,
     Design,
@@ -163,10 +165,14 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
     return _design(rows, fourbars, 0, float(margins[0]), name)
 
 
-def _positions(positions: object, maximum: int | None) -> Floats:
-    """Rows (n, 3) of x, y, angle. Raises `RequestError` for others."""
+def _positions(positions: Any, maximum: int | None) -> Floats:
+    """Rows (n, 3) of x, y [m], angle [rad]. Raises `RequestError` for others."""
     try:
-        rows = np.asarray(positions, float)
+        rows = np.array(
+            [[in_si(x, unit) for x, unit in zip(p, POSE, strict=True)] for p in positions], float
+        )
+    except NoQuantity as error:
+        raise refused("positions", error.found, "", error.valid) from None
     except (TypeError, ValueError):
         rows = np.empty(0)
     shaped = rows.ndim == 2 and rows.shape[1] == 3 and np.isfinite(rows).all()

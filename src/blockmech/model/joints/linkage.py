@@ -107,6 +107,7 @@ class Linkage(Document):
 
     # -- building ---------------------------------------------------------
 
+    @declared
     def add_link(
         self,
         name: str,
