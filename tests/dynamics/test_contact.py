@@ -162,6 +162,8 @@ def test_a_pair_at_its_dead_centre_turns_and_does_not_stop_the_machine(beside):
     assert 0 < abs(at.S[j, 0]) < 1e-7 * np.abs(at.S).max()
     turned = friction.turning(at, [j])
     assert not turned.S[j].any()
+    located = at._replace(rate=1e-14 * at.rate)  # all stand: an event is found to rounding
+    np.testing.assert_array_equal(friction.turning(located, [j], 0.3).S, at.S)
     settled = friction.settled(turned, [j])
     assert settled.sides[j] == np.sign(at.b[j])
     np.testing.assert_array_equal(friction.sticking_rates(turned, settled.sides), state[1])

@@ -64,7 +64,9 @@ class PairStops:
     def _program(self) -> tuple[ScalarEngine, list[tuple[Output, int]]]:
         structure, drivers = self.mechanism.structure, self.mechanism.structure.drivers
         s = schedule(structure, self.mechanism.scene, FRICTIONLESS)
-        outputs = [self.mechanism.outputs[name] for name in self.names]
+        by_blocks = [f"{ref}.{COORDINATE}" for ref in self.refs]
+        names = by_blocks if self.mechanism.names is None else self.names
+        outputs = [self.mechanism.outputs[name] for name in names]
         columns = [list(output.ask(s)) for output in outputs]
         rows = [s.ask(forward.slip, ref, driver) for ref in self.refs for driver in drivers]
         drifts = map(partial(s.ask, forward.slip_acceleration), self.refs)

@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends, loads
+from blockmech.dynamics.contacts import STILL
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import PARTS, PER_SWING, EventFunction, friction_rules
 from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import RunEnd
-from blockmech.dynamics.sticking import WITHIN, JointFriction, Settled
+from blockmech.dynamics.sticking import JointFriction, Settled
 from blockmech.dynamics.system import System
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Slips
@@ -98,7 +99,7 @@ class StickSlip:
         """
         at, signed = self._instant(now.t, now.y), self._rubs.signed
         change = np.abs(at.S) @ np.abs(at.unheld) + np.abs(at.b)
-        turning = np.abs(at.w) <= WITHIN * abs(now.t) * change
+        turning = np.abs(at.w) <= STILL * abs(now.t) * change
         reversing = np.flatnonzero(turning & ~signed).tolist()
         return self.settle(now, tuple({*self.stuck, *reversing, j}))
 

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Constraints
+from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Constraints
 from blockmech.dynamics.friction import InnerStates, Instant, PairFriction, Response, Sides
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
@@ -43,7 +43,6 @@ LOCATED = 1000 * SETTLED  # the same where an event was located on a dense outpu
 APART = 10 * LOCATED  # [-] accelerations that differ by more are two
 BEYOND = 1e-4  # [rad or m] how far beyond a place the sense of a pair shows
 BALANCED = 200  # iterations of the shares of pairs that stick, of which any contraction needs fewer
-WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it
 
 
 class Settled(NamedTuple):
@@ -374,7 +373,7 @@ class JointFriction(PairFriction):
         rates are more than what the rounding of the time ``t`` [s] of an event leaves.
         """
         S, rate = at.S.copy(), at.freedoms
-        if not (np.abs(rate) > WITHIN * abs(t) * np.abs(at.unheld)).any():
+        if not (np.abs(rate) > STILL * abs(t) * np.abs(at.unheld)).any():
             return at
         inverse, energy = np.linalg.inv(at.M), float(rate @ at.M @ rate)
         carried = at.carried + np.zeros(at.b.shape)

@@ -83,6 +83,17 @@ def test_the_graph_that_it_becomes_strikes_at_the_same_place(joint, reverse, tur
     assert result.impacts[0].driver.endswith(".coordinate")
 
 
+@pytest.mark.parametrize("joint", STOPS)
+def test_a_motion_that_lies_against_one_is_verified(joint):
+    linkage = document({f"joint.{joint}.coordinate": STOPS[joint] | {"restitution": 0.0}})
+    linkage.add_load("push", "couple", link="crank", moment=-300.0)
+    mech = linkage.compile()
+    result = mech.simulate("time=0.02", times=np.linspace(0.0, 0.02, 9))
+    assert result.motion.lying
+    verification = mech.verify(result)
+    assert verification.ok, str(verification)
+
+
 def test_what_has_no_stops_of_its_own_is_refused_with_what_has():
     with pytest.raises(FormatError, match='no joint "Z"'):
         document({"joint.Z.coordinate": {"to": 1.0}})
