@@ -35,7 +35,7 @@ else:
 
 
 class Uncompiled(Runnable["Mechanism"]):
-    """What a user builds; it says where to find what only a mechanism can do."""
+    """A mechanism before compiling; its errors name the methods of a compiled one."""
 
     draw = blockmech.draw.draw
     run = blockmech.compiled.Compiled.run
@@ -175,8 +175,8 @@ class Linkage(linkage.Linkage, Uncompiled):
 
         >>> m.add_dimension("rod", "length", ["A", "B"], "250mm")
         >>> print(m.fit_dimensions())
-        1 dimensions hold; B moved most, by 0.025 m
-        A, B, cylinder can move in 4 ways
+        dimensions satisfied: 1; B moved most, by 0.025 m
+        degrees of freedom left: 4, of A, B, cylinder
         """
         from blockmech.model.joints.dimensioned import fit_dimensions
 
@@ -257,8 +257,8 @@ def read(source: Any, *, unit: str | None = None, format: str | None = None) -> 
 
     Returns
     -------
-    A graph or linkage. ``extras["notes"]`` has what could not be taken, and how units and rates
-    were read.
+    A graph or linkage. ``extras["notes"]`` lists what was not imported, and how units and rates
+    were interpreted.
 
     Raises
     ------

@@ -59,7 +59,7 @@ PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 
 
 class Compiled(Runnable[M]):
-    """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
+    """A valid, compiled mechanism, as analyses take it; `Mechanism` adds them as methods."""
 
     _run_to = LazyMethod("blockmech.analysis.accuracy.run_to")
     _with_deflections = LazyMethod("blockmech.analysis.deflections._with_deflections")
@@ -190,7 +190,8 @@ class Compiled(Runnable[M]):
         ----------
         want : names or patterns of outputs
         friction : "none" | "single" | "successive" | "newton" (default), or `Successive`
-        static : without inertia; so runs what neither moves nor accelerates, whatever is asked
+        static : without inertia; a request at rest, with zero rates and accelerations, is static
+        anyway
 
         Raises `RequestError` for unknown names or settings that do not fit.
 
@@ -267,8 +268,8 @@ class Compiled(Runnable[M]):
             method, iterations and precision, and ``result.accuracy`` says which.
         static : without inertia
         engine : "scalar" for few samples, "numpy" for batches, "llvm" for machine code that is
-            compiled at the first run, "auto" the one that is expected to take the least time:
-            machine code once the request was asked for so many samples that compiling pays
+            compiled at the first run, "auto" the one with the least expected time: machine code
+            once the request has had enough samples for compiling to pay
         precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
         chunk : samples per batch of the NumPy engine
         on_gap : what to do at samples without an answer: raise, mark them as NaN,
@@ -280,7 +281,7 @@ class Compiled(Runnable[M]):
 
         Raises
         ------
-        GraphError with all problems of a graph or linkage that is no mechanism
+        GraphError with all problems of a graph or linkage that is not a valid mechanism
         RequestError for unknown names or settings that do not fit
         AssemblyError, SingularError, FrictionError at gaps, unless marked
 

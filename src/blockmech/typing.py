@@ -90,14 +90,14 @@ It may raise `KeyboardInterrupt` to stop the run, which keeps what was done.
 
 @dataclass(frozen=True)
 class Successive:
-    """Joint friction by successive approximation ([R10] steps 1-5), stopped where one says.
+    """Joint friction by successive approximation ([R10] steps 1-5), with a stopping rule.
 
-    ``friction="successive"`` is this with what it is by default.
+    ``friction="successive"`` uses the defaults.
 
     Parameters
     ----------
     tolerance : largest change of a reaction [N] at which it stops; by default 1e-7 of the largest
-    iterations : a fixed number of iterations, in its place
+    iterations : a fixed number of iterations, in place of ``tolerance``
 
     >>> method = bm.friction.Successive(iterations=3)
     >>> mech.run(at=0.5, friction=method, want="crank.drive")["crank.drive"].round(3)

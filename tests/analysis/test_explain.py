@@ -1,4 +1,4 @@
-"""What `explain` tells: what each wanted output drags in, and what asking for less saves."""
+"""What `explain` tells: what each requested output needs, and what asking for less saves."""
 
 from blockmech.analysis.explain import shares
 from tests.machines import ruiz, watt

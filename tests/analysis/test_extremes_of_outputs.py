@@ -315,7 +315,7 @@ WRONG = [
     ("extremes", "dyad.X.p", "no output has that name"),
     ("extremes", "mechanism.friction_efficiency", "it is a number"),
     ("stroke", "crank.B.p", "runs round a closed path"),
-    ("stroke", "dyad.C.v", "it is no place of a marker"),
+    ("stroke", "dyad.C.v", "not the position of a marker"),
     ("stroke", "frame.D.p", "the marker does not move"),
 ]
 

@@ -97,11 +97,11 @@ def test_a_comma_inside_of_a_number_is_called_that(tmp_path: Path) -> None:
         ("60deg", '"60deg" is not a value. write "60deg".'),
         ("None", '"None" is not a value. write null.'),
         ("13/2", '"13/2" is not a value. a value is a number,'),
-        ("\u201csix\u201d", "a typographic quotation mark. texts and keys stand in double"),
+        ("\u201csix\u201d", "a typographic quotation mark. texts and keys need double"),
         ("6 // m", "a comment. JSON has none"),
         ("6]", '"]" closes the "{" of line 1, column 2. close it with "}".'),
         ('["a": 6]', "a key in the list that begins at line 1, column 10. keys stand in {...}."),
-        ('6 "b": 7', '"b" where a comma should stand. add the comma.'),
+        ('6 "b": 7', '"b" where a comma is expected. add the comma.'),
     ],
 )
 def test_a_value_written_as_elsewhere_is_told_in_json(written: str, mistake: str) -> None:

@@ -233,7 +233,7 @@ def test_rk4_gives_up_a_goal_that_is_never_met(monkeypatch):
     motion = scenes.rod().simulate("turns=1", method="rk4", start=start).motion
     assert motion.status == "failed"
     assert motion.end == "more evaluations than allowed"
-    assert any("perhaps never is" in note for note in motion.notes)
+    assert any("may never be" in note for note in motion.notes)
     assert motion.error == math.inf
 
 

@@ -31,7 +31,7 @@ def test_rings_of_dyads_are_told_soon(number, size, hub):
     with answered():
         problems = graph.check()
     assert [p.code for p in problems] == ["cycle"] * number
-    assert all("the blocks wait for each other" in p.found for p in problems)
+    assert all("the blocks depend on each other" in p.found for p in problems)
 
 
 def test_a_small_ring_is_said_to_be_a_group_of_a_higher_class():
@@ -43,7 +43,7 @@ def test_spokes_on_one_hub_make_a_wheel_that_turns():
     # 2n bars, n + 1 pins, the hub fixed: by count nothing moves, but the wheel turns as a whole
     (problem,) = rings(1, 4, hub=True).check()
     links = ", ".join(sorted(f"r0d{k}.{link}" for k in range(4) for link in "ij"))
-    assert f"are no Assur group; over-constrained: {links}; loose: {links}" in problem.found
+    assert f"do not form an Assur group; over-constrained: {links}; loose: {links}" in problem.found
 
 
 def test_two_dyads_that_wait_for_each_other_are_a_group_of_class_four():
@@ -57,7 +57,7 @@ def test_waiting_dyads_with_an_over_constrained_part_are_named():
     # 3n = 2p, but a, b, c, d is a quadrilateral with a diagonal and x hangs on
     order, text = waiting(*chain("A:a-b B:b-c C:c-a D:a-frame E:b-frame F:c-x"), FRAME)
     assert not order.complete
-    assert text.endswith("no Assur group; over-constrained: a, b, c, frame; loose: x")
+    assert text.endswith("do not form an Assur group; over-constrained: a, b, c, frame; loose: x")
 
 
 def test_waiting_links_that_are_several_groups_are_put_in_order():

@@ -60,7 +60,7 @@ PROBLEMS = {
     "a group of class III": (
         lambda: ring("E", "E"),
         [
-            "[cycle] a, b: the blocks wait for each other: b.E -> a.D, a.E -> b.B; a.i, a.j, b.i, "
+            "[cycle] a, b: the blocks depend on each other: b.E -> a.D, a.E -> b.B; a.i, a.j, b.i, "
             "b.j are one Assur group of class III with 4 links and 6 pairs. a formation sequence "
             "feeds every joint from an earlier block. replace a, b by one group.general block of "
             "class III, or re-wire a joint to a link that already moves."
@@ -187,7 +187,7 @@ def test_cycle_with_a_broken_address_is_still_told():
 def test_links_between_the_same_two_pins_are_no_group():
     # a.j and b.i both reach from pin a.C to pin b.C: one of them is too many
     (problem,) = ring("C", "C").check()
-    assert "no Assur group" in problem.found
+    assert "do not form an Assur group" in problem.found
     assert "over-constrained: a.j, b.i" in problem.found
 
 

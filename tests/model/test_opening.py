@@ -35,9 +35,9 @@ def test_each_format_is_opened_by_its_reader(write, tmp_path):
 def test_a_file_without_a_format_is_told_to_name_the_one_it_looks_like(write):
     document = slider_crank()
     del document["format"]
-    with pytest.raises(FormatError, match=r"names no format.*blockmech/joints"):
+    with pytest.raises(FormatError, match=r"has no format.*blockmech/joints"):
         opened(write(document))
-    with pytest.raises(FormatError, match=r"names no format.*blockmech/graph"):
+    with pytest.raises(FormatError, match=r"has no format.*blockmech/graph"):
         opened(write({"version": 1, "blocks": {}}))
 
 

@@ -22,7 +22,7 @@ def function(
         ({"inputs": "crank.rate"}, r"inputs: the outputs depend on crank\.q"),
         ({"outputs": "crank.drvie"}, r"crank\.drvie: no output has that name"),
         ({"outputs": "mechanism.friction_efficiency"}, "one number a run"),
-        ({"numbers": "dyad.l"}, r"dyad\.l: no number of the mechanism has that address"),
+        ({"numbers": "dyad.l"}, r"dyad\.l: the mechanism has no parameter with that address"),
         ({"numbers": ["crank.length", "dyad.branch"]}, r"dyad\.branch: a whole number chooses"),
         ({"numbers": "scene.drive.crank.rate"}, "it says how the drivers move"),
         ({"precision": "clongdouble"}, "complex128, complex64"),

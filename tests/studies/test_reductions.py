@@ -118,7 +118,7 @@ def test_pictures_and_tables_have_them(tmp_path):
 def test_what_is_no_reduction_is_refused():
     with pytest.raises(bm.RequestError, match='no reduction "most"'):
         MECH.sensitivity("most(crank.drive)", to=TO)
-    with pytest.raises(bm.RequestError, match="no place of a marker"):
+    with pytest.raises(bm.RequestError, match="not the position of a marker"):
         MECH.study({"dyad.l_i": [6.0]}, want="stroke(dyad.C.v)")
 
 

@@ -284,7 +284,7 @@ def test_a_number_without_a_derivative_is_refused_beside_others_as_well():
     [
         ("links.rocker.pose[2]", "a home only tells the assembly mode"),
         ("drivers.motor.rate", "it says how the drivers move"),
-        ("joints.C.at[0].z", "no number of the mechanism has that address"),
+        ("joints.C.at[0].z", "the mechanism has no parameter with that address"),
     ],
 )
 def test_what_has_no_derivative_in_a_document_is_refused(to, message):

@@ -39,17 +39,18 @@ def equilibria(
 ) -> Equilibria:
     """All static equilibria under the loads alone, and their stability.
 
-    Of one driver over its whole range between its end stops, and beyond its dead centres, where
-    other joints lead (`Equilibrium.leads`); of several by Newton's method from
-    many places, and along the curves on which all drivers but one are balanced. Joint friction
+    With one driver the search covers its range between the end stops and continues beyond its dead
+    centres, where another joint is the coordinate (`Equilibrium.leads`). With several drivers it
+    uses Newton's method from many starting points, and follows the curves on which all drivers but
+    one are balanced. Joint friction
     widens an equilibrium of one driver to the interval in which it rests.
 
     Parameters
     ----------
     friction : as that of a run; "none" leaves the friction of joints out
     time : [s] at which loads that follow the time are held
-    starts : places for each of several drivers
-    charts : whether they are looked for beyond dead centres of the only driver as well
+    starts : starting coordinates of each driver, where there are several
+    charts : whether the search continues beyond dead centres of the only driver
 
     Returns
     -------
@@ -57,14 +58,14 @@ def equilibria(
 
     Raises
     ------
-    RequestError where loads follow the time and none is given, or there is no driver
+    RequestError without ``time`` where loads depend on it, and without a driver
 
     >>> six = bm.read("graphs/watt_sixbar.json").compile()
     >>> round(six.equilibria().stable[0].at["crank.q"], 6)
     4.612579
     """
     if not mechanism.drivers:
-        raise refused("equilibria", "the mechanism has no driver", "what does not move rests")
+        raise refused("equilibria", "the mechanism has no driver", "give one joint a driver")
     refuse_signals(mechanism)
     how = friction_asked(friction)
     bounds = (mechanism.scene.stops.get(d) for d in mechanism.drivers)

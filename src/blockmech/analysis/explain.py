@@ -1,4 +1,4 @@
-"""What a request costs: its kernel calls, and how many of them each wanted output drags in."""
+"""What a request costs: its kernel calls, and how many of them each requested output needs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Share:
     Attributes
     ----------
     name : output or pattern
-    blocks, stages : what it drags in
+    blocks, stages : what it needs
     alone : kernel calls of it alone
     saves : kernel calls that the request needs for nothing else
     """
@@ -60,7 +60,7 @@ def explain(
     2 kernel calls for 1 output
       position             2  crank, dyad
     <BLANKLINE>
-    output    calls alone  saved without it  drags in
+    output    calls alone  saved without it  also computes
     dyad.C.p            2                 2  position of crank, dyad
     """
     settings: Arguments = {"friction": friction, "static": static}
@@ -68,7 +68,7 @@ def explain(
     plan = mechanism.plan(patterns, **settings)
     rows = shares(mechanism, patterns, **settings)
     width = max([len(r.name) for r in rows] + [len("output")])
-    lines = [f"{'output':<{width}}  calls alone  saved without it  drags in"] * bool(rows)
+    lines = [f"{'output':<{width}}  calls alone  saved without it  also computes"] * bool(rows)
     for r in rows:
         contents = f"{listed(r.stages, 6)} of {listed(r.blocks, 4)}" if r.blocks else "nothing"
         lines.append(f"{r.name:<{width}}  {r.alone:>11}  {r.saves:>16}  {contents}")

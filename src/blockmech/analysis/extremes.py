@@ -151,7 +151,7 @@ def extremes(
 
     Returns
     -------
-    Extremes; cost: some five batches of 720 samples for each part, more where there are kinks
+    Extremes. They take about five batches of 720 samples per component, more with kinks
 
     Raises
     ------

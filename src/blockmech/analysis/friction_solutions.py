@@ -331,20 +331,19 @@ def friction_solutions(
     static: bool = False,
     scale: Numbers | float = 1.0,
 ) -> FrictionSolutions:
-    """All solutions of the friction equations at given poses, and whether that is proved.
+    """All solutions of the friction equations at given poses, and a proof of completeness.
 
     Parameters
     ----------
     at, samples, times, rates, accelerations : the poses, as those of a run
     want : outputs of each solution; by default drives and reactions
     static : without inertia
-    scale : factor [-] of all friction that follows the load; of several, all poses at each in
-        turn
+    scale : factor [-] of all load-dependent friction; with several, each is applied to all poses
 
     Raises
     ------
-    RequestError for unknown names, settings that do not fit, and a group with so many pins and
-        guides that its solutions cannot be counted
+    RequestError for unknown names, settings that do not fit, and a group with too many pins and
+        guides for its solutions to be counted
 
     >>> mech.friction_solutions(5.85, scale=270.0).counts
     array([2])

@@ -41,11 +41,11 @@ def instant_centre(mechanism: Compiled, link: str, other: str = FRAME, *, at: Co
     Returns
     -------
     (n,) complex places [m] in the axes of the frame; infinite where the links do not turn
-    against each other. Along a row of ``at`` they are the fixed centrode.
+    against each other. For successive ``at`` they trace the fixed centrode.
 
     Raises
     ------
-    RequestError for a link that there is not, or a mechanism of several drivers
+    RequestError for an unknown link, or a mechanism of several drivers
 
     >>> mech.instant_centre("dyad.i", at=0.5).round(6)
     array([12.485132+6.820659j])
@@ -60,16 +60,16 @@ def instant_centre(mechanism: Compiled, link: str, other: str = FRAME, *, at: Co
 
 @declared
 def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> Array:
-    """Rate of one place over that of another, by size: of links, points or drivers.
+    """Ratio of the speeds of two links, points or drivers, as magnitudes.
 
     Parameters
     ----------
-    of, by : a link (its turning), a point such as ``"dyad.C"`` (its speed), or a driver
+    of, by : a link (its angular speed), a point such as ``"dyad.C"`` (its speed), or a driver
     at : coordinates (n,) of the driver [rad or m]
 
     Returns
     -------
-    (n,) ratios in SI units; infinite where ``by`` stands still
+    (n,) ratios in SI units; infinite where ``by`` is at rest
 
     >>> mech.velocity_ratio("dyad.j", "crank", at=0.5).round(6)
     array([0.368747])
@@ -81,7 +81,7 @@ def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) ->
 
 @declared
 def mechanical_advantage(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> Array:
-    """Force or moment at one place over that at another which balances it, without losses.
+    """Output force or moment over the input one that balances it, without losses.
 
     The inverse of `velocity_ratio`, with its arguments.
 
@@ -95,7 +95,7 @@ def mechanical_advantage(mechanism: Compiled, of: str, by: str, *, at: Coordinat
 def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> Array:
     """Radii of curvature (n,) [m] of a point's path, positive where it turns left.
 
-    Infinite where the path is straight, 0 in a cusp.
+    Infinite where the path is straight, 0 at a cusp.
 
     >>> mech.path_radius("dyad.S", at=0.5).round(6)
     array([1.073348])

@@ -210,16 +210,16 @@ def limits(
     driver : the driving link; not needed if there is one
     at : driver -> coordinate [rad or m] of those that are held; by default where their
         laws of motion, or else the scene's ``initial``, begin
-    blocks : only these groups and what they stand on; by default all
+    blocks : only these groups and their supports; by default all
     samples : of a turn, or of the range of a slide
 
     Returns
     -------
-    Limits; cost: a batch of all samples for each arc and group, about 60 single poses an end
+    Limits. They take a batch of all samples per arc and group, and about 60 single poses per end
 
     Raises
     ------
-    RequestError for an unknown driver, others without a place, or too few samples
+    RequestError for an unknown driver, a held driver without a coordinate, or too few samples
 
     >>> print(mech.limits())
     crank.q: turns fully

@@ -114,8 +114,8 @@ def stroke(
 
     Raises
     ------
-    RequestError for an output that is neither, a marker that never reverses, a path that
-        is not run to and fro, or no range to follow
+    RequestError for an output that is neither, a marker that never reverses or does not retrace
+        its path, and a missing range
     SampleError where the output exists at no sample
 
     >>> print(m.compile().stroke("link.piston.p"))
@@ -133,7 +133,7 @@ def stroke(
     elif output.endswith(".p"):
         ends, path, chord = _of_marker(cycle, output)
     else:
-        raise refused(name, "it is no place of a marker", "name a place, a real output or a part")
+        raise refused(name, "not the position of a marker", "name a place, a real output or a part")
     low, high = ends.low, ends.high
     out = back = None
     if ends.closed and low.s != high.s:
@@ -190,7 +190,7 @@ def _curve(cycle: Cycle, output: str) -> Turns:
     rate = output.removesuffix("p") + "v"
     ends, *stretches = cycle.stretches(velocity)
     if stretches:
-        raise refused(output, "its path is not in one piece", ASK)
+        raise refused(output, "its path consists of several pieces", ASK)
     closed = cycle.turns and ends == (cycle.low, cycle.high)
     marks = _reversals(cycle, velocity, ends, closed)
     if closed and len(marks) < 2:
@@ -202,7 +202,7 @@ def _curve(cycle: Cycle, output: str) -> Turns:
     if closed:
         distance = sum(abs(b - a) for a, b in pairwise(lengths))
         if abs(lengths[-1] - lengths[0]) > EQUAL * distance:
-            raise refused(output, "the marker does not return on the path it came on", ASK)
+            raise refused(output, "the marker does not return along the same path", ASK)
         marks, lengths = [cycle.wrapped(s) for s in marks[:-1]], lengths[:-1]
     low, high = int(np.argmin(lengths)), int(np.argmax(lengths))
     last = Turn(marks[high], lengths[high] - lengths[low], 1)

@@ -157,21 +157,21 @@ def verify(
     precision: Precision | None = None,
     chunk: int | None = None,
 ) -> Verification:
-    """Hold a mechanism against the equations of mechanics over some samples.
+    """Check a mechanism against the equations of mechanics at some samples.
 
-    Every pair closes in places, velocities and accelerations; drivers and assembly modes are
-    those asked for; laws of motion have the rates and accelerations of their coordinate; loads
-    give what they declare; every link and the frame are in balance; friction obeys Coulomb's law;
-    powers and energies add up; the driving effort by reactions is that by reduction.
+    Checked are the closure of every pair in position, velocity and acceleration, the requested
+    drivers and assembly modes, the derivatives of laws of motion, the declared values of loads,
+    the balance of every link and of the frame, Coulomb's law, the balance of power and energy, and
+    the driving effort, which reactions and reduction must give alike.
 
     Parameters
     ----------
     at, samples, times, rates, accelerations : [rad or m], [s] as in a run; by default 25
         samples of the laws' ranges. Gaps are left out.
-        Or an answer of this mechanism: of a run its samples, with its friction; of a simulation
-        the states are also held against one another, blows keep momentum, restitution and loss,
-        and the drives of free drivers must be nothing; of a study some designs are made again,
-        each by itself; derivatives (`sensitivity`) are held against differences of designs.
+        Or a result of this mechanism. A run is checked at its samples, with its friction. In a
+        simulation consecutive states must also agree, impacts obey momentum, restitution and loss,
+        and free drivers have zero drive. Some designs of a study are computed again one by one;
+        derivatives (`sensitivity`) are compared with differences of designs.
     friction, static, engine, precision, chunk : as in a run
 
     Returns
@@ -180,7 +180,7 @@ def verify(
 
     Raises
     ------
-    RequestError for a result of another mechanism, or with settings beside it
+    RequestError for a result of another mechanism, or for a result together with settings
 
     >>> mech.verify(at=0.5)
     <Verification: check                          error [-]  allowed [-] ...>
@@ -213,7 +213,7 @@ def _of_result(
 ) -> Verification:
     """A result's own samples, and what a simulation says of itself."""
     if result.mechanism is not mechanism:
-        raise refused("at", f"it is a result of another mechanism, {result.mechanism.name}")
+        raise refused("at", f"the result is of another mechanism, {result.mechanism.name}")
     if isinstance(result, ChartedResult):
         legs = (_of_result(x.mechanism, x.result, engine, chunk) for x in result.parts)
         return _worst_legs([*legs])

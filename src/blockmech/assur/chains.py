@@ -59,9 +59,9 @@ def chains(links: int) -> tuple[Chain, ...]:
 
 
 def mechanisms(chain: Chain) -> tuple[tuple[int, int], ...]:
-    """The different ways to fix one link of a chain and drive one that is joined to it.
+    """The inversions of a chain: its fixed link, and a driven link joined to that.
 
-    Pairs (frame, driver), one of each class that the chain's symmetries leave.
+    Pairs (frame, driver), one for each class under the symmetries of the chain.
 
     >>> chain = next(iter(bm.synthesis.chains(4)))
     >>> bm.synthesis.mechanisms(chain)

@@ -28,7 +28,7 @@ Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
 
 
 class Block(StrictModel):
-    """Anything that stands in a graph. Concrete classes register under their ``type``."""
+    """Base class of everything in a graph. Concrete classes register under their ``type``."""
 
     model_config = {"ignored_types": (Joint, Kernels)}
 
@@ -50,7 +50,7 @@ class Block(StrictModel):
 
     @classmethod
     def declare(cls) -> None:
-        """Collect the joints that the class declares. Raises `TypeError` for what cannot be."""
+        """Collect the joints that the class declares. Raises `TypeError` for invalid ones."""
         cls.joints = {
             name: replace(joint, name=name)
             for name, joint in vars(cls).items()
@@ -82,7 +82,7 @@ class Block(StrictModel):
         return markers
 
     def place_of(self, marker: Marker | BuiltIn) -> complex:
-        """Place [m] of one of the block's markers, in the frame of the marker's link."""
+        """Position [m] of a marker of the block, in the frame of the marker's link."""
         if isinstance(marker, Marker):
             return marker.at.z
         position: complex = (getattr(self, marker.along) or 0.0) + 0j if marker.along else 0j
@@ -90,11 +90,11 @@ class Block(StrictModel):
 
     @classmethod
     def parameter_names(cls) -> tuple[str, ...]:
-        """The block's own numbers, in the order of declaration."""
+        """Names of the block's parameters, in the order of declaration."""
         return tuple(n for n in cls.model_fields if n not in NOT_FOR_KERNELS)
 
     def parameters(self) -> Parameters:
-        """The block's numbers as the named tuple that kernels read as ``p``."""
+        """Parameters of the block, the named tuple ``p`` of its kernels."""
         values = {n: _number(getattr(self, n)) for n in self.parameter_names()}
         numbers = {n: x for n, x in values.items() if x is not None}
         return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())

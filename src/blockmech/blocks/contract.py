@@ -83,7 +83,7 @@ class Moving(Block):
 
     @classmethod
     def declare(cls) -> None:
-        """Collect the class's joints, and hold its kernels against the contract."""
+        """Collect the joints of the class, and check its kernels against the contract."""
         if cls.own_form:
             return
         super().declare()
@@ -109,30 +109,30 @@ class Moving(Block):
         return tuple(joint for joint in self.joints.values() if joint.driven)
 
     def driver_name(self, block: str, joint: str) -> str:
-        """Name of the driver at a driven joint; ``block`` is what the block is called."""
+        """Name of the driver at a driven joint; ``block`` is the name of the block."""
         return block
 
     def coordinate(self, joint: str) -> Coordinate:
-        """How a driven joint counts, against its driver."""
+        """Sign and offset of a driven joint's coordinate against its driver's."""
         return Coordinate(getattr(self, "sign", 1), getattr(self, "offset", 0.0))
 
     def axis(self, outside: Axis) -> Axis:
-        """Units along the coordinates of its joints, for what stands at them."""
+        """Units along the coordinates of its joints, for the friction and loads there."""
         axes = {joint.name: Axis.of(joint.kind) for joint in self.joints.values()}
         return outside._replace(known={**outside.known, **axes})
 
     # Where the kernels' named tuples keep what belongs to a link or a joint.
 
     def link_field(self, link: str) -> str:
-        """Field of pose, velocity and acceleration that is of a link."""
+        """Field of pose, velocity and acceleration that belongs to a link."""
         return link
 
     def joint_field(self, joint: str) -> str:
-        """Field of velocity (sliding rate) and reactions that is of a joint."""
+        """Field of the velocities (sliding rate) and reactions that belongs to a joint."""
         return joint
 
     def effort_field(self, joint: str) -> str:
-        """Field of the reactions that is the driving effort at a driven joint."""
+        """Field of the reactions with the generalised force that drives a joint."""
         return "tau"
 
     @field_validator("links")
@@ -173,7 +173,7 @@ class Moving(Block):
         return apply("imul", direction, offset), direction
 
     def largest_length(self) -> float:
-        """The largest length [m] that the block's parameters and markers know."""
+        """The largest length [m] among the block's parameters and markers."""
         lengths = (getattr(self, name) for name in self.lengths)
         sizes = [abs(x) for x in lengths if x is not None]
         sizes += [abs(m.at.z) for k in self.links.values() for m in k.markers.values()]
@@ -208,7 +208,7 @@ class DrivingLink(Moving):
 
 
 class AssurGroup(Moving):
-    """A group that its drivers, if it has any, and its supports determine by themselves."""
+    """A group whose pose follows from its supports and from its drivers, if it has any."""
 
 
 def wrong_friction(

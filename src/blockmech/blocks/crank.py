@@ -84,7 +84,7 @@ class Crank(DrivingLink, type="driver.crank"):
     offset : float [rad]
         Angle of the x axis from the marker's direction at q = 0.
     sign : +1 | -1
-        Which way q counts: the angle is sign q + offset.
+        Sense of q: the angle is sign q + offset.
 
     >>> Crank(length=2.0).parameters()
     CrankNumbers(length=2.0)

@@ -151,7 +151,7 @@ class Cylinder(AssurGroup, type="driven.rrr"):
     offset : float [m]
         Length BC at q = 0.
     sign : +1 | -1
-        Which way q counts: the length BC is sign q + offset.
+        Sense of q: the length BC is sign q + offset.
     slider : "later" or "j" | "earlier" or "i"
         Whether S, where the normal force acts, moves with the rod or with the barrel.
 

@@ -64,7 +64,7 @@ AnyBranch = Annotated[
 
 
 class Dyad(AssurGroup):
-    """A group of the second class: two links, between two joints of earlier ones."""
+    """An Assur group of class II: two links between two joints of earlier links."""
 
     group_class = "II"
     link_names = ("i", "j")
@@ -84,7 +84,7 @@ class OneMode(Dyad):
 
 
 class TwoModes(Dyad):
-    """A dyad with two assembly modes; classes that are one declare ``branch`` and ``home``."""
+    """A dyad with two assembly modes; its subclasses declare ``branch`` and ``home``."""
 
     if TYPE_CHECKING:
         branch: AnyBranch
@@ -107,9 +107,9 @@ class TwoModes(Dyad):
 
     @abstractmethod
     def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:
-        """What decides whether it closes: in words, its value, smallest and largest [m].
+        """The length that decides on assembly: description, value, minimum, maximum [m].
 
-        ``apart`` is the distance [m] of its outer pins, "{}" in the words stands for one.
+        ``apart`` is the distance [m] of the outer pins; each "{}" of the description is one.
         """
 
     @property
@@ -118,7 +118,7 @@ class TwoModes(Dyad):
         return bool(getattr(self, "branch", None) == FOLLOW)
 
     def parameters(self) -> Parameters:
-        """The block's numbers; of a branch that follows, the one at home."""
+        """Parameters of the block; a branch that follows counts as at the home pose."""
         if not self.follows or self.home is None:
             return super().parameters()
         at_home = self.model_copy(update={"branch": self.home.branch, "home": None})

@@ -156,7 +156,7 @@ class RPP(OneMode, type="dyad.rpp"):
         Place of the outer slider's point along the outer guide line, from O.
     slider : map joint -> "later" | "earlier", of S1 also "j" | "i"
         Which link the point, where the normal force acts, moves with; by default the
-        later one. A word alone is that of the inner joint S1.
+        later one. A single word is for the inner joint S1.
 
     >>> RPP.from_points(B=(2, 1), S1=(2, 1), along1=(0, 1), S=(0, 0), along=(1, 0)).x_S
     -2.0

@@ -157,7 +157,7 @@ class RPR(TwoModes, type="dyad.rpr"):
     slider: Literal["later", "earlier", "j", "i"] = "later"
 
     def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:
-        """The outer pins: no nearer than their offsets from the guide differ."""
+        """Distance of the outer pins: at least the difference of both offsets."""
         return "the distance of {} and {}", apart, abs(self.h_i - self.h_j), math.inf
 
     @classmethod

@@ -159,7 +159,7 @@ class RRP(TwoModes, type="dyad.rrp"):
     slider: Literal["later", "earlier"] = "later"
 
     def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:
-        """The line on which C slides: no farther from B than link i is long."""
+        """Distance of B from the line on which C slides: at most the length of link i."""
         return "the distance of {} from the line of C", self.l * math.sqrt(1 - margin), 0.0, self.l
 
     @classmethod

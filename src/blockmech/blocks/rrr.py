@@ -158,7 +158,7 @@ class RRR(TwoModes, type="dyad.rrr"):
     home: BranchHome | None = Field(default=None, repr=False)
 
     def reach(self, apart: float, margin: float) -> tuple[str, float, float, float]:
-        """The outer pins: as far apart as both links at most, as their difference at least."""
+        """Distance of the outer pins: from the difference to the sum of both lengths."""
         low, high = abs(self.l_i - self.l_j), self.l_i + self.l_j
         return "the distance of {} and {}", apart, low, high
 

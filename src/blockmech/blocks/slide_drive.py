@@ -91,7 +91,7 @@ class SlideDrive(DrivingLink, type="driver.slide"):
     offset : float [m]
         Place of the slider along the guide at q = 0.
     sign : +1 | -1
-        Which way q counts: the place is sign q + offset.
+        Sense of q: the position is sign q + offset.
     slider : "later" | "earlier"
         Whether the slider's point, where the normal force acts, moves with the
         slider (its origin) or stays at the marker.

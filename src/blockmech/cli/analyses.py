@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
-    """Find all problems of a file, or say what the mechanism is.
+    """List all problems of a file, or describe the mechanism.
 
-    Of links and joints that is the formation sequence and the mobility, or what keeps them
-    from being a mechanism.
+    For links and joints the description is the formation sequence and the mobility, or the reason
+    why they are not a mechanism.
     """
     doubts: list[Problem] = []
     try:

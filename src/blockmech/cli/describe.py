@@ -64,9 +64,9 @@ def outputs(
     ] = None,
     json: AsJson = False,
 ) -> None:
-    """List what can be wanted of a mechanism: names, units and what they are.
+    """List the outputs of a mechanism: names, units and meanings.
 
-    Of a vector, .x and .y behind its name are its parts.
+    For a vector, .x and .y after its name are its components.
     """
     catalogue = reading(file, compiled).outputs
     chosen = [catalogue[name] for name in catalogue.match(names or EVERYTHING)]

@@ -30,7 +30,7 @@ def equilibria(
         ),
     ] = None,
 ) -> None:
-    """Find where the mechanism comes to rest, stable or not, and what friction holds."""
+    """Find the static equilibria, their stability, and the intervals in which friction holds."""
     options: Arguments = {"friction": friction, "time": time}
     display.answer_command(file, compiled, "searching", lambda m: m.equilibria(**options))
 
@@ -109,7 +109,7 @@ def balance(
     ] = None,
     save: Annotated[str | None, option("Write the mechanism with these numbers.", "FILE")] = None,
 ) -> None:
-    """Find the springs or counterweights that leave the least effort over the poses."""
+    """Find the springs or counterweights that minimise the driving effort over the poses."""
     refuse_spared(*filter(None, (save,)))
     ends = {}
     for name, text in texts_by_name("--bounds", bounds, "spring.stiffness=0:5000"):
@@ -146,7 +146,7 @@ def identify(
     friction: Friction = None,
     static: Static = False,
 ) -> None:
-    """Identify numbers of the mechanism from what was measured on it."""
+    """Identify parameters of the mechanism from measurements."""
     request: Arguments = {"friction": friction, "static": static}
     display.answer_command(
         file, compiled, "fitting", lambda m: bm.design.identify(m, names_of(to), data, **request)

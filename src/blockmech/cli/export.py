@@ -90,7 +90,7 @@ def page(
 ) -> None:
     """Write one HTML page without a server: drawing, motion, curves, sliders for numbers.
 
-    The page works everything out itself, with the numbers that blockmech has.
+    The page computes every pose itself, with the numbers of blockmech.
     """
     settings = {"slider": ",".join(slider) if slider else None, "friction": friction}
     written(file, output, "page", poses, want, static=static or None, **settings)

@@ -28,7 +28,7 @@ def import_(
 ) -> None:
     """Read a linkage of PMKS, Linkage, pylinkage, Pyslvs ... as links and joints.
 
-    Without -o the document is printed. What could not be taken is noted.
+    Without -o the document is printed. Notes list what was not imported.
     """
     model = reading(source, lambda text: read(text, unit=unit, format=format))
     notes = model.extras.get("notes") or []

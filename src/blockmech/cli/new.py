@@ -20,7 +20,7 @@ def new(
     file: Annotated[str | None, typer.Argument(metavar="FILE", help="The file to make.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
-    """Copy a gallery graph to FILE; without a name, list the gallery."""
+    """Copy a gallery graph to FILE, or list the gallery if no name is given."""
     graphs = gallery()
     if name is None:
         say("\n".join(graphs) or "the gallery is empty")

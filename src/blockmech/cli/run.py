@@ -51,8 +51,8 @@ def run(
 ) -> None:
     """Compute a mechanism over its range and print a table.
 
-    Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that
-    some sample has no answer.
+    Without --json, --out, --csv or --plot nothing is written. Exit code 1 means that some sample
+    has no answer.
     """
     mechanism = output.read(file, compiled)
     request: Arguments = {

@@ -26,7 +26,7 @@ def sensitivity(
     friction: Friction = None,
     static: Static = False,
 ) -> None:
-    """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
+    """Rank the parameters of a mechanism by their influence on outputs, from exact derivatives."""
     settings: Arguments = {
         "to": names_of(to) or EVERYTHING,
         "friction": friction,

@@ -76,8 +76,8 @@ def simulate(
 ) -> None:
     """Move a mechanism under its loads from the scene's start or another, and print a table.
 
-    Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that the
-    motion ended before some wanted time, or that none could be computed. Ctrl-C ends the
+    Without --json, --out, --csv or --plot nothing is written. Exit code 1 means that the motion
+    ended before a requested time, or could not be computed. Ctrl-C ends the
     run: what was computed until then is shown or written, and the exit code is 130.
     """
     mechanism = output.read(file, compiled)

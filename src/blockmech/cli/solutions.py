@@ -26,7 +26,7 @@ def solutions(
 ) -> None:
     """List all solutions of the friction equations, and say whether that is proved.
 
-    Where it is not proved at some pose the exit code is 1.
+    The exit code is 1 unless the proof holds at all poses.
     """
     request: Arguments = {"want": names_of(want) or None, "static": static}
     request["scale"] = row(f"--scale {scale}", scale, "")

@@ -22,7 +22,7 @@ def studio(
 ) -> None:
     """Open the studio in the browser: the gallery, or the sheet of FILE.
 
-    Only this machine is answered, and no file outside of the current folder is touched.
+    The server answers this machine only, and touches no file outside the current folder.
     """
 
     def open_page(address: str) -> None:

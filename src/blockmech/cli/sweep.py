@@ -74,7 +74,7 @@ def sweep(
 ) -> None:
     """Run many designs: vary numbers of the file, and keep extremes or means of outputs.
 
-    With --until each design moves under its loads, and what is kept is of its motion.
+    With --until each design moves under its loads, and reductions are over its motion.
     """
     mechanism = reading(file, compiled)
     check_places(out, plot)

@@ -88,9 +88,9 @@ def test(
 ) -> None:
     """Compute the numbers that graph files expect, and compare.
 
-    Of a folder all graphs are taken but those under broken and legacy. Exit code 1 says
-    that a number is not met, 2 that a file is wrong. With --record nothing is compared:
-    outputs join the expect of each file as they are today.
+    In a folder all graphs are tested except those under broken and legacy. Exit code 1 means that
+    a number deviates, 2 that a file is invalid. With --record nothing is compared: today's outputs
+    are added to the expect of each file.
     """
     if record is not None:
         from blockmech.testing.expectations import recorded

@@ -105,17 +105,17 @@ class Belt(LossyCoupling, type="coupling.belt"):
 
     @property
     def ratio(self) -> float:
-        """Turns of the driven wheel for one of the driver's, on a carrier at rest."""
+        """Turns of the driven wheel per turn of the driver's, on a carrier at rest."""
         ratio = self.radii[0] / self.radii[1]
         return -ratio if self.crossed else ratio
 
     @property
     def sided(self) -> bool:
-        """The slack side of a chain never pulls."""
+        """True for a chain: its slack strand carries no force."""
         return not self.preload > 0
 
     def parameters(self) -> BeltNumbers:
-        """Ratio, and where the strands run."""
+        """Ratio, and radii that fix the lines of the strands."""
         first, second = self.radii
         step = second + first if self.crossed else second - first
         slack = 1.0 if self.sided else 0.0
@@ -129,7 +129,7 @@ class Belt(LossyCoupling, type="coupling.belt"):
         return None if self.sided else preloading
 
     def readings(self, pair: str) -> Mapping[str, Reading]:
-        """Of a belt under tension, what is left of it."""
+        """The remaining tension, for a belt with preload."""
         if self.sided:
             return {}
         return {"slack": Reading("N", slack_tension, of_load=True, flag="slack-belt")}
@@ -154,6 +154,6 @@ class Belt(LossyCoupling, type="coupling.belt"):
             yield Curve("carrier", [start, start + e * length])
 
     def advance(self, turns: Fraction) -> Fraction | None:
-        """By the ratio, where that is one of whole numbers."""
+        """Turns by the ratio, if that is a fraction of small integers."""
         share = Fraction(self.ratio).limit_denominator(SHARES)
         return share * turns if abs(float(share) - self.ratio) <= 1e-14 else None

@@ -197,7 +197,7 @@ class Cam(Coupling, type="coupling.cam"):
     """A cam on a crank, and a follower: a slide drive (translating) or a crank (swinging).
 
     law : the follower's coordinate over the cam's angle: "segments" or a "table" that repeats;
-        or "points" of the profile, from which it is worked out
+        or "points" of the profile, from which the law is computed
     follower : "knife", "roller" or "flat"
     at : [m] knife edge, centre of the roller or a place on the face, in the follower's axes
     roller : [m] radius of the roller
@@ -207,7 +207,8 @@ class Cam(Coupling, type="coupling.cam"):
     phase : [rad or m] follower's coordinate where the law is zero; of points, a coordinate near
         which a swinging follower is, and whose sign says which way a translating one is pushed
 
-    The base circle follows from the places: it is where the follower is at the law's lowest.
+    The base circle follows from the positions: it touches the follower at the lowest value of the
+    law.
 
     >>> rise = {"motion": "3-4-5", "over": 2.0, "rise": 0.01}
     >>> back = {"motion": "3-4-5", "over": 2.0, "rise": -0.01}
@@ -235,11 +236,11 @@ class Cam(Coupling, type="coupling.cam"):
         if self.face and self.follower != "flat":
             raise mistake("wrong-value", f'"face" of a follower that is "{self.follower}"')
         if not self.law.whole or self.law.step:
-            message = "after one turn the follower is not at its first position"
+            message = "the follower does not return to its first position after one turn"
             raise mistake(
                 "open-profile",
                 message,
-                "the profile of a cam is closed",
+                "the profile of a cam must be closed",
                 "make its last value equal its first",
             )
         if self.law.advance(Fraction(1)) is None:
@@ -248,7 +249,7 @@ class Cam(Coupling, type="coupling.cam"):
         return self
 
     def transmission(self, pair: str) -> Kernel:
-        """The law's kernel; of points a spline's."""
+        """The kernel of the law, or of the spline through the points."""
         return self.law.kernel()
 
     def touch(self, pair: str) -> Callable[..., Touch]:
@@ -261,7 +262,7 @@ class Cam(Coupling, type="coupling.cam"):
         return self.friction
 
     def readings(self, pair: str) -> Mapping[str, Reading]:
-        """Pressure angle, radius of curvature and the push."""
+        """Pressure angle, radius of curvature and contact force."""
         return {
             "pressure_angle": Reading("rad", pressure),
             "curvature_radius": Reading("m", curvature),
@@ -281,18 +282,18 @@ class Cam(Coupling, type="coupling.cam"):
         return self.law.within(low, high)
 
     def advance(self, turns: Fraction) -> Fraction | None:
-        """It comes back every turn."""
+        """The cam returns after every turn."""
         return Fraction(0)
 
     def placed(self) -> Mapping[str, str]:
-        """Those that the profile and the follower have."""
+        """Positions and angles of the profile and of the follower."""
         sides = {"at": "driven"} | ({"face": "driven"} if self.follower == "flat" else {})
         return sides | ({"law": "driver"} if isinstance(self.law, Outline) else {})
 
     # -- profile --------------------------------------------------------------------------
 
     def faults(self, where: str, pair: str, pose_at: Where, p: Parameters) -> Iterator[Problem]:
-        """A face that cannot push, a profile through the centre, and undercut."""
+        """Problems: a face that cannot push, a profile through the centre, undercut."""
         touch = self.touch(pair)
         angles = [math.tau * (k + 0.5) / SCANNED for k in range(SCANNED)]
         turn = [(at, touch(at, p)) for at in map(pose_at, angles)]
@@ -323,16 +324,16 @@ class Cam(Coupling, type="coupling.cam"):
             lambda x: room(float(touch(pose_at(x), p).radius)) > 0, before, angles[first]
         )
         radii = [meets.radius + self.roller for _, meets in turn]
-        message = f"the profile is undercut from {begin % math.tau:.6g} rad of the cam's angle on"
+        message = f"the profile is undercut from a cam angle of {begin % math.tau:.6g} rad on"
         if self.follower == "flat":
             message += f": its radius of curvature falls to {min(radii):.4g} m"
-            valid, remedy = "a flat face needs a convex profile", "a larger base circle"
+            valid, remedy = "a flat face needs a convex profile", "enlarge the base circle"
             remedy += f", by {-min(radii):.4g} m or more"
             yield Problem("undercut", where, message, valid, remedy)
             return
         smallest = min(r for r in radii if r > 0)
         valid = f"a roller smaller than {smallest:.4g} m, the smallest radius of the pitch curve"
-        remedy = "a smaller roller, a larger base circle, or a longer rise"
+        remedy = "use a smaller roller, a larger base circle or a longer rise"
         yield Problem("undercut", where, message, valid, remedy)
 
     def curves(self, pair: str, pose_at: Where, p: Parameters) -> Iterator[Curve]:

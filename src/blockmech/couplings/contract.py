@@ -228,7 +228,7 @@ class Coupling(Block):
     driven: str
 
     def axis(self, outside: Axis) -> Axis:
-        """Units of the argument, and in place of the effort of the driven coordinate."""
+        """Units of the argument and, in the field ``effort``, of the driven coordinate."""
         argument, driven = (outside.known.get(d, Axis()) for d in (self.driver, self.driven))
         return outside._replace(coordinate=argument.coordinate, effort=driven.coordinate)
 
@@ -249,11 +249,11 @@ class Coupling(Block):
         return None
 
     def readings(self, pair: str) -> Mapping[str, Reading]:
-        """Further outputs by name; of couplings with a contact."""
+        """Additional outputs by name, for couplings with a contact."""
         return {}
 
     def numbers(self, pair: str, at_zero: Callable[[], Meshing]) -> Parameters:
-        """What kernels read as ``p``; ``at_zero`` gives both sides where all drivers are at 0."""
+        """Parameters ``p`` of the kernels; ``at_zero`` gives both sides with all drivers at 0."""
         return self.parameters()
 
     def knots(self, low: float, high: float) -> Iterable[float]:
@@ -261,11 +261,11 @@ class Coupling(Block):
         return ()
 
     def faults(self, where: str, pair: str, pose_at: Where, p: Parameters) -> Iterator[Problem]:
-        """What cannot work where the parts are; ``where`` is the coupling's name."""
+        """Problems with the positions of the links; ``where`` is the coupling's name."""
         yield from ()
 
     def touch(self, pair: str) -> Kernel | None:
-        """The kernel of rule 4; None where links touch in more places than one, or in none."""
+        """The kernel of rule 4; None unless both links touch at exactly one point."""
         return None
 
     @property
@@ -285,7 +285,7 @@ class Coupling(Block):
 
     @property
     def sided(self) -> bool:
-        """Whether `contact` asks for the sense of the effort."""
+        """Whether `contact` depends on the sign of the generalised force."""
         return False
 
     def curves(self, pair: str, pose_at: Where, p: Parameters) -> Iterator[Curve]:
@@ -297,15 +297,15 @@ class Coupling(Block):
         return {}
 
     def advance(self, turns: Fraction) -> Fraction | None:
-        """Turns of the driven link while x grows by so many; 0 where it comes back.
+        """Turns of the driven link while x grows by these turns; 0 where it returns.
 
-        None where no number of turns brings it back, or that is not known.
+        None where no number of turns returns it, or where that is not known.
         """
         return None
 
 
 class LossyCoupling(Coupling):
-    """A coupling that takes some of the power through it.
+    """A coupling that loses a share of the power that it transmits.
 
     efficiency : [-] power that comes out over power that goes in, whichever side drives
     """
@@ -314,5 +314,5 @@ class LossyCoupling(Coupling):
 
     @property
     def lost(self) -> Real:
-        """What the efficiency leaves of 1."""
+        """The loss: 1 minus the efficiency."""
         return 1.0 - self.efficiency

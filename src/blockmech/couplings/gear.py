@@ -80,13 +80,13 @@ class Gear(LossyCoupling, type="coupling.gear"):
     @model_validator(mode="after")
     def _of_two_sizes(self) -> Gear:
         if self.internal and self.teeth[0] == self.teeth[1]:
-            message = f"a wheel of {self.teeth[0]} teeth cannot roll in a ring of as many"
+            message = f"a wheel of {self.teeth[0]} teeth cannot roll in a ring with the same number"
             raise mistake("bad-teeth", message, "a ring has more teeth than the wheel in it")
         return self
 
     @property
     def exact_ratio(self) -> Fraction:
-        """Turns of the driven wheel for one of the driver's, on a carrier at rest."""
+        """Turns of the driven wheel per turn of the driver's, on a carrier at rest."""
         ratio = Fraction(*self.teeth)
         return ratio if self.internal else -ratio
 
@@ -97,11 +97,11 @@ class Gear(LossyCoupling, type="coupling.gear"):
 
     @property
     def sided(self) -> bool:
-        """The radial part of a tooth force never pulls."""
+        """True with a pressure angle: the radial tooth force always separates the wheels."""
         return self.pressure_angle > 0
 
     def parameters(self) -> GearNumbers:
-        """Ratio, phase and lean, the latter signed so that teeth push the wheels apart."""
+        """Ratio, phase and lean, signed so that the tooth force separates the wheels."""
         slant = apply("expi", self.pressure_angle)
         lean = slant.imag / slant.real
         return GearNumbers(self.ratio, self.phase, lean if 0 < self.ratio < 1 else -lean)

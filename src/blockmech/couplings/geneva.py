@@ -99,7 +99,7 @@ def push(pose: Meshing, effort: Real, sense: Real, p: GenevaNumbers) -> Load:
 class Geneva(LossyCoupling, type="coupling.geneva"):
     """A driver with one pin and a wheel with ``slots`` slots, which turns the other way.
 
-    slots : of the wheel, three or more
+    slots : number of slots of the wheel, three or more
     internal : whether the slots open inward, so that the wheel turns with the driver
     pin : [rad] angle of the driver where the pin is on the line of centres
     phase : [rad] angle of the wheel there
@@ -130,7 +130,7 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
     contact = always(push)
 
     def knots(self, low: float, high: float) -> Iterable[float]:
-        """Where the pin enters and leaves."""
+        """Angles at which the pin enters and leaves a slot."""
         p = self.parameters()
         for k in range(math.floor(low / math.tau) - 1, math.ceil(high / math.tau) + 2):
             at = p.pin + math.tau * k
@@ -169,5 +169,5 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
             yield Curve("driven", circle(deep + 2 * abs(slim))[1:])
 
     def advance(self, turns: Fraction) -> Fraction:
-        """A step a turn."""
+        """One step per turn."""
         return (turns if self.internal else -turns) / self.slots

@@ -84,7 +84,7 @@ class Rack(LossyCoupling, type="coupling.rack"):
 
     @property
     def sided(self) -> bool:
-        """The part of a tooth force that pushes apart never pulls."""
+        """True with a pressure angle: the tooth force always separates rack and pinion."""
         return self.pressure_angle > 0
 
     def parameters(self) -> RackNumbers:
@@ -98,7 +98,7 @@ class Rack(LossyCoupling, type="coupling.rack"):
         return rolling if pair == "RP" else turning
 
     def contact(self, pair: str) -> Kernel:
-        """On the one that follows."""
+        """Force [N] on the driven link."""
         return on_rack if pair == "RP" else on_pinion
 
     def curves(self, pair: str, pose_at: Where, p: RackNumbers) -> Iterator[Curve]:
@@ -112,5 +112,5 @@ class Rack(LossyCoupling, type="coupling.rack"):
         yield Curve(rack, [foot - half, foot + half], chain=True)  # type: ignore[arg-type]
 
     def advance(self, turns: Fraction) -> Fraction | None:
-        """A rack never comes back."""
+        """None: a rack does not return; 0 for no turns."""
         return None if turns else Fraction(0)

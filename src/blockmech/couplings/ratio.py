@@ -23,7 +23,7 @@ class Ratio(LossyCoupling, type="coupling.ratio"):
     """The driven coordinate as a function of the driver's, both as their drivers count them.
 
     law : "polynomial", "table" or "segments", see `blockmech.couplings.laws`
-    phase : [rad or m] what is added to it
+    phase : [rad or m] added to the value of the law
 
     >>> law = {"kind": "polynomial", "coefficients": [0.0, 0.5]}
     >>> Ratio(driver="crank", driven="wheel", law=law).phase

@@ -134,12 +134,12 @@ def balance(
     Parameters
     ----------
     numbers : addresses, e.g. ``spring.stiffness``, ``crank.links.crank.mass``
-    want : outputs whose sum of squares is to be least, each by its size before; by default the
-        efforts of the loads on the drivers, ``crank.tau_red``
+    want : outputs whose sum of squares is minimised, each scaled by its initial magnitude; by
+        default the generalised forces of the loads on the drivers, ``crank.tau_red``
     at, samples, times : the poses, as those of a run
-    bounds : address -> (lowest, highest); by default what the file takes
-    friction : as that of a run; by default left out
-    static : without inertia; by default so where ``want`` is
+    bounds : address -> (lowest, highest); by default the limits of the file format
+    friction : as that of a run; by default "none" static : without inertia; by default True where
+    ``want`` is omitted
 
     Returns
     -------
@@ -147,8 +147,8 @@ def balance(
 
     Raises
     ------
-    RequestError for unknown names, or numbers that no output follows
-    AssemblyError at poses that cannot be
+    RequestError for unknown names, or numbers on which no output depends AssemblyError at poses
+    that do not assemble
 
     >>> balanced = bm.design.balance(mech, "couple.moment", want="crank.drive", samples=13)
     >>> {number: round(value) for number, value in balanced.numbers.items()}

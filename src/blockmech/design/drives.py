@@ -132,16 +132,17 @@ def motor(
 ) -> MotorDemand:
     """Requirements of a motor: rms and peak moment, speed, and gear ratio.
 
-    Samples count alike in time: name them by ``times``, or at a constant rate.
+    All samples have the same weight in time: give ``times``, or a constant rate.
 
     Parameters
     ----------
     driver : not needed if there is one
     at, samples, times, rates, accelerations, friction : as those of a run
-    ratio : of the gear; by default 1 without inertia of the rotor, else that of the least rms
+    ratio : of the gear; by default 1 without ``inertia``, else the ratio with the least rms moment
     inertia : [kg m2 or kg] of the rotor
-    efficiency : of the gear [-]; it costs where the motor gives work, and helps where it brakes
-    limits : what the motor can: "rms", "peak" [N m or N], "speed" [rad/s or m/s]
+    efficiency : of the gear [-]; losses add to the moment where the motor drives, and reduce it
+    where it brakes
+    limits : ratings of the motor: "rms", "peak" [N m or N], "speed" [rad/s or m/s]
 
     Raises `RequestError` for unknown names or values that do not fit.
 
@@ -193,7 +194,7 @@ def available(
     friction: FrictionMethod | None = None,
     static: bool = True,
 ) -> Floats:
-    """The load that a given driving effort holds, pose by pose: the inverse of the drive.
+    """The load that a given driving effort balances at each pose: the inverse of the drive.
 
     Parameters
     ----------
@@ -202,13 +203,13 @@ def available(
     effort : [N m or N] of the driver, also as text with a unit
     at, samples, rates, friction, static : as those of a run; friction counts in the sense of the
         rates
-    driver : whose effort it is; not needed if there is one
+    driver : the driver of ``effort``; not needed if there is only one
 
     Returns
     -------
-    (n,) in the unit of the number; NaN where no load makes the drive that, e.g. at a dead centre
+    (n,) in the unit of the number; NaN where no load gives that effort, e.g. at a dead centre
 
-    Raises `RequestError` for unknown names, or a number that the drive does not follow.
+    Raises `RequestError` for unknown names, or a number on which the drive does not depend.
 
     >>> moments = bm.design.available(mech, "couple.moment", -500.0, at=[0.5, 1.0], friction="none")
     >>> moments.round(1)

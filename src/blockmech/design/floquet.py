@@ -74,10 +74,10 @@ def floquet(mechanism: Compiled, motion: Result, *, steps: int = STEPS) -> Floqu
     Parameters
     ----------
     motion : a steady state, ``mechanism.simulate("steady")``, whose motion has a period
-    steps : of the integration of a period, order eight
+    steps : number of steps of order eight per period
 
-    Raises `RequestError` for a motion without a period, and where joints have friction: their
-    effort jumps where a slip reverses.
+    Raises `RequestError` for a motion without a period, and for joint friction, which jumps where
+    a slip reverses.
 
     >>> pump = bm.read("graphs/pump.json").compile()
     >>> floquet = bm.design.floquet(pump, pump.simulate("steady"))

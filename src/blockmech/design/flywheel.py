@@ -125,15 +125,16 @@ def fluctuation_of(speeds: Floats, mean: float) -> float:
 def flywheel(mechanism: Compiled, speed: Quantity, fluctuation: float) -> Flywheel:
     """The flywheel on the only crank that keeps its speed within a fluctuation.
 
-    The motor gives a constant moment. Loads of the rate count at the mean speed; joint friction
-    is left out.
+    The motor gives a constant moment. Rate-dependent loads are evaluated at the mean speed; joint
+    friction is left out.
 
     Parameters
     ----------
     speed : mean [rad/s], also as text with a unit
     fluctuation : (w_max - w_min) / w_mean [-] that is allowed, e.g. 0.02
 
-    Raises `RequestError` unless there is one crank that turns fully, and for loads of the time.
+    Raises `RequestError` unless the only driver is a crank that turns fully, and for
+    time-dependent loads.
 
     >>> round(bm.design.flywheel(mech, speed="300rpm", fluctuation=0.02).inertia)
     4143

@@ -331,23 +331,23 @@ def identify(
 
     Parameters
     ----------
-    numbers : addresses of what is to be identified (`Mechanism.parameters`); the search starts
-        from the mechanism's own values
+    numbers : addresses of the unknown parameters (`Mechanism.parameters`); the search starts from
+        the mechanism's values
     data : a CSV file, a DataFrame, or a mapping column -> (n,)
-        Columns are called as outputs: ``crank.q`` of every driver, and ``crank.rate``,
-        ``crank.acceleration`` where they are not the law's; the others are what was measured,
+        Columns have the names of outputs: ``crank.q`` of every driver, and ``crank.rate``,
+        ``crank.acceleration`` where they differ from the law's; the others are measurements,
         e.g. ``crank.drive``, ``dyad.C.p.x``, ``dyad.D.reaction.y``. Heads may have a unit,
-        ``crank.q [deg]``. Of a free motion ``crank.drive`` is zero.
+        ``crank.q [deg]``. In a free motion ``crank.drive`` is zero.
     friction, static : as those of a run
 
     Returns
     -------
-    Identification, with standard deviations; a number that the data do not tell is named and
-    has no value
+    Identification, with standard deviations; a parameter that the data do not determine is listed
+    without a value
 
     Raises
     ------
-    RequestError for unknown numbers or columns, data that are none, or fewer rows than numbers
+    RequestError for unknown parameters or columns, invalid data, or fewer rows than parameters
 
     >>> run = mech.run(at=np.linspace(0.0, 6.0, 50), want="crank.drive")
     >>> fit = bm.design.identify(mech, "dyad.links.j.mass", run.to_dataframe())

@@ -272,10 +272,11 @@ def linearize(
     Parameters
     ----------
     at : driver -> coordinate [rad or m], or one of `equilibria`; by default the only stable
-        equilibrium. About one that another joint leads, it is the driver of what is returned
+        equilibrium. At an equilibrium with another joint as coordinate, that joint is the driver
+        of the result
     rates : driver -> rate [rad/s or m/s] of a motion that the drivers keep up; default rest
-    states : ``pid.integral`` -> value, of signal blocks; those that are not given are such that
-        signals rest and the loads balance as far as they can
+    states : ``pid.integral`` -> value, of signal blocks; by default those at which signals are
+        constant and loads balance as far as they can
     time : [s], where loads or signals follow the time
     inputs : besides the efforts of the drivers (``crank.drive``), which are always inputs:
         addresses of numbers, e.g. ``push.force.x`` (`Mechanism.parameters`), and outputs of
@@ -331,7 +332,7 @@ def linearize(
     units = {n: mechanism.outputs[n].unit for n in (*efforts, *selected)}
     units |= {n: mechanism.outputs[n].unit if n in sources else numbers[n].unit for n in extra}
     if mechanism.frictional_joints and not slips:
-        notes.append("friction of joints is left out: what rests by it does not vibrate")
+        notes.append("joint friction is left out: where it holds the mechanism, nothing vibrates")
     speeds = dict(zip(mechanism.drivers, qd.tolist(), strict=True))
     return Linearization(
         mechanism, drivers, speeds, effort, M, damping, K, *space, (*efforts, *extra), selected,
@@ -367,7 +368,7 @@ def _signals(
             break
     notes = []
     if of is not None and np.abs(of.rates).max(initial=0.0) > EQUAL * (1 + np.abs(x).max()):
-        notes.append("signals do not rest in this state: the model holds while they stay near it")
+        notes.append("signals are not constant in this state: the model holds only near it")
     return x, notes
 
 

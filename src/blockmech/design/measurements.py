@@ -75,7 +75,7 @@ def _of_csv(path: Path) -> dict[str, list[str]]:
     sign = max(",;\t", key=first.count)
     rows = [row for row in csv.reader(text.splitlines(), delimiter=sign) if row]
     if len(rows) < 2 or len({len(row) for row in rows}) > 1:
-        raise refused(str(path), "it is no table with a head and equally long rows")
+        raise refused(str(path), "not a table with a header and rows of equal length")
     if sign != ",":
         rows[1:] = [[cell.replace(",", ".") for cell in row] for row in rows[1:]]
     return {head: list(column) for head, *column in zip(*rows, strict=True)}
@@ -95,7 +95,11 @@ def record_of(mechanism: Compiled, data: Any) -> Record:
                 kept[d] = columns.pop(name)
     missing = [mechanism._of_driver(d, "q") for d in mechanism.drivers if d not in inputs["q"]]
     if missing or not mechanism.drivers:
-        raise refused("data", f"no column of {listed(missing)}", "say where each driver was")
+        raise refused(
+            "data",
+            f"a column is missing for {listed(missing)}",
+            "give the coordinate of each driver",
+        )
     measured: dict[str, Floats] = {}
     problems: list[Problem] = []
     for name, x in columns.items():
@@ -110,11 +114,11 @@ def record_of(mechanism: Compiled, data: Any) -> Record:
     if problems:
         raise RequestError(problems)
     if not measured:
-        raise refused("data", "nothing was measured but the drivers", "e.g. a column crank.drive")
+        raise refused("data", "no measured column beside the drivers", "e.g. a column crank.drive")
     rows = np.isfinite([*measured.values(), *(x for k in inputs.values() for x in k.values())])
     good = rows.all(axis=0)
     if not good.any():
-        raise refused("data", "no row is without a gap")
+        raise refused("data", "every row has a gap")
     given = {what: {d: x[good] for d, x in kept.items()} or None for what, kept in inputs.items()}
     q: Any = given["q"]
     samples = mechanism.samples(q, None, None, given["rate"], given["acceleration"])

@@ -113,32 +113,33 @@ def solve(
     friction: FrictionMethod | None = None,
     static: bool = False,
 ) -> Solutions:
-    """Which driver coordinates, loads or lengths give wanted values.
+    """Find driver coordinates, loads or lengths for which outputs have target values.
 
     Parameters
     ----------
     wanted : output -> value in SI, or as text with a unit, e.g. ``{"dyad.j.angle": "80deg"}``
-        With ``to`` also what a study keeps: ``{"max_abs(crank.drive)": 50.0}``.
+        With ``to`` also reductions as in a study: ``{"max_abs(crank.drive)": 50.0}``.
     to : parameter paths, as many as wanted values, or efforts at other places than the driver:
         ``"dyad.C.moment"`` between the links of a pin, ``"dyad.j.moment"`` on a link,
         ``"dyad.P.force.x"`` at a marker in ground axes (of links and joints ``"joint.C.moment"``,
         ``"joint.S.force"`` along a guide, ``"link.rod.moment"``, ``"link.rod.P.force.x"``); with
-        ``{"crank.drive": 0}`` that is what stands for the drive. By default the drivers are asked
-        for, and there are as many wanted values as drivers
-    at, samples : the poses [rad or m] at which outputs are wanted of designs, as those of a run;
-        one pose for an output by itself
-    modes : whether all assembly modes of the dyads of a graph are gone through
+        ``{"crank.drive": 0}`` the effort replaces the drive. By default the unknowns are the
+        driver coordinates, as many as wanted values
+    at, samples : with ``to`` the poses [rad or m] at which outputs are evaluated, as in a run; one
+        pose for an output without a reduction
+    modes : whether all assembly modes of a graph's dyads are searched
     friction, static : as those of a run
 
     Returns
     -------
     Solutions
-        Of one driver all places of its range, to rounding; of several drivers those that were
-        found from a grid of starts; of numbers the one that is reached from those of the file.
+        For one driver all solutions in its range, to rounding; for several drivers those that
+        Newton's method reaches from a grid of starts; for parameters the one that it reaches from
+        the values of the file.
 
     Raises
     ------
-    RequestError for unknown names, and for other than as many wanted values as unknowns
+    RequestError for unknown names, and unless there are as many wanted values as unknowns
 
     >>> import blockmech as bm
     >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()
@@ -154,7 +155,7 @@ def solve(
         raise refused("wanted", found, "give as many values as there are unknowns")
     values = {name: _in_si(mechanism, name, x) for name, x in wanted.items()}
     if bad := [name for name, x in values.items() if not math.isfinite(x)]:
-        raise refused(bad[0], "the wanted value is not finite", "give a number")
+        raise refused(bad[0], "the target value is not finite", "give a number")
     how: Arguments = {"friction": friction, "static": static}
     if unknowns:
         mechanism, paths = with_efforts(mechanism, unknowns, parameters(mechanism))
@@ -254,7 +255,7 @@ def _of_drivers(
         law = mechanism.scene.drive.get(d)
         joint = mechanism.structure.driver_joint(d)
         if law is None and not joint.rotary:
-            raise refused(d, "nothing says where it may be", "give the driver a law of motion")
+            raise refused(d, "its range is unknown", "give the driver a law of motion")
         if not isinstance(law, OverRange | None):
             raise refused(d, "its law is one of time", "give it a law by its coordinate")
         ranges.append((0.0, TURN) if law is None else sorted(law.travelled))

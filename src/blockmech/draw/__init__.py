@@ -104,9 +104,9 @@ def draw(
 
     Raises
     ------
-    RequestError for an unknown kind or suffix, a missing range, unknown names, or a
-        place that cannot be written
-    GraphError where a mechanism is wanted and the graph is not complete
+    RequestError for an unknown kind or suffix, a missing range, unknown names, or a path that
+        cannot be written
+    GraphError for a picture of a mechanism whose graph is incomplete
     AssemblyError, SingularError where the first pose does not exist
     MissingEngineError for an .mp4 where there is no ffmpeg
 
@@ -174,15 +174,14 @@ def animate(
     Parameters
     ----------
     subject : graph, linkage, mechanism or result
-    path : .gif, .mp4 (by ffmpeg) or .html (one file, nothing is loaded from elsewhere); None only
-        shows it
+    path : .gif, .mp4 (by ffmpeg) or .html (one self-contained file); None shows it without a file
     at : driver coordinates of the frames, see `draw`
     frames : number of frames over the range, 2 to 2000
-    seconds : time [s] that one cycle lasts on the screen
+    seconds : duration [s] of one cycle on the screen
     trace, degrees : see `draw`
 
-    Poses that do not close are left out; a motion that does not return to its start is
-    played to and fro. Raises the errors of `draw`.
+    Poses that do not close are left out; a motion that does not return to its start is played
+    forwards and backwards. Raises the errors of `draw`.
 
     >>> bm.draw.animate(mech, "turn.html", frames=4)
     <Animation of ruiz_fourbar: 4 frames>
@@ -225,7 +224,7 @@ def run_pictures(
     ----------
     result : the run; outputs that it did not compute are not drawn
     folder : made if it is missing
-    over : driver coordinate or time; "auto" takes what the samples were named by
+    over : driver coordinate or time; "auto" takes the one by which the samples were requested
     degrees : driver angles in degrees
 
     Raises `RequestError` where the folder cannot be written, or times are not known.

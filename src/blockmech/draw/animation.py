@@ -105,7 +105,7 @@ class Animation:
 
     @cached_property
     def html(self) -> str:
-        """The player as one HTML document that loads nothing from elsewhere."""
+        """The player as one self-contained HTML document."""
         template = resources.files("blockmech.draw").joinpath("player.html").read_text("utf-8")
         data = json.dumps(player_data(self), ensure_ascii=True, separators=(",", ":"))
         data = data.replace("<", "\\u003c")  # no name can end the script
@@ -124,9 +124,9 @@ class Animation:
 
     @cached_property
     def mp4(self) -> bytes:
-        """A film of H.264 by ffmpeg, the machine's own or that of the extra ``film``.
+        """A film in H.264, by an installed ffmpeg or that of the extra ``film``.
 
-        Raises `MissingEngineError` where there is neither.
+        Raises `MissingEngineError` without either.
         """
         return _film(self)
 

@@ -423,9 +423,9 @@ def impulses(mechanism: Compiled, impact: Impact) -> Data:
 
     Returns
     -------
-    reactions, guide couples and driving impulses under the names of the outputs, joint friction
-    included as the motion has it; that of a driver whose stop was struck is the stop's, the others
-    are nothing. The stop of another pair strikes both of its links
+    Impulses of reactions, guide couples and drives by output name, with the joint friction of the
+    motion. The impulse of a driver that struck its stop is that of the stop; those of other
+    drivers are zero. A stop of another pair acts on both of its links
 
     >>> g.start("crank", q=0.0, rate=5.0)
     >>> g.add_stop("crank", high=0.3, restitution=0.5)

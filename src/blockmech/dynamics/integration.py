@@ -191,8 +191,8 @@ class Integration(Run):
             projected = spent * (self.t_max - start) / (self.t - start)
             if projected > self.equation.limit * (1 if self.method == "dop853" else HOPELESS):
                 self.notes.append(
-                    f"{spent} evaluations reach {self.t:.3g} s, at most {self.equation.limit} are "
-                    'made: ask for a shorter time, or for what it settles to, "steady"'
+                    f"{spent} evaluations of {self.equation.limit} reach {self.t:.3g} s: "
+                    'ask for a shorter time, or for the steady motion, "steady"'
                 )
                 raise ends.TooMany
 

@@ -161,7 +161,7 @@ class PathRun(Run):
         if abs(self.q - begin) >= CRAWL * period / PIECES:
             return False
         distance = f"{abs(self.q - begin):.1e} from q = {begin:.9g} on"
-        self.notes.append(f"{CROWD} panels in a row cover {distance}: it crawls")
+        self.notes.append(f"{CROWD} consecutive panels cover {distance}: no progress")
         return True
 
     def report_progress(self, t: float) -> None:

@@ -144,9 +144,9 @@ class Until:
         return Until(name, value)  # type: ignore[arg-type]
 
     def checked(self) -> Until:
-        """Itself, if there can be such an end.
+        """The condition itself, if it is valid.
 
-        Raises `RequestError` for a time before the start, or a count that is none.
+        Raises `RequestError` for a time before the start, or an invalid count.
         """
         if not _is_valid_goal(self.goal, self.value):
             raise _no_end(f"{self.goal}={self.value:g}", _takes(self.goal))
@@ -361,7 +361,7 @@ def refuse_no_inertia(mechanism: Source) -> None:
         if not moved:
             fault = "no link has mass or inertia"
         remedy = 'give links "mass" and "inertia"'
-        raise refused(name, f"{fault}, so loads set no motion", remedy, code="no-inertia")
+        raise refused(name, f"{fault}, so loads cause no motion", remedy, code="no-inertia")
 
 
 def pairs_of(

@@ -85,7 +85,7 @@ def simulate(
     budget: float | None = None,
     progress: Progress | None = None,
 ) -> SimulationResult[M]:
-    """Move a mechanism from its start until something ends the run.
+    """Simulate the motion of a mechanism from its start until a condition or event ends it.
 
     Parameters
     ----------
@@ -107,8 +107,8 @@ def simulate(
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     engine : "scalar", "llvm" (machine code), or "auto": machine code once the mechanism's motions
         are worth compiling. Without machine code path methods work on NumPy's arrays
-    budget : processor time [s], by default 60, after which the motion is given as far as it came
-    progress : called now and then with (what is at work, how far it is, the whole or None)
+    budget : processor time [s], by default 60, after which the motion computed so far is returned
+    progress : called during the run with (task, amount completed, total amount or None)
 
     Returns
     -------
@@ -118,8 +118,9 @@ def simulate(
 
     Raises
     ------
-    RequestError where the scene has no start or one beyond an end stop, no inertia, the
-    method does not apply, a number or engine cannot be; MissingEngineError without llvmlite
+    RequestError for a start that is missing or beyond an end stop, for a mechanism without
+    inertia, for a method that does not apply, and for invalid numbers or engines;
+    MissingEngineError without llvmlite
 
     >>> swing = mech.simulate("time=0.2", start={"crank": (0.0, "5 rad/s")}, times=[0.1, 0.2])
     >>> swing["crank.q"].round(4)
@@ -189,14 +190,14 @@ def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
     remarks = [note] if (note := unused_laws(scene, system.drivers, roles)) else []
     if motion.end == ends.TOO_MANY and goal.goal not in ("time", "steady"):
         met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
-        remarks.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
+        remarks.append(f'{met}, and may never be: until="time=<s>" shows the further motion')
     if goal.forcing and "time" not in system.depends_on:
         remarks.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
     if motion.end == ends.SELF_LOCKED and system.friction is not None:
         slopes = enumerate(system.friction.program.steepest)
         if of := [system.pair_name(j) for j, steepest in slopes if steepest]:
             why = f"friction of {listed(of)} is not linear in the load"
-            remarks.append(f"{why}: perhaps only the proof of one solution is missing")
+            remarks.append(f"{why}: a unique solution may exist but could not be proved")
     return remarks
 
 

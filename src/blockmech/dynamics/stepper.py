@@ -241,7 +241,7 @@ def stepper(
     accuracy: float | None = None,
     engine: EngineName = "auto",
 ) -> Stepper:
-    """Copies of a mechanism that your own controller advances step by step.
+    """Copies of a mechanism that a controller of yours advances step by step.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ def stepper(
 
     Raises
     ------
-    RequestError for names or numbers that cannot be
+    RequestError for unknown names and invalid numbers
 
     >>> import blockmech as bm
     >>> from blockmech import laws, signals

@@ -105,7 +105,7 @@ class TimeIntegration(Integration):
             at = "t = {:.9g} s, q = {}, rate = {}".format(self.t, *where)
             self.notes.append(f"{end}: {at}")
         if self.method != self.method_asked and status == "reached":
-            self.notes.append(f"{self.method_asked} gave up on the way, {self.method} went on")
+            self.notes.append(f"{self.method_asked} gave up; {self.method} continued the motion")
         fixed = self.method_asked in STEPPERS
         if not (fixed or self.is_rest):
             self.facts["tolerance"] = self.tolerance

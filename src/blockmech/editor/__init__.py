@@ -30,10 +30,10 @@ def service() -> Any:
 
 
 def studio(document: Graph | Linkage | None = None, height: int = 800) -> Framed:
-    """The studio of a copy of a graph or linkage, as what a notebook shows.
+    """The studio with a copy of a graph or linkage, for display in a notebook.
 
-    Its page stands in a frame of ``height`` pixels, from a server of its own that ends with the
-    program. Without ``document`` the sheet is empty. Raises `MissingEngineError` where the extra
+    The page is shown in a frame of ``height`` pixels; its server ends with the program. Without
+    ``document`` the sheet is empty. Raises `MissingEngineError` where the extra
     ``studio`` is not installed.
 
     >>> frame = bm.studio(g, height=600)

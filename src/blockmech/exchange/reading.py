@@ -55,7 +55,7 @@ def imported(
         remedy = "save it again there, or tell us if the tool reads it"
         raise wrong(name, message, "", remedy) from error
     except RecursionError:
-        raise wrong(name, "parts of it hang on each other in a circle") from None
+        raise wrong(name, "some of its parts depend on each other in a circle") from None
 
 
 def _text(source: Any) -> tuple[str, str]:

@@ -42,8 +42,8 @@ def write(
 
     Raises
     ------
-    RequestError for a format that nobody writes, options that it does not have, and for what
-    it cannot say of this mechanism
+    RequestError for an unknown format or option, and for features of the mechanism that the format
+    cannot express
 
     >>> bm.write(g, "fourbar.c", want="crank.drive")
     [PosixPath('fourbar.h'), PosixPath('fourbar.c'), PosixPath('fourbar_test.c')]

@@ -140,12 +140,12 @@ def plot(
     Parameters
     ----------
     path : .png, .svg or .pdf file; by default none is written
-    want : outputs; by default all that the run wanted, or, if it wanted everything,
-        those of `blockmech.draw.run_pictures`
-    over : driver coordinate or time; "auto" takes what the samples were named by
+    want : outputs; by default those requested in the run, or, if it requested all, those of
+        `blockmech.draw.run_pictures`
+    over : driver coordinate or time; "auto" takes the one by which the samples were requested
     degrees : angles and driver coordinates in degrees
     components : of vectors x and y with their signs, in place of the magnitude
-    ax : axes to draw in, which are shared out among several panels
+    ax : axes to draw in, divided among the panels
 
     Returns matplotlib's figure. Raises `RequestError` for an unknown suffix or name, or too many
     curves.

@@ -60,7 +60,7 @@ def derivatives(pieces: Sequence[Reals]) -> tuple[Rows, Rows, Rows]:
 
 
 class Knotted:
-    """A function of one variable that is smooth between its knots; without any unless said."""
+    """A function of one variable that is smooth between its knots; by default it has none."""
 
     @property
     def whole(self) -> float:
@@ -77,12 +77,12 @@ class Knotted:
         return ()
 
     def rows(self) -> Sequence[float]:
-        """The same, of one that repeats with the end of the period."""
+        """Knots; those of a periodic function with the end of the period."""
         knots = self.knots()
         return [*knots, float(knots[0] + self.whole)] if knots and self.whole else knots
 
     def within(self, low: float, high: float) -> Sequence[float]:
-        """Knots from low to high, repeated as it repeats."""
+        """Knots from low to high, repeated for a periodic function."""
         knots = self.knots()
         if not knots or not self.whole:
             return [x for x in knots if low <= x <= high]

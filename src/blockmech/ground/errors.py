@@ -96,17 +96,17 @@ class GraphError(BlockmechError):
 
 
 class FormatError(BlockmechError):
-    """A file is not what it should be: line and column, or the JSON path.
+    """A file is invalid; each problem names line and column, or the JSON path.
 
     >>> bm.Graph.from_json("{}")
     Traceback (most recent call last):
         ...
-    blockmech.ground.errors.FormatError: [wrong-format] format: the file names no format. a ...
+    blockmech.ground.errors.FormatError: [wrong-format] format: the file has no format. a ...
     """
 
 
 class RequestError(BlockmechError):
-    """A call asks for something that does not exist or does not fit together.
+    """A call has unknown names, or arguments that do not fit together.
 
     >>> mech.run(at=0.5, want="crank.driv")
     Traceback (most recent call last):
@@ -199,7 +199,7 @@ class SampleFailure:
 
 
 class SampleError(BlockmechError):
-    """Some wanted samples have no answer. ``failure`` carries the numbers."""
+    """Some requested samples have no answer; ``failure`` has the numbers."""
 
     def __init__(self, problems: Problem | Iterable[Problem], failure: SampleFailure) -> None:
         super().__init__(problems)
@@ -374,9 +374,9 @@ class MissingAttributeError(AttributeError):
 
 
 class Guided:
-    """A class that says, where an attribute is missing, what has it: phrase -> path of that.
+    """A class whose errors about missing attributes name the object that has them.
 
-    Of a mapping it may be an entry.
+    ``_homes`` is phrase -> path of such an object; an entry of a mapping will do.
     """
 
     _homes: ClassVar[Mapping[str, str]] = {}

@@ -76,8 +76,8 @@ def as_json(x: Any) -> Any:
 class Facts:
     """Facts with names.
 
-    ``FACTS`` are the attributes that leave as JSON, properties among them; of a dataclass all
-    its fields unless it says otherwise.
+    ``FACTS`` are the attributes and properties that are written as JSON; for a dataclass by
+    default all its fields.
     """
 
     FACTS: ClassVar[tuple[str, ...]] = ()
@@ -89,11 +89,11 @@ class Facts:
 
 
 class Report(Guided, ABC):
-    """What people read: ``print`` shows all, `repr` is one line of it, a notebook shows HTML."""
+    """Base class of printed results: ``print`` shows all lines, `repr` one, a notebook HTML."""
 
     @abstractmethod
     def lines(self, degrees: bool = DEGREES) -> Iterable[str]:
-        """What people read, line by line."""
+        """The printed lines."""
 
     def text(self, degrees: bool = DEGREES) -> str:
         """The lines as one text; angles in degrees if asked for."""

@@ -15,10 +15,10 @@ EVERYTHING = ("*",)
 
 
 class LazyMethod:
-    """A method that is a function of a lower file, by its path, loaded when first asked for.
+    """A method that is defined as a function in a lower module, imported at its first use.
 
-    So the function is declared once: `help`, type checkers and calls read the same. What type
-    checkers read as ``blockmech.draw.draw`` is so written when ``blockmech`` is the first of them.
+    The function is declared once, for `help`, type checkers and calls alike. For type checkers its
+    path begins with ``blockmech``, as ``blockmech.draw.draw``.
     """
 
     def __init__(self, path: str) -> None:
@@ -43,7 +43,7 @@ class LazyMethod:
 
 
 class Runnable(Guided, ABC, Generic[M]):
-    """What can be compiled, and so be run."""
+    """An object that compiles to a mechanism: graph, linkage or mechanism."""
 
     _called = "a graph, a linkage or a mechanism"
     _instead = "run it first: its run() gives a result"

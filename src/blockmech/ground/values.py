@@ -308,9 +308,9 @@ class FrozenDict(dict[Any, Any]):
 
 
 class StrictModel(BaseModel):
-    """Base of all models: frozen, mappings too, unknown keys refused, finite numbers only.
+    """Base class of all models: immutable, with known keys and finite numbers only.
 
-    Made in Python, a model refuses with a `GraphError`, one problem per mistake.
+    A model that is built in Python raises `GraphError`, with one problem per mistake.
     """
 
     model_config = ConfigDict(
@@ -383,11 +383,11 @@ class StrictModel(BaseModel):
         return copied
 
     def axis(self, outside: Axis) -> Axis:
-        """Units along the coordinate of the model, and of what is inside it."""
+        """Units along the coordinate of this model and of the models inside it."""
         return outside
 
     def units(self, axis: Axis) -> Units:
-        """Units of the fields that depend on what the model is of; the others declare theirs."""
+        """Units of the fields whose unit depends on the owner; other fields declare their unit."""
         return {}
 
     def __getstate__(self) -> dict[Any, Any]:

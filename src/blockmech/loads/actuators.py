@@ -59,8 +59,8 @@ def stroke_rate(
 class Thrust(Following, type="load.thrust"):
     """A force [N] on marker b away from marker a, the opposite at a, by a law.
 
-    ``direction`` [dx, dy] is in the axes of the link of a. Put a on the line of action,
-    for the two forces make a couple of their own otherwise.
+    ``direction`` [dx, dy] is in the axes of the link of a. Put a on the line of action; otherwise
+    the two forces form a couple.
 
     The law's coordinate [m] is the way from a to b along ``direction`` (negative where b is
     behind a), without one the distance of a and b; its rate [m/s] is positive where b moves

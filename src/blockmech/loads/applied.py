@@ -105,12 +105,12 @@ class Force(Following, type="load.force"):
 
     @property
     def link_vectors(self) -> tuple[str, ...]:
-        """Those that turn with the link, if they do."""
+        """Force and direction, where they turn with the link."""
         return ("force", "direction") if self.axes == "link" else ()
 
     @property
     def conservative(self) -> bool:
-        """In ground axes a constant force is as a weight, one of its own coordinate as a spring."""
+        """True in ground axes for a constant force (a weight) or one of its own coordinate."""
         positional = set(self.variables()) <= {"coordinate"} and self.driver is None
         return self.axes == "ground" and positional
 

@@ -150,7 +150,7 @@ class Element(Block):
                 raise _unreadable(kernel, f"{quantities[0]}_{terminal}")
 
     def model_post_init(self, context: object, /) -> None:
-        """Hold the kernels in use against rule 2, wherever the class took them from."""
+        """Check the kernels against rule 2, those of base classes included."""
         super().model_post_init(context)
         self._check_terminals(self.kernel(), self.reads())
 
@@ -173,16 +173,16 @@ class Element(Block):
 
     @property
     def conservative(self) -> bool:
-        """Whether it has a potential that is the same in the same pose: with `energy` it has."""
+        """Whether its force derives from `energy` alone: then it reads no velocities."""
         return self.energy() is not None and not self.reads_any(*MOVING_READS)
 
     def kinks(self) -> Kinks | None:
-        """Where it is not smooth in place by what it measures itself; None where it is."""
+        """Values of its own coordinate at which it is not smooth; None if there are none."""
         return None
 
     @property
     def counted(self) -> Counted | None:
-        """The coordinate that counts turns, and which it follows; None for poses alone."""
+        """The turn-counting coordinate on which it depends; None if the pose determines it."""
         return None
 
     def reads_any(self, *quantities: str) -> bool:
@@ -196,8 +196,8 @@ class Following(Element):
     ``law`` is typed data, in Python also a function of ``coordinate``, ``rate`` or ``time``,
     by the names of its parameters. ``driver`` names the driving link whose coordinate or
     rate is the law's argument; without it that is the element's own, see `measure_kernel`;
-    ``coordinate_text`` says in words which, from where, and which way it grows, and
-    ``coordinate_symbol`` in a picture.
+    ``coordinate_text`` describes that coordinate, its zero and its sense in words;
+    ``coordinate_symbol`` is its symbol in pictures.
     """
 
     coordinate_text: ClassVar[str] = ""
@@ -213,7 +213,7 @@ class Following(Element):
         return () if self.law is None else self.law.variables()
 
     def axis(self, outside: Axis) -> Axis:
-        """What the law gives, along the driver's coordinate or the element's own."""
+        """Units of the law: its value's, and those of the driver's or its own coordinate."""
         axis = Axis.of("P" if next(iter(self.terminals.values())).kind == "point" else "R")
         return axis._replace(coordinate=outside.known.get(self.driver or "", axis).coordinate)
 
@@ -243,11 +243,11 @@ class Following(Element):
 
     @property
     def conservative(self) -> bool:
-        """None is known of a law."""
+        """False: whether a law has a potential is not known."""
         return False
 
     def kinks(self) -> Kinks | None:
-        """Those of a law of the element's own coordinate."""
+        """Kinks of a law of the element's own coordinate."""
         if self.law is None or self.driver is not None or "coordinate" not in self.variables():
             return None
         values = self.law.kinks_of_angle() if self.turning else self.law.rows()
@@ -255,7 +255,7 @@ class Following(Element):
 
     @property
     def counted(self) -> Counted | None:
-        """The driver's coordinate, or whatever a signal follows."""
+        """The coordinate of the driver, or any that a signal may depend on."""
         if "signal" in self.variables():
             return Counted("", 0.0)
         if self.law is None or self.driver is None or "coordinate" not in self.variables():
@@ -268,11 +268,11 @@ class Following(Element):
         return (LAW,) if "signal" in self.variables() else ()
 
     def measure_kernel(self, rate: bool) -> Kernel:
-        """The element's own coordinate or rate: a kernel of what it reads and the numbers."""
+        """Kernel of the element's own coordinate or rate."""
         raise TypeError(f"{type(self).__name__} declares no measure of its own")
 
     def function(self) -> str:
-        """What the law is a function of, as a picture says it: ``f(crank.q)``; "" of a constant."""
+        """Symbol of the law in pictures, ``f(crank.q)``; "" for a constant."""
         symbols = {"time": "t", "signal": "signal", "coordinate": self.coordinate_symbol}
         symbols["rate"] = f"rate of {self.coordinate_symbol}"
         of = {"coordinate": "q", "rate": "rate"} if self.driver else {}
@@ -280,7 +280,7 @@ class Following(Element):
         return f"f({', '.join(arguments)})" if arguments else ""
 
     def measures(self) -> Iterator[tuple[Kernel | None, Reads]]:
-        """What each of the law's arguments is made from; no kernel where it is read as it is."""
+        """Kernel and inputs of each argument of the law; no kernel where it is an input."""
         for argument in self.variables():
             if argument == "time":
                 yield None, {"time": ("t",)}

@@ -56,7 +56,7 @@ class Function(Knotted):
         return self.of
 
     def numbers(self) -> tuple[()]:
-        """None: the function has its own."""
+        """None: the function holds its numbers."""
         return ()
 
     def kernel(self) -> Callable[..., Real]:

@@ -1,8 +1,8 @@
 """Laws: the size of a force or moment as a function of a coordinate, a rate or time.
 
-A law is typed data (``{"kind": "polynomial", ...}``), never evaluated text. ``of``
-says of what it is a function: the "coordinate" [rad or m] or the "rate" that the
-element or its driver has, or the "time" [s]. Each kind has one pure kernel
+A law is typed data (``{"kind": "polynomial", ...}``), never evaluated text. ``of`` names the
+argument: the "coordinate" [rad or m] or the "rate" of the element or its driver, or the "time"
+[s]. Each kind has one pure kernel
 ``value(x, numbers)`` of the law's argument and its numbers.
 
 Sources: [D14] Durango et al. 2014, section 2 (loads as functions of position and
@@ -180,7 +180,7 @@ class _Repeating(Law):
     turns: Turns | None = None
 
     def units(self, axis: Axis) -> Units:
-        """Values in the effort's, places in the argument's."""
+        """Values in the unit of the effort, knots in that of the argument."""
         values = dict.fromkeys(("values", "mean", "cosines", "sines"), axis.effort)
         return values | dict.fromkeys(("arguments", "period"), axis.argument(self.of))
 
@@ -258,7 +258,7 @@ class Table(_Repeating):
 class Fourier(_Repeating):
     """``mean + sum of cosines[k-1] cos(k w x) + sines[k-1] sin(k w x)``.
 
-    w = 2 pi / period, or 1 / turns for an angle [rad]; one turn unless something is said.
+    w = 2 pi / period, or 1 / turns for an angle [rad]; one turn by default.
 
     >>> law = Fourier(mean=1.0, cosines=[2.0])
     >>> law.kernel()(0.0, law.numbers())
@@ -272,7 +272,7 @@ class Fourier(_Repeating):
 
     @property
     def whole(self) -> float:
-        """A turn, unless something is said."""
+        """Period of the argument, one turn by default."""
         return super().whole or math.tau
 
     @property
@@ -287,7 +287,7 @@ class Fourier(_Repeating):
         return self
 
     def numbers(self) -> FourierNumbers:
-        """Both rows at one length, highest harmonic first."""
+        """Sine and cosine coefficients at one length, highest harmonic first."""
         n = max(len(self.cosines), len(self.sines), 1)
         a, b = (
             tuple(reversed([*row, *[0.0] * (n - len(row))])) for row in (self.cosines, self.sines)

@@ -76,7 +76,7 @@ class Spring(Element, type="load.spring"):
         return not acts(self.damping)
 
     def kernel(self) -> Kernel:
-        """With damping where there is any: only that asks for velocities."""
+        """Spring force, with damping only if there is any, as that needs velocities."""
         return pull_and_damp if acts(self.damping) else pull
 
     def energy(self) -> Kernel | None:
@@ -131,7 +131,7 @@ class TorsionSpring(Element, type="load.torsion_spring"):
     damping: Annotated[NotNegative, in_unit("N m s/rad")] = default(0.0)
 
     def units(self, axis: Axis) -> Units:
-        """Those along the axis: on a sliding joint of a document it is a spring along it."""
+        """Units along the axis; on a sliding joint of a document it acts as a linear spring."""
         stiffness, damping = (axis.coefficient(of) for of in ("coordinate", "rate"))
         return {"stiffness": stiffness, "rest_angle": axis.coordinate, "damping": damping}
 
@@ -145,7 +145,7 @@ class TorsionSpring(Element, type="load.torsion_spring"):
         return Kinks(twist, (math.pi,), turning=True) if acts(self.stiffness) else None
 
     def kernel(self) -> Kernel:
-        """The cheapest form that says the same."""
+        """The cheapest equivalent formula for the moment."""
         if not acts(self.damping):
             return turn_back
         return turn_back_and_damp if acts(self.stiffness) else damp

@@ -162,11 +162,11 @@ def _branch_problems(blocks: Blocks, ends: Iterable[Ends]) -> Iterator[Problem]:
         drivers = list(driven_joints({n: b for n, b in blocks.items() if n in above}))
         named = [*block.home.drivers] if block.home else []
         if len(drivers) != 1:
-            message = f"it is moved by {len(drivers)} drivers, not by one that leads from home"
+            message = f"a branch that follows needs exactly one driver, not {len(drivers)}"
             yield Problem("many-drivers", f"{name}.branch", message, "", "give the branch -1 or 1")
         elif named != drivers:
-            where, message = f"{name}.home.drivers", f"it names {listed(named)}"
-            yield Problem("wrong-home", where, message, f"the dyad is moved by {drivers[0]}")
+            where, message = f"{name}.home.drivers", f"it names {listed(named)}, not its driver"
+            yield Problem("wrong-home", where, message, f"the driver of the dyad is {drivers[0]}")
 
 
 def _group_problems(blocks: Blocks) -> Iterator[Problem]:

@@ -35,7 +35,7 @@ def cycle_problem(
     blocks: Mapping[str, AnyBlock], wires: Iterable[Wire], names: Sequence[str], told: bool
 ) -> Problem:
     """The problem that names blocks in a cycle and, if it is to be ``told``, what they are."""
-    message = "the blocks wait for each other"
+    message = "the blocks depend on each other"
     remedy = "re-wire a joint of one of them to an earlier block"
     if told:
         sources = {wire.target: wire.source for wire in wires}
@@ -86,7 +86,7 @@ def waiting(
     state = rigidity(moving, pairs, earlier, drivers)
     reasons = [f"over-constrained: {', '.join(_held(o, pairs))}" for o in state.overconstrained]
     reasons += [f"loose: {', '.join(part.links)}" for part in state.loose]
-    return sequence, f"{names} are no Assur group; {'; '.join(reasons)}"
+    return sequence, f"{names} do not form an Assur group; {'; '.join(reasons)}"
 
 
 def _held(o: Overconstraint, pairs: Iterable[Pair]) -> Sequence[str]:

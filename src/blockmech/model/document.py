@@ -77,7 +77,7 @@ class Document:
     @uncollected()
     @declared
     def from_data(cls, data: Data, odd: Iterable[Problem] = (), file: str = "") -> Self:
-        """Read what a file holds, with the problems that its text has. Raises like `load`.
+        """Build a document from the content of a file. Raises like `load`.
 
         >>> bm.Graph.from_data(g.to_data())
         <Graph ruiz_fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II ...
@@ -101,7 +101,7 @@ class Document:
 
         Raises
         ------
-        FormatError, GraphError for what could not be read again; nothing is written
+        FormatError, GraphError for a document that could not be read back; nothing is written
         RequestError where the place cannot be written
 
         >>> g.save("fourbar.json")
@@ -131,7 +131,7 @@ class Document:
         return self
 
     def to_json(self) -> str:
-        """The canonical text of the file. Raises `FormatError` for what JSON does not know.
+        """The canonical text of the file. Raises `FormatError` for values that JSON lacks.
 
         >>> g.to_json().splitlines()[1].strip()
         '"format": "blockmech/graph",'
@@ -172,10 +172,11 @@ class Document:
     ) -> None:
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
 
-        Any pair may have some, by its coordinate: ``"rod.S.coordinate"`` of a slider's way in a
-        graph, ``"joint.S.coordinate"`` of a joint among links.
+        Any pair may have stops on its coordinate: ``"rod.S.coordinate"`` of a slider in a graph,
+        ``"joint.S.coordinate"`` of a joint between links.
 
-        With a restitution, from 0 to 1, it bounces back; without the motion ends there.
+        With a restitution, from 0 to 1, the driver rebounds; without one the motion ends at the
+        stop.
 
         Raises `GraphError` where neither is given or they are in the wrong order.
 
@@ -217,11 +218,12 @@ class Document:
         """The same mechanism with other numbers, checked like a file.
 
         ``values`` is address -> number, e.g. ``{"dyad.l_i": 6.1, "frame.D.x": 5.0}``; see
-        `blockmech.model.parameters`. What the file expects of its own numbers is left out.
+        `blockmech.model.parameters`. The ``expect`` of the file is dropped, as it holds for the
+        old numbers.
 
         Raises
         ------
-        RequestError for addresses of nothing
+        RequestError for unknown addresses
         FormatError, GraphError for numbers that do not fit
 
         >>> g.replace({"dyad.l_i": 6.1}).blocks["dyad"].l_i
@@ -247,7 +249,7 @@ class Document:
         return self.from_data(data, (), self.file)
 
     def with_numbers(self, numbers: Mapping[Path, Any]) -> Self:
-        """A copy with other numbers at some paths, unchecked: of any type with arithmetic.
+        """An unchecked copy with other numbers at some paths, of any type with arithmetic.
 
         >>> g.with_numbers({("blocks", "dyad", "l_i"): 6.1}).blocks["dyad"].l_i
         6.1

@@ -82,17 +82,17 @@ def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
                 remedy = "a wheel that is fixed leads: name it as the driver"
                 yield replace(wrong, found=message, remedy=remedy)
         if coupling.driven in led:
-            message = f"{coupling.driven} follows already by {led[coupling.driven]}"
+            message = f"{coupling.driven} is already driven by {led[coupling.driven]}"
             valid, remedy = (
-                "a driver follows one coupling",
-                "let one of them drive the other's driver",
+                "a driver follows at most one coupling",
+                "couple one of them to the other's driver",
             )
             yield Problem("coupled-twice", f"{name}.driven", message, valid, remedy)
         led.setdefault(coupling.driven, name)
     for section, driver in scene.drivers():
         if driver in led:
-            message = f"{driver} follows by {led[driver]}, and has no law of motion of its own"
-            remedy = f"give it to the driver that leads: {blocks[led[driver]].driver}"  # type: ignore[union-attr]
+            message = f"{driver} is driven by {led[driver]}, so it takes no law of motion"
+            remedy = f"give the law to the leading driver: {blocks[led[driver]].driver}"  # type: ignore[union-attr]
             yield Problem("coupled-driver", scene.address(section, driver), message, "", remedy)
 
 
@@ -146,10 +146,10 @@ def loop_problems(dag: nx.DiGraph, blocks: Blocks) -> Iterator[Problem]:
         if source == target or nx.has_path(dag, target, source):
             way = [target] if source == target else nx.shortest_path(dag, target, source)
             driven = couplings_of(blocks)[name].driven
-            message = f"{driven} leads back to itself: {' -> '.join([*way, way[0]])}"
+            message = f"{driven} drives itself: {' -> '.join([*way, way[0]])}"
             valid, remedy = (
-                "couplings lead one way",
-                "remove a coupling, or swap driver and driven of one",
+                "couplings must not form a loop",
+                "remove one, or swap its driver and driven",
             )
             yield Problem("coupling-loop", f"{name}.driven", message, valid, remedy)
             return

@@ -70,7 +70,7 @@ class Expectation(StrictModel):
         if (self.at is None) == (self.simulate is None):
             wrong = 'an expectation has either "at" or "simulate"'
         elif self.rtol is None and self.atol is None:
-            wrong = 'an expectation has a tolerance: "rtol", "atol" or both'
+            wrong = 'an expectation needs a tolerance: "rtol", "atol" or both'
         elif self.at is not None and len({len(values) for values in self.at.values()}) != 1:
             wrong = '"at" has one or more drivers, with equally many values each'
         odd = [n for n, x in self.want.items() if not wrong and len(x) not in (1, self.samples)]

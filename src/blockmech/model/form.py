@@ -150,7 +150,7 @@ def _identified(form: Form, raw: Record) -> Iterator[Problem]:
     """What is wrong with format and version. Raises if it is another document altogether."""
     declared, valid = raw.get("format"), f'{form.said} has "format": "{form.format}"'
     if "format" not in raw:
-        problem = Problem("wrong-format", "format", "the file names no format", valid, "add it")
+        problem = Problem("wrong-format", "format", "the file has no format", valid, "add it")
         if form.always[0] not in raw:
             raise FormatError(problem)
         yield problem
@@ -160,7 +160,7 @@ def _identified(form: Form, raw: Record) -> Iterator[Problem]:
         raise FormatError(Problem("wrong-format", "format", message, valid, remedy))
     version, valid = raw.get("version"), f"this blockmech reads versions 1 to {VERSION}"
     if "version" not in raw:
-        message, remedy = "the file does not say its version", f'add "version": {VERSION}'
+        message, remedy = "the file has no version", f'add "version": {VERSION}'
         yield Problem("missing-version", "version", message, valid, remedy)
     elif isinstance(version, bool) or not isinstance(version, int) or version < 1:
         message = f"version must be a whole number from 1, got {shown(version)}"

@@ -119,7 +119,7 @@ class Graph(Document):
     def flat(self) -> Self:
         """The same mechanism with the blocks of subgraphs written out, as ``knee.dyad``.
 
-        A graph without others inside is itself.
+        A graph without subgraphs is returned as it is.
 
         >>> g.flat() is g
         True
@@ -218,7 +218,7 @@ class Graph(Document):
     # -- building ---------------------------------------------------------
 
     def add(self, name: str, block: AnyBlock | Graph | str, **keys: Any) -> None:
-        """Add a block under a name that is free; another graph becomes a block as it is now.
+        """Add a block under an unused name; a graph becomes a subgraph in its present state.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """Laws of motion of a driver: coordinate, rate and acceleration.
 
-Two laws give rate and acceleration as functions of the coordinate, so samples are
-named by it; all laws can be sampled by time.
+Two laws give rate and acceleration as functions of the coordinate, so their samples may be given
+by it; all laws can be sampled by time.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class LawOfMotion(StrictModel):
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Those of them at which its rate jumps."""
+        """The kinks at which its rate jumps."""
         return ()
 
 
@@ -110,7 +110,7 @@ class OverRange(LawOfMotion):
         return np.linspace(*self.travelled, n)
 
     def at_coordinates(self, q: Floats) -> Motion:
-        """rate^2 = rate_from^2 + 2 acceleration (q - from); NaN where it never gets."""
+        """rate^2 = rate_from^2 + 2 acceleration (q - from); NaN where q is not reached."""
         rate, acceleration = self._course
         if not acceleration:
             return q, np.full(q.shape, rate), np.zeros(q.shape)

@@ -223,7 +223,7 @@ def _spellings(path: Path) -> Iterator[str]:
 
 
 def _unknown(address: object, numbers: Mapping[str, Parameter]) -> Problem:
-    message = "no number of the mechanism has that address"
+    message = "the mechanism has no parameter with that address"
     head = str(address).split(".")[0]
     neighbours = [a for a in numbers if a.split(".")[0] == head]
     valid = f"addresses there: {listed(neighbours or numbers, 16)}"

@@ -109,7 +109,7 @@ def data_of(text: str) -> tuple[Data, list[Problem]]:
         raise FormatError(_syntax(text, error)) from error
     except RecursionError as error:
         fields = f"objects and lists are nested more than {DEEPEST} deep"
-        raise FormatError(Problem("too-deep", "", fields, "a graph needs nine")) from error
+        raise FormatError(Problem("too-deep", "", fields, "a graph needs nine levels")) from error
     if not isinstance(data, dict):
         fields = "the file does not hold an object"
         valid = 'a graph file is {"format": "blockmech/graph", ...}'
@@ -130,7 +130,7 @@ def _syntax(text: str, error: json.JSONDecodeError) -> Problem:
     extra = error.msg.startswith("Extra data")
     half = not extra and CUT_OFF.fullmatch(text, at, max(at, end))
     if half or error.msg.startswith("Unterminated string"):
-        message, valid = "the file ends in the middle", "every { [ and quotation mark is closed"
+        message, valid = "the file is incomplete", "every { [ and quotation mark is closed"
         remedy = "complete it, or fetch it again"
         return Problem("truncated", position(text, end), message, valid, remedy)
     before = text[:at].rstrip()
@@ -184,7 +184,7 @@ def _explanation(text: str, at: int, before: str, message: str) -> tuple[str, st
         return "a comment", 'JSON has none: write it to "notes"'
     if text[at] in QUOTES:
         kind = "single" if text[at] == "'" else "typographic"
-        return f"a {kind} quotation mark", 'texts and keys stand in double ones: "..."'
+        return f"a {kind} quotation mark", 'texts and keys need double quotation marks: "..."'
     run = next((r for r in RUN.finditer(text, line) if r.end() > at), None)
     if run and (run.start() < at or (run.start() == at and message.startswith("Expecting value"))):
         correction, value = _as_json(run.group()), json.dumps(run.group()[:20], ensure_ascii=False)
@@ -207,9 +207,9 @@ def _explanation(text: str, at: int, before: str, message: str) -> tuple[str, st
         if text[at] == ":" and bracket == "[":
             return f"a key in the list that begins at {opened}", "keys stand in {...}"
         missing = "colon" if "':'" in message else "comma"
-        return f"{sign} where a {missing} should stand", f"add the {missing}"
+        return f"{sign} where a {missing} is expected", f"add the {missing}"
     if before.endswith(("{", ",")) and "property name" in message:
-        return f"{sign} where a key should stand", 'a key is a text in double quotes: "key"'
+        return f"{sign} where a key is expected", 'a key is a text in double quotes: "key"'
     return f"{sign} is not a value", VALUES
 
 
@@ -281,7 +281,7 @@ def _misfits(text: str) -> Iterator[Problem]:
                     message = f"the key is given twice: {twice}"
                     yield problem("duplicate-key", message, "keep one of them")
             if not key.isascii() and any("\ud800" <= c <= "\udfff" for c in key):
-                message = f"half of a character ({position(text, at)})"
+                message = f"an unpaired surrogate, half of a character ({position(text, at)})"
                 yield problem("wrong-encoding", message, "write the whole character")
         elif sign[0] not in "tfn" and not abs(float(sign)) <= HIGHEST:
             large = math.isfinite(float(sign))

@@ -42,9 +42,9 @@ INLINE = {"type": "object", "required": ["blocks"]}  # what is inside, the whole
 class Subgraph(Block, type="graph"):
     """A graph as a block of another one, inline or from a file.
 
-    Its joints that nothing feeds are ports of the outer graph, and so are its markers:
-    ``knee.dyad.B``. Gravity is the outer graph's; drives, starts and stops are its own, unless
-    the outer scene has others for them.
+    Its unwired joints and its markers are ports of the outer graph:
+    ``knee.dyad.B``. Gravity is that of the outer graph; drives, starts and stops of the subgraph
+    apply unless the outer scene replaces them.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ class Subgraph(Block, type="graph"):
 
     @property
     def content(self) -> Content:
-        """The graph inside as its file has it; None before it is read."""
+        """Content of the inner graph's file; None before it is read."""
         return self._content
 
     @property
     def size(self) -> int:
-        """Number of blocks that it stands for, written out."""
+        """Number of blocks of the expanded graph."""
         return self._size
 
     def holding(self, content: Content) -> Subgraph:
@@ -103,7 +103,7 @@ class Subgraph(Block, type="graph"):
         return block
 
     def seen_from(self, old: str, new: str) -> Subgraph:
-        """The same block in a document of another folder: paths to files lead there from it."""
+        """The same block in a document of another folder, with file paths relative to it."""
         if self.file:
             return self.model_copy(update={"file": moved(self.file, old, new)})
         data = copy.deepcopy(self.graph)
@@ -151,8 +151,8 @@ class Resolver:
         same = _one_file(path)
         if same in map(_one_file, filter(None, self.documents)):
             files = (*dict.fromkeys(filter(None, self.documents)), path)
-            message = f"it holds itself: {' -> '.join(map(os.path.basename, files))}"
-            raise FormatError(Problem("cycle", where, message, "a graph cannot contain itself"))
+            message = f"the graph contains itself: {' -> '.join(map(os.path.basename, files))}"
+            raise FormatError(Problem("cycle", where, message, "a subgraph must be another graph"))
         if same not in self.graphs:
             try:
                 self.graphs[same] = self._loaded(path, file, where, load)

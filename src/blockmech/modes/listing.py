@@ -73,14 +73,14 @@ def modes(
     ----------
     at : driver coordinates [rad or m] as in `Compiled.run`; by default where the laws of
         motion, or else the scene's ``initial``, begin
-    driver : along which arcs are sought, the others held at the first sample; by default
-        the only one
+    driver : the driver whose arcs are searched, with the others held at the first sample; by
+        default the only one
     groups : only these; by default all
-    arcs : whether arcs are sought: some tenths of a second a triad
+    arcs : whether arcs are searched, which takes some tenths of a second per triad
 
     Raises
     ------
-    RequestError for unknown names, and where nothing says where the drivers stand
+    RequestError for unknown names, and drivers without a coordinate
 
     >>> [mode.sign for mode in mech.modes(at=0.5, arcs=False)["dyad"].samples[0]]
     [1, -1]

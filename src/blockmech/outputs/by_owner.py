@@ -106,4 +106,4 @@ def unknown_output(pattern: str, names: Iterable[str], candidates: Iterable[str]
 def vector_sensor(name: str) -> Problem:
     """A signal would read a vector."""
     valid, remedy = "a signal is one number", f"take {name}.x or {name}.y"
-    return Problem("no-sensor", name, "a vector is no signal", valid, remedy)
+    return Problem("no-sensor", name, "a vector cannot be a signal", valid, remedy)

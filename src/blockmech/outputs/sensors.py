@@ -95,7 +95,7 @@ def _ordered(structure: Structure, scene: Scene, sensors: Data) -> list[str]:
         names = [*names[start:], *names[:start]]
         where = next(n for n in names if n in structure.signals or n in structure.elements)
         message = f"algebraic loop: {' -> '.join([*names, names[0]])}"
-        valid = "each of them needs the next one's value at the same instant"
+        valid = "each block needs the value of the next one at the same instant"
         raise GraphError(Problem("algebraic-loop", where, message, valid, REMEDY))
     order = nx.lexicographical_topological_sort(graph, key=str)
     return [name for name in order if name in structure.signals]

@@ -21,10 +21,11 @@ __all__ = ["AnyPath", "Column", "Labelled", "columns", "driver_columns", "output
 
 
 class Labelled(Guided, Mapping[str, Floats]):
-    """What the exports need of a result: outputs by name, and what they are.
+    """Base class of results for exports: outputs by name, with their declarations.
 
-    ``motion`` is that of a simulation, ``accuracy`` what was chosen for a wanted one; of other
-    results they are None. Both rooms lie above this one, so their types are for checkers alone.
+    ``motion`` is that of a simulation, ``accuracy`` the settings chosen for a requested accuracy;
+    both are None in other results. Their classes belong to higher packages, so only type checkers
+    import them.
     """
 
     mechanism: Named
@@ -64,11 +65,11 @@ class Labelled(Guided, Mapping[str, Floats]):
 
     @abstractmethod
     def notes(self) -> list[str]:
-        """What a reader must know of the model to read the numbers."""
+        """Remarks on the model that are needed to interpret the numbers."""
 
     @property
     def friction_error(self) -> Floats | None:
-        """Bound (n,) [-] of what an iteration of friction leaves undone, where it is cut short."""
+        """Bound (n,) [-] on the error of a friction iteration that is cut short."""
         return None
 
     @abstractmethod

@@ -16,7 +16,7 @@ from blockmech.typing import Data
 
 
 class Exported(Labelled):
-    """What a result can do to leave: each method is the function of that name."""
+    """Export methods of a result; each is the function of that name."""
 
     to_csv = spreadsheet.to_csv
     to_dataframe = data.to_dataframe

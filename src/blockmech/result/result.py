@@ -114,7 +114,7 @@ class Result(Exported, Generic[M]):
 
     @cached_property
     def plan(self) -> Plan:
-        """What was computed; of an unpickled result planned again when it is first asked for.
+        """The plan of the computed outputs; an unpickled result is planned again at first use.
 
         Raises `RequestError` where another version of blockmech plans otherwise.
 
@@ -249,7 +249,7 @@ class Result(Exported, Generic[M]):
         return values
 
     def unwrapped(self, name: str) -> NDArray[np.float64]:
-        """An angle (n,) [rad] without its jumps of a turn along the row of samples.
+        """An angle (n,) [rad] without jumps of 2 pi between consecutive samples.
 
         Samples without an answer stay NaN, and count no turn.
 
@@ -391,7 +391,7 @@ class Result(Exported, Generic[M]):
     def friction_error(self) -> NDArray[np.float64] | None:
         """Bound (n,) [-] of the deviation from the friction laws, relative to the largest friction.
 
-        Of iterations that are cut short, ``single`` and ``successive``; None of others. Infinite
+        For the truncated iterations ``single`` and ``successive``; None for other methods. Infinite
         where the certificate of a group is 1 or more.
 
         >>> run = mech.run(at=0.5, want="crank.drive", friction="successive")
@@ -446,9 +446,9 @@ class Result(Exported, Generic[M]):
 
     @cached_property
     def digits_lost(self) -> tuple[Flag, ...]:
-        """A flag for each output that is rounding for more than half of its digits.
+        """A flag for each output that has lost more than half of its digits to rounding.
 
-        Found by computing a few samples once more with longer numbers, when first asked for.
+        Evaluated at first use, by repeating a few samples in extended precision.
 
         >>> result.digits_lost
         ()
@@ -491,7 +491,7 @@ class Result(Exported, Generic[M]):
 
     @declared
     def wire(self, source: str, target: str | None = None) -> Data:
-        """What travels along a wire: motion forward, force and reduced inertia back.
+        """Quantities on a wire: motion forwards, force and reduced inertia backwards.
 
         ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `result.wires`.
 
@@ -503,7 +503,7 @@ class Result(Exported, Generic[M]):
 
     @declared
     def compare(self, reference: Record) -> dict[str, float]:
-        """Largest difference of each common output, relative to its largest size.
+        """Largest difference of each common output, relative to its largest magnitude.
 
         Infinite where only one of the two has an answer. Raises `RequestError` where the
         runs have different numbers of samples.

@@ -74,7 +74,7 @@ class Samples:
         if self.time is None or not np.isfinite(self.time).all():
             raise refused(
                 "times",
-                "a load follows the time, and the request does not say it",
+                "a load depends on the time, which the request does not give",
                 "name the samples with times=, or give the driver a law with a rate",
             )
         return {**self.inputs, "t": self.time}
@@ -174,7 +174,7 @@ def _of_many(
     try:
         return _by_range(scene, laws, int(n))
     except (MemoryError, IndexError, ValueError):  # what NumPy makes of so many
-        raise refused("samples", f"{n} are more than memory holds", "ask for fewer") from None
+        raise refused("samples", f"{n} samples exceed the memory", "ask for fewer") from None
 
 
 def _one_pose(units: Mapping[str, str], scene: Scene, q: float) -> Samples | None:
@@ -257,7 +257,7 @@ def _collected(
             if not good.all():
                 raise refused(
                     scene.address("drive", driver),
-                    f"the law of motion never gets to sample {good.argmin()}",
+                    f"the law of motion does not reach sample {good.argmin()}",
                     "give samples inside its range",
                 )
     return Samples(n, inputs, times, clock)

@@ -27,14 +27,13 @@ def to_csv(
 ) -> str:
     """CSV text: driver coordinates, time, wanted outputs, status; written if a path is given.
 
-    Where an iteration of friction is cut short, ``friction error [-]`` bounds what it leaves.
+    For a friction iteration that is cut short, ``friction error [-]`` bounds its error.
     Columns are headed ``name [unit]``, a vector has two. Numbers read back to the
     last bit; a cell without an answer is empty and ``status``, the last column, says
-    why. A name that a spreadsheet would take for a formula begins with a quotation mark.
+    why. A name that a spreadsheet would read as a formula is preceded by a quotation mark.
     ``decimal=","`` with ``separator=";"`` suits spreadsheets of many countries.
 
-    Raises `RequestError` for a separator that would tear numbers, or where the
-    place cannot be written.
+    Raises `RequestError` for a separator that occurs in numbers, or a path that cannot be written.
 
     >>> text = result.to_csv("run.csv")
     >>> text[:20]
@@ -98,8 +97,8 @@ def csv_of(
 ) -> str:
     """CSV text of a table, written if a path is given; a cell without a number is empty.
 
-    Numbers read back to the last bit, words are no formulas. Raises `RequestError` for a
-    separator that would tear numbers, or where the place cannot be written.
+    Numbers read back to the last bit, words are no formulas. Raises `RequestError` for a separator
+    that occurs in numbers, or a path that cannot be written.
     """
     _check(separator, decimal)
     stream = io.StringIO(newline="")

@@ -131,7 +131,7 @@ class Pid(Signal, type="signal.pid"):
 
     kp, ki [1/s], kd [s] : gains of the error, its integral and its filtered derivative
     n : [1/s] of the filter of the derivative
-    limits : [low, high] of the output; beyond them the integral rests
+    limits : [low, high] of the output; beyond them the integral is held
     sample : [s] of a discrete controller
     initial : of the integral
 
@@ -170,7 +170,7 @@ class Pid(Signal, type="signal.pid"):
         return pid_rates if self.limits is None else limited_rates
 
     def update(self) -> Kernel:
-        """Both states from an instant on."""
+        """Both states after a sampling instant."""
         return pid_update if self.limits is None else limited_update
 
     def kinks(self) -> tuple[Kernel, int]:
@@ -229,7 +229,7 @@ class Linear(Signal):
         return {f"x{k}": State(x) for k, x in enumerate(self.starts, 1)}
 
     def output(self) -> Kernel:
-        """C x, with D u where there is some."""
+        """C x, and D u if D is not zero."""
         return read_through if self.numbers().D else read_out
 
     rates = always(moved)
@@ -311,12 +311,12 @@ class TransferFunction(Linear, type="signal.transfer_function"):
 
 
 def oldest(states: tuple[Real, ...], p: Parameters) -> tuple[Real]:
-    """The sample that came in first."""
+    """The oldest stored sample."""
     return (states[-1],)
 
 
 def shifted(u: Real, states: tuple[Real, ...], p: Parameters) -> tuple[Real, ...]:
-    """The samples one place further, the input in front."""
+    """Shift the stored samples by one, and put the input first."""
     return u, *states[:-1]
 
 
@@ -335,11 +335,11 @@ class Delay(Signal, type="signal.delay"):
 
     @property
     def block_states(self) -> Mapping[str, State]:
-        """The samples under way."""
+        """The stored samples."""
         return {f"x{k + 1}": State(self.initial) for k in range(self.steps)}
 
     def initial_output(self) -> float:
-        """As long as nothing came through."""
+        """The output until the first sample arrives."""
         return self.initial
 
     output = always(oldest)
@@ -363,7 +363,7 @@ class DCMotor(Signal, type="signal.dc_motor"):
     """The electric side of a direct-current motor: voltage ``u`` [V] and ``rate`` [rad/s] in.
 
     R [ohm], L [H], k [N m/A, the same as V s/rad]. It gives the ``moment`` [N m], for the law of
-    a `load.motor`; its state is the ``current`` [A], which goes on while the shaft stands still.
+    a `load.motor`; its state is the ``current`` [A], which changes on while the shaft is at rest.
     As L falls to 0 it becomes the law ``dc`` with stall_moment k u / R, no_load_speed u / k.
 
     >>> DCMotor(R=1.0, L=0.1, k=10.0).ports

@@ -21,14 +21,14 @@ class Python(Signal):
     """A function of Python, whose parameters are named after its input ports.
 
     call : the function; a parameter ``t`` is the time [s]
-    memory : state -> where it begins. Parameters of these names get the states, and the function
-        returns the output, then the rates of the states; of a discrete block what they are
-        from this instant on
+    memory : state -> initial value. Parameters of these names receive the states, and the function
+        returns the output, then the rates of the states; a discrete block returns their next
+        values
     sample : [s] of a discrete block
 
-    The function is asked state by state, and it is not written to files. A function that keeps
-    something in itself gives no motion: an integrator asks it forth and back, and in several
-    runs. What is remembered belongs into ``memory``.
+    The function is evaluated state by state, and it is not written to files. It must not store
+    data of its own, because an integrator evaluates it forwards and backwards in time, and in
+    several runs. Such data belong in ``memory``.
 
     >>> Python(call=lambda error: 2.0 * error).inputs
     ('error',)
@@ -71,11 +71,11 @@ class Python(Signal):
 
     @property
     def block_states(self) -> Mapping[str, State]:
-        """What is remembered."""
+        """The states in ``memory``."""
         return {name: State(float(x)) for name, x in self.memory.items()}
 
     def numbers(self) -> tuple[()]:
-        """None: the function has its own."""
+        """None: the function holds its numbers."""
         return ()
 
     def output(self) -> Kernel:
@@ -83,11 +83,11 @@ class Python(Signal):
         return self._kernel(slice(0, 1))
 
     def rates(self) -> Kernel:
-        """The numbers behind it."""
+        """The numbers that the function returns after the first."""
         return self._kernel(slice(1, None))
 
     def update(self) -> Kernel:
-        """The numbers behind it."""
+        """The numbers that the function returns after the first."""
         return self._kernel(slice(1, None))
 
     def _kernel(self, part: slice) -> Kernel:

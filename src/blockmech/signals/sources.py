@@ -90,7 +90,7 @@ class Step(Source, type="signal.step"):
         return True
 
     def instant(self, t: float, after: bool = False) -> float:
-        """The time of the step, if that is ahead."""
+        """The time of the step, until it has passed."""
         ahead = self.time > t or at_once(self.time, t)
         return self.time if ahead and not (after and at_once(self.time, t)) else math.inf
 

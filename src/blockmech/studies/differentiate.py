@@ -87,8 +87,8 @@ def sensitivity(
 
     Parameters
     ----------
-    want : names or patterns of outputs; ``.x`` or ``.y`` behind a vector's is that part of it;
-        or reductions of them over the samples as those of a study, ``max_abs(crank.drive)``,
+    want : names or patterns of outputs; ``.x`` or ``.y`` after the name of a vector is its
+        component; or reductions over the samples as in a study, ``max_abs(crank.drive)``,
         ``stroke(slider.C.p)``
     to : addresses or patterns of numbers (`Mechanism.parameters`), and of drivers their
         ``crank.q``, ``crank.rate``, ``crank.acceleration``; by default all numbers

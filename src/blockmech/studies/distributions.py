@@ -26,7 +26,7 @@ __dir__ = __all__.copy  # completion shows these alone
 class Normal:
     """Normal distribution of a number: mean and standard deviation, in its unit.
 
-    Raises `RequestError` for numbers that are none.
+    Raises `RequestError` for invalid numbers.
 
     >>> Normal("6 m", "0.1 mm").deviation
     0.0001
@@ -46,7 +46,7 @@ class Normal:
             raise refused("Normal", found, remedy)
 
     def quantile(self, share: Floats) -> Floats:
-        """The values below which these shares (n,) of all lie."""
+        """Quantiles of the probabilities (n,)."""
         from scipy.special import ndtri
 
         return np.asarray(self.mean + self.deviation * ndtri(share))
@@ -56,7 +56,7 @@ class Normal:
 class Uniform:
     """Uniform distribution of a number between two values, in its unit or as texts with one.
 
-    Raises `RequestError` for numbers that are none.
+    Raises `RequestError` for invalid numbers.
 
     >>> Uniform(5.9, 6.1).mean
     6.0
@@ -76,7 +76,7 @@ class Uniform:
             raise refused("Uniform", f"({low!r}, {high!r})", remedy)
 
     def quantile(self, share: Floats) -> Floats:
-        """The values below which these shares (n,) of all lie."""
+        """Quantiles of the probabilities (n,)."""
         return np.asarray(self.low + (self.high - self.low) * share)
 
     @property

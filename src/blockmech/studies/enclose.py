@@ -134,9 +134,9 @@ def enclose(
 ) -> Enclosure:
     """Proved bounds of outputs for all parts within their tolerances, rounding included.
 
-    Coordinates, rates and accelerations of the drivers are exact. Friction is that of Coulomb's
-    equations, not of a number of iterations. The largest length of a group, by which its numbers
-    are scaled, is that of the planned design. Some milliseconds a sample.
+    Coordinates, rates and accelerations of the drivers are exact. Friction solves Coulomb's
+    equations, not a number of iterations. The largest length of a group, by which its numbers
+    are scaled, is that of the planned design. A sample takes some milliseconds.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ class Parameters(dict[str, Parameter]):
 
 
 def parameters(mechanism: Compiled) -> Parameters:
-    """Every number of the mechanism's graph or linkage, as its file calls it.
+    """All numbers of the mechanism's graph or linkage, by parameter path.
 
     >>> mech.parameters()["dyad.l_i"]
     Parameter(address='dyad.l_i', value=6.0, unit='m', path=('blocks', 'dyad', 'l_i'))
@@ -140,7 +140,7 @@ class Family:
             if any(map(moves_drivers, (p.path, *self.places[p]))):
                 return f"{p.address} says how the drivers move"
             if not self.places[p]:
-                return f"{p.address} goes through the geometry of the document"
+                return f"{p.address} belongs to the geometry of the document"
         numbers = {path: p.value for p in self.parameters for path in self.places[p]}
         self.general = planned_aside(self.mechanism, numbers)
         if self._courses:

@@ -193,7 +193,7 @@ def function(
     """Outputs as a pure function of inputs and parameters, on the arrays of another library.
 
     JAX compiles, batches and differentiates it, in both modes and to any order; samples without an
-    answer are left out of gradients by what all samples share.
+    answer do not contribute to gradients by shared parameters.
 
     Parameters
     ----------
@@ -211,8 +211,8 @@ def function(
 
     Raises
     ------
-    RequestError for unknown names, for inputs that are missing, for numbers that structure,
-    drivers or the geometry of a document hang on, and for outputs that depend on states
+    RequestError for unknown names, for inputs that are missing, for numbers on which the
+    structure, the drivers or a document's geometry depend, and for outputs that depend on states
     MissingEngineError without JAX
 
     >>> place = mech.function("crank.q", "dyad.C.p", library="numpy", friction="none")
@@ -302,7 +302,7 @@ def _refuse_strangers(where: str, requested: Iterable[str], valid_names: Iterabl
     if wrong := [name for name in requested if name not in names]:
         valid = f"there: {listed(names, 16) or 'none'}"
         raise RequestError(
-            Problem("bad-request", f"{where}: {n}", "it has no such", valid, close_match(n, names))
+            Problem("bad-request", f"{where}: {n}", "unknown name", valid, close_match(n, names))
             for n in wrong
         )
 
@@ -317,7 +317,7 @@ def _places(mechanism: Compiled, patterns: Iterable[str]) -> tuple[Places, set[s
     paths_of = family.places_of(mechanism, tuple(p for a, p in chosen.items() if a not in reasons))
     for p, paths in paths_of.items():
         if not paths:
-            reasons[p.address] = "it goes through the geometry of the document"
+            reasons[p.address] = "it belongs to the geometry of the document"
         elif any(map(moves_drivers, paths)):
             reasons[p.address] = "it says how the drivers move"
     if wrong := reasons.keys() & alone:

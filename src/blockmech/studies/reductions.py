@@ -227,7 +227,7 @@ def column(output: Output, reduction: str, readers: Words) -> Wanted:
         raise refused(called, message, remedy, f"reductions: {spelled}", "bad-value")
     if vector and word == STROKE and not called.endswith(".p"):
         raise refused(
-            f"{reduction}({called})", "it is no place of a marker", "name a place, or a part"
+            f"{reduction}({called})", "not the position of a marker", "name a place, or a part"
         )
     if vector and word not in OF_VECTORS:
         remedy = f'ask for "{reduction}({called}.x)", or {listed(OF_VECTORS)}'

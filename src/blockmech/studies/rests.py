@@ -81,15 +81,17 @@ def rest_slopes(
 ) -> tuple[Array, tuple[Array, Array]]:
     """An output where a mechanism rests, and its derivatives (k, 1) to both sides.
 
-    Raises `RequestError` where there is no stable equilibrium, or the effort jumps there.
+    Raises `RequestError` where no stable equilibrium exists, or the effort jumps there.
     """
     rest = rest_of(mechanism, samples)
     label = f"rest({output})"
     if rest is None:
-        raise refused(label, "there is no stable equilibrium", "change the loads or the stops")
+        raise refused(label, "no stable equilibrium exists", "change the loads or the stops")
     if rest.jump:
         found = "the effort of the loads jumps where it rests"
-        raise refused(label, found, "no number moves it smoothly", code="no-derivative")
+        raise refused(
+            label, found, "it does not depend smoothly on any number", code="no-derivative"
+        )
     drivers = mechanism.drivers
     efforts = [mechanism._of_driver(d, "tau_red") for d in drivers]
     coordinates = [mechanism._of_driver(d, "q") for d in drivers]

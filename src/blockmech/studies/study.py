@@ -66,31 +66,31 @@ def study(
         ``"max_abs(crank.drive)"``
         Extremes over the range of the poses, found between them to 1e-9 of the value: min, max,
         max_abs, range, stroke; over the poses themselves mean, rms, at(coordinate), and poses for
-        all of them; rest is an output at the stable equilibrium nearest to the first pose.
+        all of them; ``rest`` is the output at the stable equilibrium nearest to the first pose.
     at : driver -> poses (n,) [rad or m]; by default the range of the drivers' laws
     samples, times : as those of a run, in place of ``at``
     sampling : "grid" (default) or "paired" of arrays; of distributions a `Sample`, such as
         ``bm.dist.Sample(1000)``
     friction, static : as those of a run
     engine : "numpy", "llvm" for machine code, or "auto", the quicker one
-    progress : called as ``progress(what, done, whole)``
+    progress : called as ``progress(task, completed, total)``
     out : folder
-        Where what is done is kept as Parquet files: asked again, a study that was interrupted
-        goes on where it stopped. The numbers are read when they are asked for.
-    workers : number of processes of this machine that do it, in place of this one; or a
-        `dask.distributed.Client`, whose workers do it: ``out`` is then a folder of theirs, too
-        The answer is the same to the last bit, whoever does it.
+        Folder of the completed designs, as Parquet files; an interrupted study continues from
+        them. Numbers are read when they are used.
+    workers : number of processes on this machine to use in place of this one; or a
+        `dask.distributed.Client`, whose workers must then reach ``out`` as well. The result is
+        bitwise the same in all cases.
     simulate : arguments of `simulate`, e.g. ``{"until": "standstill"}``
-        Each design moves, and what is wanted is reduced over the output times: also ``final``,
+        Each design is simulated, and outputs are reduced over the output times: also ``final``,
         ``settling`` (2 % of the change, or ``settling(crank.q, 0.05)``) and numbers of the
         motion such as ``"motion.t_end"``, ``"motion.fluctuation"``, ``"motion.time_to_rest"``
 
     Returns
     -------
     Study
-        A row a design. One that does not assemble has no numbers, but margins, and says why in
-        the words of a run; one whose extreme is not found to the end is "coarse". After Ctrl-C the
-        designs that are done.
+        One row per design. A design that does not assemble has margins and a status, but no
+        numbers; one whose extreme was not refined fully is "coarse". After Ctrl-C the completed
+        designs.
 
     Raises
     ------

@@ -206,9 +206,9 @@ def tolerance(
     numbers : address -> distribution (`Normal`, `Uniform`), independent of each other
     want : names or patterns of outputs, or reductions of them, ``range(dyad.j.angle)``
     at, samples, times : the samples, as those of a run
-    count, seed : of designs drawn at random for Monte Carlo; by default none
+    count, seed : number and seed of Monte Carlo designs; by default none
     friction, static : as those of a run
-    progress : called as ``progress(what, done, whole)``
+    progress : called as ``progress(task, completed, total)``
 
     Returns
     -------

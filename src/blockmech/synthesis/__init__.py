@@ -4,8 +4,8 @@
 rocker follows a function of the crank's angle) and `body_guidance` (a coupler passes positions)
 propose four-bars. `chains` are all kinematic chains of a number of links.
 
-Every design is judged: on the way from the first position to the last the crank turns one way,
-the linkage closes everywhere, and the dyad keeps its branch; others are left out.
+Every design is checked: from the first position to the last the crank turns in one sense, the
+linkage closes everywhere, and the dyad keeps its branch. Other designs are left out.
 
 Sources: Sandor & Erdman, Advanced Mechanism Design, vol. 2, ch. 2 and 3; Norton, Design of
 Machinery, 6th ed., ch. 5 (circuit, branch and order defects).

@@ -53,7 +53,7 @@ def _directions(shape: Real, theta: Real, branch: Real) -> Reals:
 
 
 def coupler_point(shape: Real, theta: Real, branch: Real) -> Real:
-    """Coupler point (..., n) of shapes (..., 6) in branches (...); NaN where it is open.
+    """Coupler point (..., n) of shapes (..., 6) in branches (...); NaN where the loop is open.
 
     >>> bm.synthesis.coupler_point([0.0, 3.0, 3.0, 3.0, 1.0, 0.5], [0.0, 1.0], 1).round(3)
     array([1.376-1.053j, 1.381+0.104j])

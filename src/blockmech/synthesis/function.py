@@ -43,8 +43,8 @@ def function_generator(
     Parameters
     ----------
     inputs : (n,) [rad] of the crank, rising or falling: coordinates of the driver
-    outputs : (n,) [rad] of the rocker: ``dyad.j.angle``. Where the linkage stands in the plane
-        is free, so only their differences count
+    outputs : (n,) [rad] of the rocker: ``dyad.j.angle``. The orientation of the linkage is free,
+        so only their differences count
     count, starts, seed, progress : as those of `path_generator`
 
     Returns

@@ -234,7 +234,7 @@ class Candidate(Facts, Report):
     links : number of its links
     design : the design
     moment : largest driving moment [N m] on the way
-    met : error [m] below which designs are alike
+    met : error [m] below which the task counts as met
 
     >>> task = [0.0, 1.0, 2.0 + 0.1j]
     >>> best = bm.synthesis.path_over_structures(task, links=[4], starts=64, refined=1)[0]
@@ -257,7 +257,7 @@ class Candidate(Facts, Report):
 
     @property
     def measures(self) -> tuple[float, ...]:
-        """What is better where it is less: error [m], moment [N m], -margin, links."""
+        """Quantities to minimise: error [m], moment [N m], -margin, links."""
         error = max(self.design.miss, self.met)
         return error, self.moment, -self.design.margin, float(self.links)
 
@@ -274,7 +274,7 @@ class Candidates(Facts, Report, Sequence[Candidate]):
     ----------
     candidates : all designs without a defect
     tried : structure -> random designs of it that were tried
-    unfinished : structures that the budget left out
+    unfinished : structures that were not tried within the budget
 
     >>> task = [0.0, 1.0, 2.0 + 0.1j]
     >>> designs = bm.synthesis.path_over_structures(task, links=[4], starts=64, refined=1)
@@ -296,7 +296,7 @@ class Candidates(Facts, Report, Sequence[Candidate]):
 
     @property
     def pareto(self) -> tuple[Candidate, ...]:
-        """Those that no other one beats in error, moment, margin and links at once."""
+        """The Pareto-optimal designs in error, moment, margin and links."""
         return tuple(
             c
             for c in self.candidates
@@ -313,7 +313,7 @@ class Candidates(Facts, Report, Sequence[Candidate]):
         return self.candidates
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """A table; * marks those that no other one beats."""
+        """A table; * marks the Pareto-optimal designs."""
         best = {id(c) for c in self.pareto}
         rows = [
             (f"{i}{'*' * (id(c) in best)}", f"{c.design.miss:.4g}", f"{c.moment:.4g}",
@@ -351,21 +351,21 @@ def path_over_structures(
     points, angles : as those of `path_generator`
     links : numbers of links, 4, 6 or 8, whose structures are tried (`structures`)
     starts : random designs of each structure, assembly mode and timing
-    refined : of each structure so many are refined
+    refined : number of designs of each structure that are refined
     density : [kg/m] of the links, which are bars, for the driving moment
     rate : [rad/s] of the crank, for the driving moment
     gravity : [m/s2]
     seed : of the random designs
-    budget : [s] after which no structure is begun
-    out : folder in which the designs of each structure are kept, each a file that the studio
-        opens; asked again, a search goes on where it stopped
-    progress : called with how far it is: ``progress(what, done, whole)``
+    budget : [s] after which no further structure is started
+    out : folder for the designs of each structure, one file each, which the studio opens; a
+        repeated search continues from them
+    progress : called as ``progress(task, completed, total)``
 
     Returns
     -------
-    Candidates, those with the least error first; after Ctrl-C those of the structures that are done
+    Candidates, those with the least error first; after Ctrl-C those of the completed structures
 
-    Raises `RequestError` for points or angles that are none
+    Raises `RequestError` for invalid points or angles
 
     >>> found = path_over_structures([0.0, 1.0, 2.0 + 0.1j], links=[4], starts=64, refined=1)
     >>> found[0].links

@@ -35,7 +35,7 @@ def path_generator(
     count : designs that are returned
     starts : shapes that are tried
     seed : of the shapes
-    progress : called with how far it is: ``progress(what, done, whole)``
+    progress : called as ``progress(task, completed, total)``
 
     Returns
     -------

@@ -65,9 +65,9 @@ def body_guidance(
     ----------
     positions : three and more of (x, y, angle) [m, m, rad] of the body's own axes
     count : designs that are returned
-    tried : random conditions on pins, where four or three positions leave a choice
+    tried : random conditions on pins, where three or four positions leave a choice
     seed : of these
-    progress : called with how far it is: ``progress(what, done, whole)``
+    progress : called as ``progress(task, completed, total)``
 
     Returns
     -------
@@ -75,7 +75,7 @@ def body_guidance(
     ``dyad.P``. The error of a position is the distance of the origin and, of those that are not
     met exactly, the angle times the size of the travel
 
-    Raises `RequestError` for what are not three positions or more
+    Raises `RequestError` for fewer than three positions, or invalid ones
 
     >>> found = body_guidance([(0.0, 0.0, 0.1), (1.0, 0.5, 0.5), (1.6, 1.4, 1.0)], tried=8)
     >>> found[0].miss < 1e-9
@@ -141,7 +141,7 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
     -------
     Design, whose graph has the coupler as link i of ``dyad``, and its origin as ``dyad.P``
 
-    Raises `RequestError` where a pin's three places lie on a straight line, or where the way
+    Raises `RequestError` where a pin's three positions lie on a straight line, or where the motion
     through the positions changes circuit, branch or order.
 
     >>> positions = [(0.0, 1.0, 0.0), (0.5, 1.2, 0.3), (1.0, 1.0, 0.6)]
@@ -156,7 +156,7 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
     centres = [_centre(origin + turn * w) for w in pins]
     for which, z in zip(("crank", "rocker"), centres, strict=True):
         if z is None:
-            raise refused(which, "its three places lie on a straight line", "take another point")
+            raise refused(which, "its three positions lie on a straight line", "take another point")
     w = origin[0] + turn[0] * pins
     fourbars, sound, margins = _judged(rows, [[(w[i], centres[i]) for i in (0, 1)]])
     if not sound[0]:
@@ -196,7 +196,7 @@ def burmester_pins(rows: Floats, rng: np.random.Generator) -> list[tuple[complex
     Parameters
     ----------
     rows : (n, 3) of x, y [m], angle [rad]
-    rng : draws a linear condition on pin and centre for each position that lacks of five
+    rng : draws one linear condition on pin and centre for each position short of five
 
     Returns
     -------

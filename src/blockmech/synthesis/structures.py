@@ -45,7 +45,7 @@ class Structure(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The links that each link is joined to, and the three that count."""
+        """The neighbours of each link, then frame, crank and tracer."""
         joined = "".join(f"-{a}{b}" for a, b in sorted(tuple(sorted(e)) for e in self.chain.edges))
         return f"{self.links}bar{joined}-f{self.frame}c{self.crank}t{self.tracer}"
 

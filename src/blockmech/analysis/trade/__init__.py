@@ -52,18 +52,18 @@ def trade(
 ) -> Trade:
     """Measure time and error of all settings for one request.
 
-    Settings are run from cheap to dear until the budget is spent; the rest is named.
+    Settings run from cheap to expensive until the budget is exhausted; the rest are listed.
 
     Parameters
     ----------
-    mechanism : a `Mechanism`, which stands above the analyses
+    mechanism : a `Mechanism`
     question : "run" for a sweep (with friction, where the mechanism has it), "simulate"
-    want : outputs that matter; by default all of them for a sweep but what friction alone
-        makes, and the motion of the drivers for a simulation
-    budget : processor time [s] for the whole, after which no other setting is begun
-    target : error that is wanted [- or rad]
-    within : longest processor time of one run that is wanted [s]
-    say : called with what is measured now, its number and how many there are
+    want : outputs whose error counts; by default all for a sweep, except those of friction alone,
+        and the motion of the drivers for a simulation
+    budget : processor time [s] in all, after which no further setting is started
+    target : largest acceptable error [- or rad]
+    within : longest acceptable processor time of one run [s]
+    say : called with the setting being measured, its number and the number of settings
     at, samples, times, rates, accelerations, static : of a sweep, as in a run
     until, times, start, friction : of a simulation
 

@@ -169,7 +169,7 @@ class Home(StrictModel):
 
 
 class GeneralGroup(AssurGroup, type="group.general"):
-    """Links and pairs that are determinate together: an Assur group of any class.
+    """An Assur group of any class, by its links and pairs.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     @cached_property
     def unit(self) -> Unit:
-        """What the group is in the trade's terms: kind and class."""
+        """Kind and class of the group."""
         from blockmech.assur.groups import classify
 
         return classify(self.link_names, self.structural, [j.name for j in self.driven])
@@ -289,7 +289,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
         return self.extent([complex(x, y) for x, y, _ in self.home.poses.values()])
 
     def extent(self, origins: Sequence[complex]) -> float:
-        """The largest length [m] where the links' origins stand at these places."""
+        """The largest length [m] with the links' origins at these positions."""
         arms = [m.at.z for pair in self.pairs.values() for m in pair.sides.values()]
         arms += [m.at.z for link in self.links.values() for m in link.markers.values()]
         arms += [z - origins[0] for z in origins[1:]]
@@ -325,7 +325,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
         return self.pairs[joint].driver or f"{block}.{joint}"
 
     def coordinate(self, joint: str) -> Coordinate:
-        """How a driven pair counts, against its driver."""
+        """Sign and offset of a driven pair's coordinate against its driver's."""
         return Coordinate(self.pairs[joint].sign, self.pairs[joint].offset)
 
     def effort_field(self, joint: str) -> str:

@@ -72,8 +72,8 @@ class FrictionLaw(StrictModel):
     """Friction of one pair.
 
     kinds : the pairs that may have it, "R" and "P"
-    drags : whether some of it does not follow the load, see rule 4
-    remembers : whether it has a state of its own, see rule 8
+    drags : whether a part of it is independent of the load, see rule 4 remembers : whether the law
+    has a state, see rule 8
 
     >>> issubclass(bm.friction.Coulomb, bm.friction.FrictionLaw)
     True
@@ -140,19 +140,19 @@ class FrictionLaw(StrictModel):
         return LOAD in _read(self.kernel())
 
     def numbers(self) -> Data:
-        """The law's numbers by name."""
+        """The parameters of the law, by name."""
         fields = ((name, getattr(self, name)) for name in type(self).model_fields)
         return {name: float(x) if isinstance(x, int) else x for name, x in fields if _is_number(x)}
 
     def parameters(self) -> Parameters:
-        """The same as the named tuple that kernels read as ``p``."""
+        """The parameters of the law as ``p``, the named tuple of its kernels."""
         numbers = self.numbers()
         return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())
 
     def at(self, speed: float, load: float = 0.0) -> FrictionTerms:
-        """Factor and drag at a speed [rad/s or m/s], of a pair that has slipped at it for long.
+        """Factor and drag of a pair that slips steadily at a speed [rad/s or m/s].
 
-        ``load`` [N] is that of laws that are not linear in it.
+        ``load`` [N] matters for laws that are not linear in it.
 
         >>> from blockmech.friction import Stribeck
         >>> law = Stribeck(static=0.3, kinetic=0.2, stribeck_speed=0.5, radius=0.05)
@@ -163,7 +163,7 @@ class FrictionLaw(StrictModel):
         return terms
 
     def sliding(self, bind: Callable[[Kernel], Kernel] = lambda kernel: kernel) -> Kernel:
-        """The function behind `at`, of numbers of any type that ``bind`` gives kernels."""
+        """The function behind `at`, for numbers of any type that ``bind`` supports."""
         kernel, p = bind(self.kernel()), self.parameters()
         if self.remembers:
             steady = bind(self.steady_kernel())
@@ -172,7 +172,7 @@ class FrictionLaw(StrictModel):
         return lambda speed, load=0.0: kernel(*(speed, load)[:read], p)
 
     def at_rest(self) -> FrictionTerms:
-        """Factor and drag of a pair that does not slip: the half width of what holds it."""
+        """Factor and drag of the largest friction of a pair at rest."""
         kernel = self.kernel_at_rest()
         return self.at(0.0) if kernel is None else kernel(self.parameters())
 
@@ -187,7 +187,7 @@ class FrictionLaw(StrictModel):
         return getattr(self, "guide_length", None)
 
     def check_for(self, kind: str, joint: str) -> None:
-        """Refuse what does not fit the kind of pair."""
+        """Refuse a law that does not fit the kind of pair."""
         if kind not in self.kinds:
             words = {"R": "revolute", "P": "prismatic"}
             found = f"{joint} is {words[kind]}"

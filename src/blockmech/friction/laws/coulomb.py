@@ -42,7 +42,7 @@ class DryFriction(FrictionLaw):
         return own | {"arm": self.arm}
 
     def check_for(self, kind: str, joint: str) -> None:
-        """Refuse what does not fit the kind of pair."""
+        """Refuse a law that does not fit the kind of pair."""
         if kind == "R" and self.radius is None:
             found, remedy = (
                 f'{joint} is revolute and has no "radius"',

@@ -37,7 +37,7 @@ def dahl(slip: Real, deflection: Real, p: Parameters) -> FrictionTerms:
 
 
 def most(p: Parameters) -> FrictionTerms:
-    """What the bristles carry at most."""
+    """The largest friction that the bristles carry."""
     return FrictionTerms(p.kinetic * p.arm, 0.0)
 
 
@@ -45,7 +45,7 @@ class Dahl(DryFriction):
     """Friction by bristles that bend before the pair slips.
 
     kinetic : [-] coefficient while the pair slips on
-    stiffness : [1/rad of a pin, 1/m of a guide] of the coefficient by the bristles' deflection
+    stiffness : [1/rad of a pin, 1/m of a guide] slope of the coefficient over the deflection
 
     >>> law = Dahl(kinetic=0.2, stiffness=1e3, radius=0.05)
     >>> law.at(0.7).factor == 0.2 * 0.05

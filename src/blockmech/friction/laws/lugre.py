@@ -48,12 +48,12 @@ def lugre(slip: Real, deflection: Real, p: Parameters) -> FrictionTerms:
 
 
 def most(p: Parameters) -> FrictionTerms:
-    """What the bristles carry at most."""
+    """The largest friction that the bristles carry."""
     return FrictionTerms(p.static * p.arm, 0.0)
 
 
 class BristleFriction(DryFriction):
-    """What the LuGre law and those made of it share."""
+    """Base class of the LuGre law and its variants."""
 
     remembers: ClassVar[bool] = True
     static: Positive
@@ -87,10 +87,10 @@ class LuGre(BristleFriction):
     """Friction by bristles with spring and damper, and Stribeck's curve where it slips.
 
     static, kinetic : [-] coefficients at rest and at speeds far above ``stribeck_speed``
-    stribeck_speed : [rad/s or m/s] of the relative motion, at which 1/e of the fall is left
-    stiffness : [1/rad of a pin, 1/m of a guide] of the coefficient by the bristles' deflection
-    damping : [s/rad or s/m] of the coefficient by the rate of the deflection
-    exponent : [-] how suddenly friction falls, mostly 1 or 2
+    stribeck_speed : [rad/s or m/s] of the relative motion, at which 1/e of the fall remains
+    stiffness : [1/rad of a pin, 1/m of a guide] slope of the coefficient over the deflection
+    damping : [s/rad or s/m] slope of the coefficient over the rate of deflection
+    exponent : [-] sharpness of the fall, usually 1 or 2
     viscous : [s/rad or s/m] rise of the coefficient with the speed
 
     >>> law = LuGre(static=0.3, kinetic=0.2, stribeck_speed=0.5, stiffness=1e3, radius=0.05)

@@ -69,14 +69,14 @@ class RollingBearing(FrictionLaw):
         for name, (low, high) in TABLES.items():
             x = getattr(self, name)
             if x and not low <= x <= high:
-                valid = f"catalogues have {low:g} to {high:g}, 0 omits it"
-                found = f'"{name}" {x:g} is in no catalogue'
+                valid = f"catalogue values are {low:g} to {high:g}; 0 omits this part"
+                found = f'"{name}" {x:g} is outside all catalogues'
                 raise mistake("bad-friction", found, valid, "take the value of your bearing type")
         return self
 
     @property
     def smooth(self) -> bool:
-        """Not where the oil's part begins to follow the speed."""
+        """Not at the speed at which the oil's part begins to depend on it."""
         return not (self.f0 and self.viscosity)
 
     kernel = always(palmgren)

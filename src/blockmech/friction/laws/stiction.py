@@ -30,7 +30,7 @@ def static(p: Parameters) -> FrictionTerms:
 class Stiction(DryFriction):
     """Coulomb friction with a larger coefficient at rest.
 
-    static : [-] coefficient up to which the pair holds at rest
+    static : [-] largest coefficient of the pair at rest
     kinetic : [-] coefficient while it slips
 
     >>> law = Stiction(static=0.3, kinetic=0.2, radius=0.1)
@@ -60,5 +60,5 @@ def check_static(static: float, kinetic: float) -> None:
     """Refuse static friction that is below the kinetic one: mostly the two are exchanged."""
     if static < kinetic:
         found = f'"static" {static:g} is below "kinetic" {kinetic:g}'
-        valid = "a pair at rest holds at least what it resists with while it slips"
+        valid = "static friction is at least as large as kinetic friction"
         raise mistake("bad-friction", found, valid, "swap them")

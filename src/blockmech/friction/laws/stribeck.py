@@ -36,8 +36,8 @@ class Stribeck(DryFriction):
     """Friction that falls from its static to its kinetic coefficient, and may rise again.
 
     static, kinetic : [-] coefficients at rest and at speeds far above ``stribeck_speed``
-    stribeck_speed : [rad/s or m/s] of the relative motion, at which 1/e of the fall is left
-    exponent : [-] how suddenly it falls, mostly 1 or 2
+    stribeck_speed : [rad/s or m/s] of the relative motion, at which 1/e of the fall remains
+    exponent : [-] sharpness of the fall, usually 1 or 2
     viscous : [s of a pin, s/m of a guide] rise of the coefficient with the speed
 
     >>> law = Stribeck(static=0.3, kinetic=0.2, stribeck_speed=0.5, viscous=0.01, radius=0.05)

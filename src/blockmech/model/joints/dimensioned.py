@@ -66,11 +66,11 @@ class Dimensions(Facts, Report):
         """What is determined, and what is not."""
         farthest = max(self.moved, key=lambda name: self.moved[name], default="")
         moved = f"; {farthest} moved most, by {self.moved[farthest]:.3g} m" if farthest else ""
-        yield f"{len(self.linkage.dimensions)} dimensions hold{moved}"
+        yield f"dimensions satisfied: {len(self.linkage.dimensions)}{moved}"
         if self.redundant:
             yield f"{listed(self.redundant)} follow from the rest"
-        ways = f"{self.freedoms} way{'s'[: self.freedoms != 1]}"
-        yield f"{listed(self.free)} can move in {ways}" if self.free else "no point remains free"
+        freedoms = f"degrees of freedom left: {self.freedoms}, of {listed(self.free)}"
+        yield freedoms if self.free else "no point remains free"
 
 
 def fit_dimensions(linkage: Linkage) -> Dimensions:

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 
 class Linkage(Document):
-    """Links, joints, drivers and loads, in frames of the user's own.
+    """A mechanism as links, joints, drivers and loads, each link with its own frame.
 
     >>> import blockmech as bm
     >>> m = bm.Linkage("crank_rocker")
@@ -162,9 +162,9 @@ class Linkage(Document):
     ) -> None:
         """Add a joint between two links, or a pin ("R") or weld of more.
 
-        Its place is given in the frames of its links, by ``at``; or once in the world, by
-        ``point``, in the poses that the links were given. A link without a pose then gets the
-        pose zero, so that its places are those of the drawing.
+        Its position is given in the frames of its links, by ``at``, or in ground axes, by
+        ``point``, with the links in their given poses. A link without a pose then gets the zero
+        pose, so that its coordinates are those of the drawing.
 
         Parameters
         ----------
@@ -274,7 +274,7 @@ class Linkage(Document):
         Parameters
         ----------
         load : the load as a block, or its kind, such as "force", whose keys then follow
-        link, links : the link or links that it takes hold of
+        link, links : the link or links on which it acts
         joint : in place of ``links`` and ``at``, for a couple between the two links of a pin, or a
             motor, spring, damper or thrust along a guide, by its coordinate
         at : place [m] on the link, or on each of them, in their frames
@@ -292,8 +292,8 @@ class Linkage(Document):
     def add_coupling(self, name: str, coupling: Coupling | str, **keys: Any) -> None:
         """Let one driver follow another: ``add_coupling("mesh", Gear(driver="a", ...))``.
 
-        A driver that follows has no law of motion. A wheel or cam that is fixed to a link
-        leads by the address ``"link.marker"`` of its centre.
+        The driven one has no law of motion. A wheel or cam that is fixed to a link is named by the
+        address ``"link.marker"`` of its centre.
 
         Parameters
         ----------
@@ -318,7 +318,7 @@ class Linkage(Document):
         ----------
         signal : the signal block, or its kind, such as "sum", whose keys then follow
 
-        Raises `GraphError` for a taken name, or what is no signal block of a file.
+        Raises `GraphError` for a taken name, or a block that a file cannot hold.
 
         >>> m.add_signal("error", bm.signals.Sum(signs="+-"))
         >>> m.add_signal("gain", "gain", k=2.0)
@@ -342,7 +342,7 @@ class Linkage(Document):
         points: Sequence[str],
         value: Quantity | AnyPlace | None = None,
     ) -> None:
-        """Give the drawing a dimension, which its points are moved to fulfil as it is compiled.
+        """Add a dimension to the drawing; compiling moves its points to satisfy all of them.
 
         Parameters
         ----------
@@ -357,8 +357,8 @@ class Linkage(Document):
 
         >>> m.add_dimension("rod", "length", ["A", "B"], "250mm")
         >>> print(m.fit_dimensions())
-        1 dimensions hold; B moved most, by 0.025 m
-        A, B, cylinder can move in 4 ways
+        dimensions satisfied: 1; B moved most, by 0.025 m
+        degrees of freedom left: 4, of A, B, cylinder
         """
         points = list(as_names(f"dimensions.{name}.points", points))
         self._add("dimension", name, {"type": kind, "points": points, "value": value}, kind)
@@ -373,7 +373,7 @@ class Linkage(Document):
             that is one number, by its name
         target : an input ``"signal.input"``, or ``"load.law"`` of a load whose law is a signal
 
-        Raises `GraphError` for what does not fit; whether an output is there, compiling finds.
+        Raises `GraphError` for invalid names; compiling checks that the output exists.
 
         >>> m.add_signal("gain", "gain", k=2.0)
         >>> m.connect("driver.motor.rate", "gain.u")
