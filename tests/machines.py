@@ -173,6 +173,26 @@ def fivebar(
     return wire(graph, "left.B dyad.B", "right.B dyad.D")
 
 
+def pushed(
+    coupler: float,
+    rocker: float,
+    pivot: complex,
+    bodies: Bodies = (),
+    *,
+    gravity: float = 0.0,
+    **dyad: Any,
+) -> Graph:
+    """A slide drive ``ram`` along x that pushes a dyad RRR on the pivot D.
+
+    bodies : of coupler and rocker
+    """
+    guide = bm.Marker(at=(0.0, 0.0), angle=0.0)
+    graph = _frame("pushed", gravity, G=guide, D=complex(pivot))
+    graph.add("ram", bm.SlideDrive())
+    graph.add("dyad", bm.RRR(l_i=coupler, l_j=rocker, links=_links("ij", bodies), **dyad))
+    return wire(graph, "frame.G ram.S", "ram.S dyad.B", "frame.D dyad.D")
+
+
 def pulled(body: bm.Link, friction: Any, laws: Mapping[str, Any], *, gravity: float = 0.0) -> Graph:
     """A slider ``block`` on a floor along x, and thrusts by polynomials from a post at x = -1."""
     floor = bm.Marker(at=(0.0, 0.0), angle=0.0)

@@ -13,7 +13,7 @@ import blockmech as bm
 from blockmech.builders import opened
 from blockmech.dynamics.request import Watch
 from blockmech.result.result import Result
-from tests.machines import ruiz
+from tests.machines import ruiz, wire
 from tests.wiring import same_bits
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -129,9 +129,7 @@ def fanned(law):
     """The four-bar with a load by a function on its crank."""
     graph = ruiz(radius=0.0)
     graph.add("fan", bm.Motor(law=law))
-    graph.connect("frame.A", "fan.a")
-    graph.connect("crank.crank", "fan.b")
-    return graph
+    return wire(graph, "frame.A fan.a", "crank.crank fan.b")
 
 
 def test_a_load_by_a_named_function_is_copied():

@@ -11,10 +11,10 @@ import blockmech as bm
 from blockmech.analysis.extremes import extremes
 from blockmech.analysis.reference_errors import WIDER
 from blockmech.ground.errors import NotComputedError
-from blockmech.ground.values import Marker, Vector
+from blockmech.ground.values import Vector
 from tests import machines
 from tests.gallery import GRAPHS
-from tests.machines import ruiz, toggle, watt, wire
+from tests.machines import arms, crank, load, ruiz, toggle, watt
 from tests.wiring import EPS, off
 
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
@@ -81,12 +81,7 @@ def test_forces_say_who_acts_on_whom():
 
 
 def test_several_drivers_have_a_mass_matrix():
-    g = bm.Graph("arm", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    link = bm.Link(mass=2.0, inertia=0.0, cm=(1.0, 0.0))
-    g.add("upper", bm.Crank(length=1.0, links={"crank": link}))
-    g.add("lower", bm.Crank(length=1.0, links={"crank": link}))
-    wire(g, "frame.A upper.A", "upper.B lower.A")
+    g = arms({"upper": 1.0, "lower": 1.0}, [bm.Link(mass=2.0, cm=(1.0, 0.0))] * 2)
     r = g.run(at={"upper": [0.2, 0.5], "lower": [0.3, -1.0]})
     # the double pendulum of textbooks: equal masses at the ends of equal rods
     M = r["mechanism.M"]
@@ -431,11 +426,8 @@ def test_no_efficiency_of_a_single_sample():
 
 
 def test_mechanical_advantage_of_a_resting_drive_is_no_number_and_no_gap():
-    g = bm.Graph("idle")
-    g.add("frame", bm.Frame(markers={"A": Marker(at=(0.0, 0.0))}))
-    g.add("crank", bm.Crank(length=1.0))
-    g.add("pull", bm.Force(force=(5.0, 0.0), axes="link", useful=True))
-    wire(g, "frame.A crank.A", "crank.B pull.at")
+    pull = bm.Force(force=(5.0, 0.0), axes="link", useful=True)
+    g = load(crank(), "pull", pull, at="crank.B")
     r = g.run(at=[0.0, 1.0], rates=1.0)
     assert r.quality.status == ("ok", "ok")
     assert np.isnan(r["mechanism.mechanical_advantage"]).all()

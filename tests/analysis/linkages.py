@@ -54,16 +54,6 @@ def turning_guide(turn: float = 0.0) -> Graph:
     return wire(g, "frame.A crank.A", "crank.U dyad.S1", "frame.G dyad.S2")
 
 
-def pushed(coupler: float, rocker: float, x: float, y: float) -> Graph:
-    """A slide along x that pushes an RRR dyad on the pivot [x, y]."""
-    g = Graph("pushed")
-    markers = {"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": bm.Marker(at=(x, y))}
-    g.add("frame", bm.Frame(markers=markers))
-    g.add("ram", bm.SlideDrive())
-    g.add("dyad", bm.RRR(l_i=coupler, l_j=rocker))
-    return wire(g, "frame.G ram.S", "ram.S dyad.B", "frame.D dyad.D")
-
-
 def fivebar(bar: bm.Link | None = None, apart: float = 4.0, rod: float = 3.0) -> Graph:
     """Two cranks of 1 m some way apart, and two rods; each link a bar with these masses."""
     return machines.fivebar(1.0, rod, apart, [bar] * 4)

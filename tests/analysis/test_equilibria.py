@@ -24,6 +24,7 @@ from tests.dynamics.test_charts import hanging
 from tests.gallery import GRAPHS, document
 from tests.independent import multibody as mb
 from tests.independent.released import four_bar
+from tests.machines import wire
 
 DIGITS = 1e-9
 MACHINES = (
@@ -202,8 +203,7 @@ def test_curves_lead_from_one_equilibrium_to_the_others():
         g.add(name, bm.Crank(length=1.0, links={"crank": arm}))
         g.connect(f"frame.{at}", f"{name}.A")
     g.add("tie", bm.Spring(stiffness=2.0, free_length=3.0))
-    g.connect("one.B", "tie.a")
-    g.connect("two.B", "tie.b")
+    wire(g, "one.B tie.a", "two.B tie.b")
     mech = g.compile()
     few, many = mech.equilibria(starts=2), mech.equilibria(starts=512)
     assert len(few) == len(many) == 4

@@ -384,14 +384,9 @@ def test_extremes_at_a_toggle_are_its_limits_and_soon_told():
 
 @pytest.mark.parametrize("length", [0.2, 0.35, 1.1])
 def test_speeds_of_a_rod_as_long_as_its_crank(length):
-    g = bm.Graph("toggle")
-    g.add("frame", bm.Frame(markers={"A": (0, 0), "G": {"at": (0, 0), "angle": 0.0}}))
-    g.add("crank", bm.Crank(length=length))
-    g.add("rod", bm.RRP(l=length))
-    for ends in ("frame.A crank.A", "crank.B rod.B", "frame.G rod.S"):
-        g.connect(*ends.split())
+    g = slider_crank(length, length)
     g.drive("crank", bm.motion.ConstantRate(rate=1.0))
-    speeds = g.compile().extremes("rod.C.v")
+    speeds = g.compile().extremes("dyad.C.v")
     assert speeds["x"].maximum.value == pytest.approx(2 * length, rel=1e-9)
     assert speeds["x"].minimum.value == pytest.approx(-2 * length, rel=1e-9)
     assert speeds["y"].maximum.value == 0

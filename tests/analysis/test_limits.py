@@ -19,13 +19,12 @@ from tests.analysis.linkages import (
     end_error,
     fivebar,
     fourbar_limits,
-    pushed,
     slider_crank,
     slotted_lever,
     turning_guide,
 )
 from tests.gallery import mechanism
-from tests.machines import fourbar, wire
+from tests.machines import fourbar, pushed, wire
 from tests.wiring import EPS
 
 TURN = 2 * math.pi
@@ -229,7 +228,7 @@ def test_parallel_guides_end_the_arcs_of_a_turning_guide():
 
 
 def test_slide_is_ended_on_both_sides():
-    mechanism = pushed(2.0, 1.5, 3.0, 1.0).compile()
+    mechanism = pushed(2.0, 1.5, 3.0 + 1.0j).compile()
     limits = mechanism.limits()
     assert limits.unit == "m"
     assert words(limits) == [("dyad extended", "dyad extended")]

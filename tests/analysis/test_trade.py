@@ -18,7 +18,7 @@ from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock
 from blockmech.mechanism import Mechanism
 from tests.gallery import mechanism
-from tests.machines import ruiz, watt
+from tests.machines import pushed, ruiz, watt
 
 pytestmark = pytest.mark.usefixtures("one_repeat")
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -221,13 +221,7 @@ def test_single_precision_stops_being_usable_near_a_dead_centre() -> None:
 
 def nearly_straight() -> Mechanism:
     """A dyad of 6 m and 3 m whose outer joints a slide draws apart."""
-    g = bm.Graph("straight")
-    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": (0.0, 0.0)}))
-    g.add("slide", bm.SlideDrive())
-    g.add("dyad", bm.RRR(l_i=6.0, l_j=3.0))
-    for source, target in (("frame.G", "slide.S"), ("slide.S", "dyad.B"), ("frame.D", "dyad.D")):
-        g.connect(source, target)
-    return g.compile()
+    return pushed(6.0, 3.0, 0j).compile()
 
 
 # -- paper -----------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from blockmech.result.motion import State
 from blockmech.result.result import Result
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.gallery import GRAPHS, document, mechanism
-from tests.machines import chain, ruiz, squeezer, toggle, watt, wire
+from tests.machines import chain, pushed, ruiz, squeezer, toggle, watt, wire
 from tests.wiring import changed
 
 MECHANISMS = {
@@ -319,14 +319,9 @@ def test_what_starts_from_rest_rubs_from_there_on(tampered, direction, factor):
 
 
 def test_a_motion_is_verified_up_to_its_dead_centre():
-    g = bm.Graph("push", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": (3.0, 0.0)}))
     rod = bm.Link(mass=2.0, inertia=0.2, cm=(0.5, 0.0))
-    g.add("slide", bm.SlideDrive())  # without mass: what flows through its drive is of the rods
-    g.add("dyad", bm.RRR(l_i=1.0, l_j=1.0, links={"i": rod, "j": rod}))
-    for ends in ("frame.G slide.S", "slide.S dyad.B", "frame.D dyad.D"):
-        g.connect(*ends.split())
-    g.start("slide", q=1.3, rate=-1.0)
+    g = pushed(1.0, 1.0, 3.0, (rod, rod), gravity=9.81)  # the power of the drive is the rods'
+    g.start("ram", q=1.3, rate=-1.0)
     mech = g.compile()
     end = mech.simulate("standstill").motion
     assert end.end == "dead centre"

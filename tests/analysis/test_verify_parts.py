@@ -15,6 +15,7 @@ from blockmech.couplings.gear import Gear
 from blockmech.couplings.rack import Rack
 from tests.analysis.test_verify import failures
 from tests.gallery import GRAPHS
+from tests.machines import wire
 from tests.signals.machines import compiled, data_of
 
 NEARLY = 1 + 1e-9
@@ -50,9 +51,7 @@ def pair(coupling, follower):
     g.add("two", follower)
     g.add("load", bm.Couple(moment=3.0))
     g.add("mesh", coupling)
-    g.connect("frame.A", "one.A")
-    g.connect("frame.B", "two.A")
-    g.connect("two.crank", "load.on")
+    wire(g, "frame.A one.A", "frame.B two.A", "two.crank load.on")
     return g.compile()
 
 

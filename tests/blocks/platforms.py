@@ -6,6 +6,7 @@ import cmath
 from functools import cache
 
 import blockmech as bm
+from tests import machines
 from tests.blocks.machines import LONG_SHOE, PIN, body
 
 ROOTS = {"L1": (5.5, 1.5), "L2": (-1.0, 4.0)}  # [m] of the legs on the frame
@@ -134,6 +135,4 @@ def stacked():
     bodies = {"arm": body(0.5, 0.02, (0.4, 0.05)), "shoe": body(0.8, 0.03, (0.1, -0.05))}
     laws = {"A": PIN, "B": PIN, "S": LONG_SHOE}
     graph.add("rider", bm.GeneralGroup(links=bodies, pairs=pairs, home=start, friction=laws))
-    graph.connect("platform.seat", "rider.A")
-    graph.connect("platform.rail", "rider.S")
-    return graph
+    return machines.wire(graph, "platform.seat rider.A", "platform.rail rider.S")

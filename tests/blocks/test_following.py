@@ -19,6 +19,7 @@ from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.blocks.continuation import March
 from tests.blocks.platforms import platform, triad, triad_and_arc, two_drivers
 from tests.blocks.twin import Twin
+from tests.machines import wire
 
 EXAMPLES = int(os.environ.get("BLOCKMECH_EXAMPLES", "4"))  # 200 is the full run
 TURN = 2 * np.pi
@@ -205,8 +206,7 @@ def parallelograms(excess, copies, general, q0=0.9):
         dyad = bm.RRR(l_i=2.0 + k + excess, l_j=1.0)
         if not general:
             graph.add(f"d{k}", dyad)
-            graph.connect("crank.B", f"d{k}.B")
-            graph.connect(f"frame.D{k}", f"d{k}.D")
+            wire(graph, f"crank.B d{k}.B", f"frame.D{k} d{k}.D")
             continue
         pose = dyad.kernels.position(cmath.exp(1j * q0), complex(2.0 + k), dyad.parameters())
         for name, link in (("i", pose.i), ("j", pose.j)):
@@ -220,8 +220,7 @@ def parallelograms(excess, copies, general, q0=0.9):
         home = {"drivers": {"crank": q0}, "poses": poses}
         graph.add("d", bm.GeneralGroup(links=links, pairs=pairs, home=home))
         for k in range(copies):
-            graph.connect("crank.B", f"d.B{k}")
-            graph.connect(f"frame.D{k}", f"d.D{k}")
+            wire(graph, f"crank.B d.B{k}", f"frame.D{k} d.D{k}")
     return graph.compile()
 
 

@@ -14,6 +14,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.model.meshing import coupling_numbers, sides
+from tests.machines import wire
 
 RISE, OVER, MU, WEIGHT, E = 0.01, 1.6, 0.15, 100.0, 0.005
 LIFT = {
@@ -40,9 +41,7 @@ def valve(friction=MU, **cam):
     g.add("load", bm.Force(force=(0.0, -WEIGHT)))
     fields = {"law": LIFT, "phase": 0.05, "friction": friction} | cam
     g.add("cam", bm.Cam(driver="shaft", driven="valve", **fields))
-    for ends in ("frame.A shaft.A", "frame.G valve.S", "valve.slider load.at"):
-        g.connect(*ends.split())
-    return g
+    return wire(g, "frame.A shaft.A", "frame.G valve.S", "valve.slider load.at")
 
 
 def rocker(friction=MU, **cam):
@@ -56,9 +55,7 @@ def rocker(friction=MU, **cam):
     law = LIFT | {"segments": turned}
     fields = {"law": law, "phase": 0.05, "friction": friction, "at": (-0.06, 0.01)} | cam
     g.add("cam", bm.Cam(driver="shaft", driven="valve", **fields))
-    for ends in ("frame.A shaft.A", "frame.B valve.A", "valve.crank load.on"):
-        g.connect(*ends.split())
-    return g
+    return wire(g, "frame.A shaft.A", "frame.B valve.A", "valve.crank load.on")
 
 
 MACHINES = {f"valve {name}": valve(**shape) for name, shape in SHAPES.items()}

@@ -17,6 +17,7 @@ from blockmech.model import meshing
 from blockmech.testing.expectations import check_expectations
 from tests.gallery import GRAPHS, JOINTS
 from tests.independent import newton
+from tests.machines import fivebar, load, slider_crank, wire
 
 ROUNDING = 1e-12  # [-] some thousand roundings
 ANGLE = math.radians(20.0)
@@ -74,10 +75,7 @@ def cam_and_valve(**cam):
     g.add("load", bm.Force(force=(0.0, -100.0)))
     fields = {"law": LIFT, "phase": math.sqrt(0.03**2 - 0.005**2)} | cam
     g.add("cam", bm.Cam(driver="shaft", driven="valve", **fields))
-    g.connect("frame.A", "shaft.A")
-    g.connect("frame.G", "valve.S")
-    g.connect("valve.slider", "load.at")
-    return g
+    return wire(g, "frame.A shaft.A", "frame.G valve.S", "valve.slider load.at")
 
 
 # -- reference numbers -----------------------------------------------------------------------
@@ -108,12 +106,12 @@ def test_a_flat_follower_on_that_cam_is_undercut_where_the_radius_vanishes():
     with pytest.raises(GraphError, match="undercut") as caught:
         cam_and_valve(follower="flat", face=0.0).compile()
     message = str(caught.value)
-    begin = float(message.split("from ")[1].split(" rad")[0])
+    begin = float(message.split("cam angle of ")[1].split(" rad")[0])
     u = begin / 1.2
     radius = math.sqrt(0.03**2 - 0.005**2) + 0.01 * (10 * u**3 - 15 * u**4 + 6 * u**5)
     radius += 0.01 / 1.2**2 * (60 * u - 180 * u**2 + 120 * u**3)
     assert radius == pytest.approx(0.0, abs=1e-6)
-    assert "larger base circle" in message
+    assert "enlarge the base circle" in message
 
 
 def test_a_geneva_wheel_turns_as_worked_out_and_rests_between():
@@ -169,20 +167,9 @@ def test_a_geared_five_bar_stands_where_it_should(n):
         1: (1.11827751472962 + 2.75613666265913j, 0.537425342522421 + 2.08448464219848j),
         -2: (2.53750171462638 + 0.947275151340904j, 0.275081732508941 + 2.28421797316657j),
     }
-    g = bm.Graph("five")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (2.0, 0.0)}))
-    g.add("first", bm.Crank(length=1.0))
-    g.add("second", bm.Crank(length=1.0))
-    g.add("dyad", bm.RRR(l_i=2.0, l_j=2.0, branch=1))
+    g = fivebar(1.0, 2.0, 2.0)
     law = {"kind": "polynomial", "coefficients": [0.5, float(n)]}
-    g.add("wheels", bm.Ratio(driver="first", driven="second", law=law))
-    for source, end in (
-        ("frame.A", "first.A"),
-        ("frame.E", "second.A"),
-        ("first.B", "dyad.B"),
-        ("second.B", "dyad.D"),
-    ):
-        g.connect(source, end)
+    g.add("wheels", bm.Ratio(driver="left", driven="right", law=law))
     run = g.compile().run(at=[1.0, 2.5], rates=1.0)
     np.testing.assert_allclose(run["dyad.C.p"], positions[n], rtol=ROUNDING)
 
@@ -305,8 +292,7 @@ def test_a_pinion_is_pushed_as_newton_says(side):
     g.add("pinion", bm.Crank(links={"crank": heavy}))
     rack = bm.Rack(driver="rack", driven="pinion", radius=0.08, side=side, pressure_angle=ANGLE)
     g.add("mesh", rack)
-    g.connect("frame.S", "rack.S")
-    g.connect("frame.E", "pinion.A")
+    wire(g, "frame.S rack.S", "frame.E pinion.A")
     mech = g.compile()
     run = mech.run(at=0.7, rates=2.0, accelerations=-5.0, want="*")
     u, E = np.exp(1.2j), 0.5 + 0.1j
@@ -547,24 +533,9 @@ def test_a_cam_with_a_slider_cranks_own_displacement_needs_the_slider_cranks_dri
     g.add("gas", bm.Force(force=(-300.0, 0.0)))
     law |= {"interpolation": "quintic"}
     g.add("cam", bm.Cam(driver="crank", driven="piston", law=law))
-    for source, end in (
-        ("frame.A", "crank.A"),
-        ("frame.A", "piston.S"),
-        ("piston.slider", "gas.at"),
-    ):
-        g.connect(source, end)
-    s = bm.Graph("slider crank")
-    s.add("frame", bm.Frame(markers={"A": guide}))
-    s.add("crank", bm.Crank(length=r))
-    s.add("piston", bm.RRP(l=rod, branch=1, links={"j": bm.Link(mass=0.8)}))
-    s.add("gas", bm.Force(force=(-300.0, 0.0)))
-    for source, end in (
-        ("frame.A", "crank.A"),
-        ("crank.B", "piston.B"),
-        ("frame.A", "piston.S"),
-        ("piston.j", "gas.at"),
-    ):
-        s.connect(source, end)
+    wire(g, "frame.A crank.A", "frame.A piston.S", "piston.slider gas.at")
+    s = slider_crank(r, rod, bodies=(None, None, bm.Link(mass=0.8)), branch=1)
+    load(s, "gas", bm.Force(force=(-300.0, 0.0)), at="dyad.j")
     ask = {"at": np.linspace(0.3, 6.0, 9), "rates": 20.0, "accelerations": 30.0}
     coupled, direct = g.compile().run(**ask), s.compile().run(**ask)
     np.testing.assert_allclose(coupled["crank.drive"], direct["crank.drive"], rtol=1e-8)

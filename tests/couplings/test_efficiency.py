@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 import blockmech as bm
 from blockmech.ground.errors import GraphError
+from tests import machines
 from tests.gallery import GRAPHS
 
 ROUNDING = 1e-12  # [-] some thousand roundings
@@ -328,8 +329,9 @@ def test_several_drivers_move_as_newton_says():
     g.add("sun", bm.Crank(links={"crank": bm.Link(inertia=2e-5)}))
     g.add("mesh", bm.Gear(driver="planet", driven="sun", teeth=(18, 24), efficiency=ETA))
     g.add("load", bm.Couple(moment=0.3))
-    for ends in ("frame.O carrier.A", "carrier.B planet.A", "frame.O sun.A", "sun.crank load.on"):
-        g.connect(*ends.split())
+    machines.wire(
+        g, "frame.O carrier.A", "carrier.B planet.A", "frame.O sun.A", "sun.crank load.on"
+    )
     g.start("carrier", q=0.0, rate=10.0)
     g.start("planet", q=0.0, rate=100.0)
     motion = g.compile().simulate("time=0.02").motion

@@ -13,6 +13,7 @@ import blockmech as bm
 from blockmech.ground.errors import GraphError
 from tests.gallery import GRAPHS, mechanism
 from tests.independent import newton
+from tests.machines import wire
 
 ROUNDING = 1e-12  # [-] some thousand roundings
 ANGLE = math.radians(20.0)
@@ -38,15 +39,14 @@ def planetary(angle=ANGLE, rub=0.0):
     g.add("mesh", bm.Gear(driver="planet", driven="sun", teeth=(18, 24), **teeth))
     g.add("motor", bm.Couple(moment=0.8))
     g.add("drum", bm.Couple(moment=-1.9))
-    for source, end in (
-        ("frame.O", "carrier.A"),
-        ("carrier.B", "planet.A"),
-        ("frame.O", "sun.A"),
-        ("sun.crank", "motor.on"),
-        ("carrier.crank", "drum.on"),
-    ):
-        g.connect(source, end)
-    return g
+    return wire(
+        g,
+        "frame.O carrier.A",
+        "carrier.B planet.A",
+        "frame.O sun.A",
+        "sun.crank motor.on",
+        "carrier.crank drum.on",
+    )
 
 
 def pair(teeth, rub=0.0, sense=1, **gear):
@@ -57,8 +57,7 @@ def pair(teeth, rub=0.0, sense=1, **gear):
     friction = {"A": bm.friction.Coulomb(coefficient=rub, radius=0.05)} if rub else {}
     g.add("one", bm.Crank(links=heavy, friction=friction))
     g.add("two", bm.Crank(links=heavy, friction=friction, sign=sense))
-    g.connect("frame.A", "one.A")
-    g.connect("frame.E", "two.A")
+    wire(g, "frame.A one.A", "frame.E two.A")
     g.add("mesh", bm.Gear(driver="one", driven="two", teeth=teeth, **gear))
     return g
 
@@ -227,8 +226,7 @@ def test_wheels_without_a_common_carrier_are_refused():
     g.wires = [w for w in g.wires if w.target not in ("two.A", "one.A")]
     g.connect("arm.B", "two.A")
     g.add("other", bm.Crank(length=1.0))
-    g.connect("frame.E", "other.A")
-    g.connect("other.B", "one.A")
+    wire(g, "frame.E other.A", "other.B one.A")
     problem = problem_of(g)
     assert (problem.code, problem.where) == ("coupling-mismatch", "mesh")
     assert "give both pairs markers of one link" in str(problem)
@@ -237,8 +235,7 @@ def test_wheels_without_a_common_carrier_are_refused():
 def test_a_wheel_on_a_coupler_whose_turns_nothing_counts_is_refused():
     g = pair((20, 30))
     g.add("dyad", bm.RRR(l_i=0.6, l_j=0.6, links={"i": bm.Link(markers={"G": (0.1, 0.0)})}))
-    g.connect("one.A", "dyad.B")
-    g.connect("frame.E", "dyad.D")
+    wire(g, "one.A dyad.B", "frame.E dyad.D")
     g.blocks["mesh"] = bm.Gear(driver="dyad.G", driven="two", teeth=(20, 30))
     problem = problem_of(g)
     assert problem.code == "coupling-mismatch"
@@ -267,8 +264,7 @@ def test_a_load_may_follow_a_driven_wheel():
     g = pair((20, 30))
     law = {"kind": "polynomial", "of": "rate", "coefficients": [0.0, -2.0]}
     g.add("drag", bm.Motor(law=law, driver="two"))
-    g.connect("frame.A", "drag.a")
-    g.connect("two.crank", "drag.b")
+    wire(g, "frame.A drag.a", "two.crank drag.b")
     run = g.compile().run(at=0.3, rates=3.0)
     assert run["drag.b.couple"][0] == pytest.approx(-2.0 * -2.0)
 

@@ -15,6 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import blockmech as bm
+from tests.machines import wire
 
 ANGLE, MU, ROUND_PIN, G = 0.35, 0.3, 0.01, 9.81
 CENTRES = 0.05 + 0.02j
@@ -37,9 +38,7 @@ def wheels(load, motor=0.0, internal=False):
             driver="one", driven="two", teeth=TEETH, internal=internal, pressure_angle=ANGLE
         ),
     )  # fmt: skip
-    g.connect("frame.A", "one.A")
-    g.connect("frame.B", "two.A")
-    return g
+    return wire(g, "frame.A one.A", "frame.B two.A")
 
 
 def by_hand(q, rate, acceleration, load, internal, sense):
@@ -132,8 +131,7 @@ def test_several_drivers_rub_under_tooth_forces_and_lose_what_friction_takes():
         "mesh", bm.Gear(driver="planet", driven="sun", teeth=(18, 24), pressure_angle=ANGLE)
     )  # fmt: skip
     g.add("load", bm.Couple(moment=0.3))
-    for ends in ("frame.O carrier.A", "carrier.B planet.A", "frame.O sun.A", "sun.crank load.on"):
-        g.connect(*ends.split())
+    wire(g, "frame.O carrier.A", "carrier.B planet.A", "frame.O sun.A", "sun.crank load.on")
     g.start("carrier", q=0.0, rate=10.0)
     g.start("planet", q=0.0, rate=30.0)
     mech = g.compile()

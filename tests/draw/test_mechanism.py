@@ -22,7 +22,7 @@ from blockmech.ground.report import DEGREES
 from blockmech.result.tables import table
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
 from tests.gallery import GRAPHS
-from tests.machines import chain, ruiz, toggle, watt
+from tests.machines import chain, ruiz, toggle, watt, wire
 
 ROUNDING = 1e-9  # of a mechanism's size: positions and angles through cosines and back
 PIXEL = 1.5  # [px] of a label's box that may be beside its ink
@@ -236,8 +236,7 @@ def test_a_mechanism_without_drivers_is_a_truss_and_can_be_drawn():
     g = bm.Graph("truss")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (1.0, 0.0)}))
     g.add("dyad", bm.RRR(l_i=1.0, l_j=1.0))
-    g.connect("frame.A", "dyad.B")
-    g.connect("frame.D", "dyad.D")
+    wire(g, "frame.A dyad.B", "frame.D dyad.D")
     points = pins(draw_mechanism(g.compile()))
     assert points["C"] == pytest.approx(complex(0.5, math.sqrt(0.75)), abs=ROUNDING)
 

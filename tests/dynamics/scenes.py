@@ -8,6 +8,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.ground.errors import RequestError
+from tests.machines import bar, crank, wire
 
 TURN = 2 * math.pi
 LONG = 1e-9  # agreement with a long integration, which is no better itself
@@ -25,12 +26,7 @@ ON_ROD = {"a": "frame.A", "b": "crank.crank"}
 
 def bare_rod(gravity=9.81, **markers):
     """A uniform rod on a pivot, and further markers of the frame."""
-    graph = bm.Graph("rod", gravity=(0.0, -gravity))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), **markers}))
-    link = bm.Link(mass=MASS, inertia=MASS * LENGTH**2 / 12, cm=(LENGTH / 2, 0.0))
-    graph.add("crank", bm.Crank(length=LENGTH, links={"crank": link}))
-    graph.connect("frame.A", "crank.A")
-    return graph
+    return crank(LENGTH, bar(MASS, LENGTH), gravity=gravity, **markers)
 
 
 def rod(*laws, gravity=9.81):
@@ -58,8 +54,7 @@ def slide(mass=M, stiffness=K, damping=3.0, law=None):
         loads["force"] = bm.Thrust(law=law)
     for name, load in loads.items():
         graph.add(name, load)
-        graph.connect("frame.W", f"{name}.a")
-        graph.connect("slider.P", f"{name}.b")
+        wire(graph, f"frame.W {name}.a", f"slider.P {name}.b")
     return graph.compile()
 
 

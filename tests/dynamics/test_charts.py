@@ -18,6 +18,7 @@ from blockmech.dynamics.request import Watch
 from tests.dynamics.honesty import mechanism as massive
 from tests.dynamics.one_chart import in_one_chart
 from tests.independent.released import document, five_bar, four_bar, link, pin, truth
+from tests.machines import wire
 
 TIMES = [0.1, 0.5, 1.0]  # [s]
 LEFT = [0.26861746, -0.05290324, -0.18957268]  # [rad] of the left rocker then
@@ -57,8 +58,7 @@ def of_blocks(direction=0.0, offset=0.0, sign=1):
     graph.add("left", crank)
     links = {"i": bm.Link(**middle), "j": bm.Link(**bar)}
     graph.add("loop", bm.RRR(l_i=COUPLER, l_j=SIDE, branch=-1, links=links))
-    for wire in ("frame.A left.A", "left.B loop.B", "frame.D loop.D"):
-        graph.connect(*wire.split())
+    wire(graph, "frame.A left.A", "left.B loop.B", "frame.D loop.D")
     hangs = sign * (math.atan2(-math.sqrt(SIDE**2 - 0.01), 0.1) - direction - offset)
     graph.start("left", q=hangs + sign * 0.5)
     return graph, hangs
@@ -197,8 +197,7 @@ def test_a_crank_that_goes_on_leading_counts_from_its_markers_direction():
             graph.add(arm, bm.Crank(length=1.0, links={"crank": crank}))
         rods = {x: bm.Link(mass=1.5, inertia=0.5, cm=(0.7, 0.0)) for x in "ij"}
         graph.add("dyad", bm.RRR(l_i=1.4, l_j=1.4, branch=1, links=rods))
-        for wire in ("frame.A left.A", "frame.E right.A", "left.B dyad.B", "right.B dyad.D"):
-            graph.connect(*wire.split())
+        wire(graph, "frame.A left.A", "frame.E right.A", "left.B dyad.B", "right.B dyad.D")
         graph.start("left", q=1.404 - left, rate=1.427)
         graph.start("right", q=1.732 - right, rate=2.738)
         times, want = np.linspace(0.0, 0.8, 9), ["*.q", "dyad.C.p"]

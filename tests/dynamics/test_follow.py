@@ -21,7 +21,7 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.ground.errors import FormatError, GraphError, SingularError
 from tests.doors import graph_of as loads
 from tests.dynamics import machines
-from tests.machines import G, bar, crank, fourbar, slider_crank
+from tests.machines import G, bar, crank, fourbar, pushed, slider_crank, wire
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 TURN = 2 * math.pi
@@ -57,9 +57,7 @@ def half_rate():
     graph = crank(1.0, bar(1.0, 1.0), gravity=G, D=(1.0, 0.0))
     links = {"j": bm.Link(mass=1.0, inertia=0.3)}
     graph.add("dyad", bm.RPR(branch="follow", home=home(1.0, 1), links=links))
-    graph.connect("crank.B", "dyad.B")
-    graph.connect("frame.D", "dyad.D")
-    return graph
+    return wire(graph, "crank.B dyad.B", "frame.D dyad.D")
 
 
 def kite():
@@ -122,14 +120,7 @@ def test_a_kite_is_the_same_again_after_two_turns():
 
 def test_a_slide_drives_a_dyad_through_its_change_point():
     """Two rods of 1 m over a base of length q, which the slide shortens to nothing and beyond."""
-    graph = bm.Graph("tent")
-    markers = {"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": (0.0, 0.0)}
-    graph.add("frame", bm.Frame(markers=markers))
-    graph.add("slide", bm.SlideDrive())
-    graph.add("dyad", bm.RRR(l_i=1.0, l_j=1.0, branch="follow", home=home(1.0, 1, "slide")))
-    graph.connect("frame.G", "slide.S")
-    graph.connect("slide.slider", "dyad.B")
-    graph.connect("frame.D", "dyad.D")
+    graph = pushed(1.0, 1.0, 0j, branch="follow", home=home(1.0, 1, "ram"))
     q = np.linspace(-1.9, 1.9, 40)
     r = moved(graph, q, "dyad.C.p")
     assert off(r["dyad.C.p"], q / 2 - 1j * np.sqrt(1 - q**2 / 4)) < PLACE
@@ -300,14 +291,12 @@ def test_several_drivers_and_wrong_names_are_told_by_check():
     graph.add("other", bm.Crank(length=0.5))
     graph.connect("frame.D", "other.A")
     graph.add("dyad", bm.RRR(l_i=1.0, l_j=1.0, branch="follow", home=home(1.0, 1)))
-    graph.connect("crank.B", "dyad.B")
-    graph.connect("other.B", "dyad.D")
+    wire(graph, "crank.B dyad.B", "other.B dyad.D")
     (problem,) = graph.check()
     assert (problem.code, problem.where) == ("many-drivers", "dyad.branch")
     wrong = crank(0.25, bar(1.0, 0.25), gravity=G, D=(0.4, 0.0))
     wrong.add("dyad", bm.RRR(l_i=0.4, l_j=0.25, branch="follow", home=home(1.0, 1, "krank")))
-    wrong.connect("crank.B", "dyad.B")
-    wrong.connect("frame.D", "dyad.D")
+    wire(wrong, "crank.B dyad.B", "frame.D dyad.D")
     (problem,) = wrong.check()
     assert (problem.code, problem.where) == ("wrong-home", "dyad.home.drivers")
 

@@ -118,8 +118,7 @@ def test_before_a_dead_centre_friction_ends_the_motion_by_both_integrators():
     friction = {"S": bm.friction.Coulomb(coefficient=0.2)}
     graph.add("slider", bm.SlideDrive(links={"slider": body}, friction=friction))
     graph.add("dyad", bm.RRR(l_i=1.0, l_j=0.8, branch=1, links={"i": rod, "j": rod}))
-    for a, b in (("frame.G", "slider.S"), ("slider.P", "dyad.B"), ("frame.A", "dyad.D")):
-        graph.connect(a, b)
+    machines.wire(graph, "frame.G slider.S", "slider.P dyad.B", "frame.A dyad.D")
     mech, start = graph.compile(), {"slider": (0.9, 0.0)}
     explicit, implicit = (
         in_one_chart(mech, "time=2", start=start, method=m) for m in ("auto", "radau")
@@ -244,8 +243,7 @@ def pistons(number):
     for k in range(number):
         group = bm.RRP(l=0.3, h=0.0, branch=1, links=links, friction={"C": rough})
         graph.add(f"piston{k}", group)
-        graph.connect("crank.B", f"piston{k}.B")
-        graph.connect("frame.G", f"piston{k}.S")
+        machines.wire(graph, f"crank.B piston{k}.B", f"frame.G piston{k}.S")
     return graph.compile()
 
 
@@ -290,11 +288,8 @@ def test_what_friction_takes_is_what_energy_misses_wherever_the_run_ends(coeffic
 
 def test_a_balanced_wheel_slows_down_evenly():
     """Its pin carries the weight alone: a load that does not change has no kink."""
-    graph = bm.Graph("wheel", gravity=(0.0, -G))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     wheel, pin = bm.Link(mass=2.0, inertia=0.5), bm.friction.Coulomb(coefficient=0.2, radius=0.05)
-    graph.add("crank", bm.Crank(length=0.1, links={"crank": wheel}, friction={"A": pin}))
-    graph.connect("frame.A", "crank.A")
+    graph = machines.crank(0.1, wheel, pin, gravity=G)
     motion = graph.compile().simulate("standstill", start={"crank": (0.0, 5.0)}).motion
     assert motion.events[-1].t == pytest.approx(5.0 * 0.5 / (0.2 * 0.05 * 2.0 * G), rel=1e-12)
 

@@ -119,8 +119,7 @@ def test_a_massless_link_drags_too():
     g.add(
         "rod", bm.RRR(l_i=3.0, l_j=1.0, branch=1, friction={"D": bm.friction.Viscous(damping=0.2)})
     )
-    g.connect("crank.B", "rod.B")
-    g.connect("frame.D", "rod.D")
+    machines.wire(g, "crank.B rod.B", "frame.D rod.D")
     mech = g.compile()
     run = mech.run(at=[0.4, 1.0], rates=2.0, want=["crank.drive", "mechanism.friction_power"])
     assert np.abs(run["crank.drive"] - 0.2 * 2.0).max() <= 1e-14  # a parallelogram

@@ -71,10 +71,7 @@ def test_without_loss_it_bounces_for_ever_and_with_all_loss_it_stays():
 
 
 def test_at_the_instant_of_a_blow_it_is_at_its_stop():
-    g = bm.Graph("rod", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    g.add("crank", bm.Crank(links={"crank": bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))}))
-    g.connect("frame.A", "crank.A")
+    g = machines.crank(body=machines.bar(1.0, 1.0), gravity=9.81)
     low = -1.2 + 6.3 / 11  # where the last step to the instant was a halved one: off by 2e-7
     g.add_stop("crank", low, restitution=0.7)
     motion = g.compile().simulate("time=1.5", start={"crank": (low + 0.6, 0.0)}).motion
@@ -257,8 +254,7 @@ def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
     fixed.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (pivot.real, pivot.imag)}))
     fixed.add("left", g.blocks["left"])
     fixed.add("dyad", g.blocks["dyad"])
-    for source, end in (("frame.A", "left.A"), ("left.B", "dyad.B"), ("frame.D", "dyad.D")):
-        fixed.connect(source, end)
+    machines.wire(fixed, "frame.A left.A", "left.B dyad.B", "frame.D dyad.D")
     state = explicit.motion.at(first)
     last = float(explicit.time[rest][-1])
     four = fixed.compile().simulate(
@@ -281,12 +277,8 @@ def test_joint_friction_is_followed_through_a_blow_in_which_slips_reverse():
 def test_joint_friction_of_a_blow_that_stops_all_follows_its_impulses():
     # a rod on a pin: m d w through the pin, so P = J w + mu r m d |w|, with signs
     mass, d, inertia, mu, r = 2.0, 0.3, 0.1, 0.2, 0.05
-    g = bm.Graph("rod")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     rod = bm.Link(mass=mass, inertia=inertia, cm=(d, 0.0))
-    rub = {"A": bm.friction.Coulomb(coefficient=mu, radius=r)}
-    g.add("rod", bm.Crank(links={"crank": rod}, friction=rub))
-    g.connect("frame.A", "rod.A")
+    g = machines.crank(1.0, rod, bm.friction.Coulomb(coefficient=mu, radius=r), name="rod")
     g.start("rod", q=0.0, rate=3.0)
     g.add_stop("rod", high=0.4, restitution=0.0)
     mech = g.compile()
@@ -305,12 +297,9 @@ def test_joint_friction_of_a_blow_that_stops_all_follows_its_impulses():
 
 
 def test_who_starts_at_rest_against_a_stop_is_told_of_no_blow():
-    g = bm.Graph("rod", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     rod = bm.Link(mass=1.0, inertia=0.02, cm=(0.25, 0.0))
-    rub = {"A": bm.friction.Coulomb(coefficient=0.3, radius=0.02)}
-    g.add("rod", bm.Crank(length=0.5, links={"crank": rod}, friction=rub))
-    g.connect("frame.A", "rod.A")
+    rub = bm.friction.Coulomb(coefficient=0.3, radius=0.02)
+    g = machines.crank(0.5, rod, rub, gravity=9.81, name="rod")
     g.start("rod", q=-0.4, rate=0.0)
     g.add_stop("rod", low=-0.4, restitution=0.5)
     motion = g.compile().simulate("time=1").motion
@@ -321,12 +310,8 @@ def test_who_starts_at_rest_against_a_stop_is_told_of_no_blow():
 def test_one_driver_rubs_on_the_way_in_and_on_the_way_out():
     # in the blow of the same rod its slip turns back: mu r m d |w| against either sense
     mass, d, inertia, mu, r, e = 2.0, 0.3, 0.1, 0.2, 0.05, 0.6
-    g = bm.Graph("rod")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    rub = {"A": bm.friction.Coulomb(coefficient=mu, radius=r)}
     rod = bm.Link(mass=mass, inertia=inertia, cm=(d, 0.0))
-    g.add("rod", bm.Crank(length=1.0, links={"crank": rod}, friction=rub))
-    g.connect("frame.A", "rod.A")
+    g = machines.crank(1.0, rod, bm.friction.Coulomb(coefficient=mu, radius=r), name="rod")
     g.start("rod", q=0.0, rate=3.0)
     g.add_stop("rod", high=0.4, restitution=e)
     motion = g.compile().simulate("time=0.5").motion
@@ -346,12 +331,8 @@ def test_one_driver_rubs_on_the_way_in_and_on_the_way_out():
 
 
 def test_a_pin_strikes_after_whole_turns_of_one_of_two_drivers():
-    g = bm.Graph("wheels")
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
-    g.add("arm", bm.Crank(length=1.0, links={"crank": bm.Link(mass=1.0, inertia=1.0)}))
-    g.add("wheel", bm.Crank(length=0.5, links={"crank": bm.Link(mass=1.0, inertia=0.1)}))
-    g.connect("frame.O", "arm.A")
-    g.connect("arm.B", "wheel.A")
+    bodies = bm.Link(mass=1.0, inertia=1.0), bm.Link(mass=1.0, inertia=0.1)
+    g = machines.arms({"arm": 1.0, "wheel": 0.5}, bodies, gravity=0.0)
     g.start("arm", q=0.0, rate=1.0)
     g.start("wheel", q=0.5, rate=7.0)
     g.add_stop("wheel.A.coordinate", high=15.0, restitution=0.5)
@@ -404,17 +385,12 @@ def test_a_push_rubs_in_pairs_that_nothing_else_loads(pins):
     )
 
     def blow(mass):
-        g = bm.Graph("press", gravity=(0.0, -9.81))
-        guide = bm.Marker(at=(0.0, 0.02), angle=0.0)
-        g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
-        wheel = bm.Link(mass=1.0, inertia=0.02)
-        g.add("crank", bm.Crank(length=0.1, links={"crank": wheel}, friction=pins))
-        g.add("rod", bm.RRP(l=0.3, links={"j": bm.Link(mass=mass)}, friction={"B": oiled}))
-        g.add("moment", bm.Couple(moment=-3.0))
-        for ends in ("frame.A crank.A", "crank.B rod.B", "frame.G rod.S", "crank.crank moment.on"):
-            g.connect(*ends.split())
+        bodies = bm.Link(mass=1.0, inertia=0.02), None, bm.Link(mass=mass)
+        rub = {**pins, "B": oiled}
+        g = machines.slider_crank(0.1, 0.3, 0.02, bodies, rub, gravity=9.81)
+        machines.load(g, "moment", bm.Couple(moment=-3.0), on="crank.crank")
         g.start("crank", q=1.2)
-        g.add_stop("rod.S.coordinate", high=0.38, restitution=0.5)
+        g.add_stop("dyad.S.coordinate", high=0.38, restitution=0.5)
         mech = g.compile()
         (hit, *_) = mech.simulate("time=0.1").motion.impacts
         close = mech.simulate(times=[0.0, hit.t - 1e-13, 0.1], want="*")
@@ -422,8 +398,8 @@ def test_a_push_rubs_in_pairs_that_nothing_else_loads(pins):
         return hit
 
     without, nearly = blow(0.0), blow(1e-9)
-    assert abs(without.friction["rod.B"]) > 0.005
-    assert without.friction["rod.B"] == pytest.approx(nearly.friction["rod.B"], rel=1e-7)
+    assert abs(without.friction["dyad.B"]) > 0.005
+    assert without.friction["dyad.B"] == pytest.approx(nearly.friction["dyad.B"], rel=1e-7)
     assert without.impulse == pytest.approx(nearly.impulse, rel=1e-7)
 
 

@@ -15,6 +15,7 @@ from blockmech.dynamics import integration as integrators
 from blockmech.dynamics import repetition
 from tests.extremes.motions import slider
 from tests.gallery import GRAPHS, mechanism
+from tests.machines import wire
 
 PANELS = 1e-9  # [rad] of the path method
 COARSE = 1e-2  # [rad] of an integration at its first tolerance
@@ -154,8 +155,7 @@ def test_turns_that_gain_energy_end_by_name_and_tell_how_far_they_are(monkeypatc
 def test_swings_that_take_work_each_are_given_up_early_where_their_goal_is_too_far():
     g = slider()
     g.add("spring", bm.Spring(stiffness=1e12, free_length=0.0, damping=2.0))
-    g.connect("frame.W", "spring.a")
-    g.connect("slider.slider", "spring.b")
+    wire(g, "frame.W spring.a", "slider.slider spring.b")
     motion = g.compile().simulate("time=1", start={"slider": (1.0, 0.0)}, accuracy=1e-10).motion
     assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
     assert motion.cost.evaluations < 100_000  # of 500,000 that each run of each method is allowed

@@ -19,7 +19,7 @@ from blockmech.ground.errors import RequestError
 from tests.dynamics import machines, scenes
 from tests.dynamics.one_chart import in_one_chart
 from tests.gallery import GRAPHS, mechanism
-from tests.machines import fourbar
+from tests.machines import crank, fourbar, wire
 from tests.wiring import recorded
 
 TURN = 2 * math.pi
@@ -251,12 +251,8 @@ def test_a_start_that_does_not_close_is_called_an_impossible_pose():
 
 
 def test_an_equilibrium_stays_and_says_whether_it_is_stable():
-    graph = bm.Graph("pendulum", gravity=(0.0, -9.81))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     rod = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
-    graph.add("crank", bm.Crank(length=1.0, links={"crank": rod}))
-    graph.connect("frame.A", "crank.A")
-    mech = graph.compile()
+    mech = crank(1.0, rod, gravity=9.81).compile()
     lower = mech.simulate("time=1", start=from_angle(-math.pi / 2)).motion
     upper = mech.simulate("time=1", start=from_angle(math.pi / 2)).motion
     assert (lower.regime, upper.regime) == ("rest", "rest")
@@ -270,8 +266,7 @@ def test_an_arm_that_a_spring_balances_is_at_rest_anywhere():
     """Of the effort only rounding is left: 'unstable' was said of it."""
     graph = scenes.bare_rod(H=(0.0, 0.7))
     graph.add("spring", bm.Spring(stiffness=scenes.WEIGHT / 0.7, free_length=0.0))
-    graph.connect("frame.H", "spring.a")
-    graph.connect("crank.B", "spring.b")
+    wire(graph, "frame.H spring.a", "crank.B spring.b")
     mech = graph.compile()
     still, turning = (mech.simulate("time=1", start=from_angle(0.3, w)).motion for w in (0.0, 1.0))
     assert (still.q_end, still.notes) == (0.3, ("indifferent equilibrium",))

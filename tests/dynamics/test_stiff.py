@@ -11,6 +11,7 @@ import blockmech as bm
 from blockmech import signals
 from tests.dynamics.test_friction_laws import HANGING, pendulum
 from tests.dynamics.test_friction_states import lugre
+from tests.machines import wire
 from tests.signals.machines import compiled, data_of, flywheel
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
@@ -65,8 +66,7 @@ def oil(mass):
     lines = {"rate": [0.0, -1.0], "coordinate": [1.0, -2.0, 0.0, -5.0]}
     for of, numbers in lines.items():
         g.add(of, bm.Thrust(law={"kind": "polynomial", "of": of, "coefficients": numbers}))
-        g.connect("frame.O", f"{of}.a")
-        g.connect("mass.slider", f"{of}.b")
+        wire(g, f"frame.O {of}.a", f"mass.slider {of}.b")
     g.start("mass", -0.5, 3.0)
     return g.compile()
 

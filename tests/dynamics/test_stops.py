@@ -21,6 +21,7 @@ from tests.doors import graph_of as loads
 from tests.dynamics.linkages import FourBar, guided, reduced
 from tests.dynamics.scenes import of_rate, rod
 from tests.dynamics.synthetic import move
+from tests.machines import arms, bar
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
 EXACT = 1e-12  # [rad, s] by quadrature
@@ -248,13 +249,7 @@ def test_a_stop_at_infinity_is_none(method):
 @pytest.mark.parametrize("accuracy", [1e-3, 1e-8])
 def test_several_drivers_leave_a_stop_and_come_back_to_it_within_a_step(method, accuracy):
     """SciPy took the start itself for the way back, and no leg went on."""
-    graph = bm.Graph("double pendulum", gravity=(0.0, -9.81))
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    for name, length, mass in (("a", 0.8, 1.2), ("b", 0.6, 0.9)):
-        arm = bm.Link(mass=mass, inertia=mass * length**2 / 12, cm=(length / 2, 0.0))
-        graph.add(name, bm.Crank(length=length, links={"crank": arm}))
-    graph.connect("frame.A", "a.A")
-    graph.connect("a.B", "b.A")
+    graph = arms({"a": 0.8, "b": 0.6}, (bar(1.2, 0.8), bar(0.9, 0.6)))
     start = {"a": (0.3, 1.0), "b": (0.7, -2.0)}
     motion = (
         graph.compile()

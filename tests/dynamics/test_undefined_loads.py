@@ -14,6 +14,7 @@ import pytest
 import blockmech as bm
 from tests.dynamics.scenes import J, at_rest, motor, rod, slide
 from tests.gallery import changed, document
+from tests.machines import wire
 
 START = 0.5  # [rad]
 IN_TIME = ("auto", "dop853", "radau", "rk4")
@@ -165,8 +166,7 @@ def test_a_spring_of_no_length_has_no_direction():
     body = bm.Link(mass=2.0, inertia=0.1, cm=(0.0, 0.0), markers={"P": (0.0, 0.0)})
     graph.add("slider", bm.SlideDrive(links={"slider": body}))
     graph.add("spring", bm.Spring(stiffness=50.0, free_length=0.5))
-    for pair in (("frame.A", "slider.S"), ("frame.W", "spring.a"), ("slider.P", "spring.b")):
-        graph.connect(*pair)
+    wire(graph, "frame.A slider.S", "frame.W spring.a", "slider.P spring.b")
     motion = graph.compile().simulate("time=1", start={"slider": (0.0, 0.0)}).motion
     assert (motion.status, motion.end) == ("failed", "undefined load")
     assert motion.notes[0] == "undefined load at the start"

@@ -5,7 +5,7 @@ import pytest
 
 import blockmech as bm
 from tests.gallery import GRAPHS, changed, document, mechanism
-from tests.machines import wire
+from tests.machines import crank, load
 
 jax = pytest.importorskip("jax", reason="functions of JAX need the extra jax")
 jnp = jax.numpy
@@ -159,12 +159,9 @@ def test_groups_without_closed_form_are_followed_in_batches_and_in_designs_near_
 
 
 def test_a_users_function_is_asked_and_has_no_derivative_by_what_it_reads():
-    graph = bm.Graph("arm")
-    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    graph.add("crank", bm.Crank(length=0.5, links={"crank": bm.Link(mass=1.0, inertia=0.1)}))
-    graph.add("motor", bm.Motor(law=lambda coordinate: 3.0 + coordinate))
-    wire(graph, "frame.A crank.A", "frame.A motor.a", "crank.A motor.b")
-    mech = graph.compile()
+    graph = crank(0.5, bm.Link(mass=1.0, inertia=0.1))
+    motor = bm.Motor(law=lambda coordinate: 3.0 + coordinate)
+    mech = load(graph, "motor", motor, a="frame.A", b="crank.A").compile()
     f = mech.function(["crank.q"], ["crank.drive"], ["crank.links.crank.inertia"], friction="none")
     ours = mech.run([0.3, 0.9], want="crank.drive", friction="none")["crank.drive"]
 

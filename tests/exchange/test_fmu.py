@@ -11,6 +11,7 @@ import pytest
 import blockmech as bm
 from blockmech import signals
 from blockmech.builders import opened
+from tests import machines
 from tests.gallery import GRAPHS, mechanism
 
 fmpy = pytest.importorskip("fmpy", reason="the outside judge of FMUs")
@@ -150,11 +151,14 @@ def controlled_fivebar(limits=None):
         g.add(f"pid_{crank}", signals.Pid(kp=200.0, ki=100.0, kd=40.0, **settings))
         g.add(f"motor_{crank}", bm.Motor(law=bm.laws.Signal()))
         g.connect(base, f"motor_{crank}.a")
-        g.connect(f"{crank}.crank", f"motor_{crank}.b")
-        g.connect(f"{goal}.y", f"error_{crank}.u0")
-        g.connect(f"{crank}.q", f"error_{crank}.u1")
-        g.connect(f"error_{crank}.y", f"pid_{crank}.u")
-        g.connect(f"pid_{crank}.y", f"motor_{crank}.law")
+        machines.wire(
+            g,
+            f"{crank}.crank motor_{crank}.b",
+            f"{goal}.y error_{crank}.u0",
+            f"{crank}.q error_{crank}.u1",
+            f"error_{crank}.y pid_{crank}.u",
+            f"pid_{crank}.y motor_{crank}.law",
+        )
     g.start("left", q=1.8)
     g.start("right", q=1.0)
     return g.compile()
@@ -217,14 +221,11 @@ def test_what_a_controller_outside_gives_comes_in_by_name(tmp_path):
 
 @NEEDS_C
 def test_bristles_are_states(tmp_path):
-    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     law = bm.friction.LuGre(
         static=0.3, kinetic=0.2, stribeck_speed=0.2, stiffness=50.0, damping=0.2, radius=0.05
     )
     link = bm.Link(mass=2.0, inertia=0.3, cm=(0.5, 0.0))
-    g.add("rod", bm.Crank(length=1.0, links={"crank": link}, friction={"A": law}))
-    g.connect("frame.A", "rod.A")
+    g = machines.crank(1.0, link, law, gravity=9.81, name="rod")
     g.start("rod", q=0.3)
     names = ["rod.q", "rod.A.deflection"]
     (path,) = bm.write(g, tmp_path / "m.fmu", want=names)

@@ -15,6 +15,7 @@ import numpy as np
 from mpmath import mp, mpf
 
 import blockmech as bm
+from tests.machines import wire
 
 from .friction import SHAKES, moved
 from .precise import DIGITS
@@ -110,10 +111,7 @@ class Wheel:
         )
         g.add("crank", bm.Crank(length=1.0, links={"crank": body}, friction=law))
         g.add("motor", bm.Motor(law=bm.laws.DC(stall_moment=STALL, no_load_speed=FREE)))
-        g.connect("frame.O", "crank.A")
-        g.connect("frame.O", "motor.a")
-        g.connect("crank.crank", "motor.b")
-        return g
+        return wire(g, "frame.O crank.A", "frame.O motor.a", "crank.crank motor.b")
 
     @property
     def numbers(self) -> tuple[float, ...]:

@@ -120,8 +120,7 @@ def stiff() -> Iterator[Motion]:
     for k in (-300, -100, -30, -15, 0, 15, 30, 100):
         g = slider()
         g.add("push", bm.Thrust(law=bm.laws.Constant(value=10.0**k), direction=(1.0, 0.0)))
-        g.connect("frame.G", "push.a")
-        g.connect("slider.slider", "push.b")
+        machines.wire(g, "frame.G push.a", "slider.slider push.b")
 
         def pushed(q: Any, rate: Any, t: Any, k: int = k) -> Any:
             return {"slider": q + rate * t + mpf(10.0**k) * t**2 / 2}
@@ -131,8 +130,7 @@ def stiff() -> Iterator[Motion]:
 
 def _between(g: Graph, name: str, load: Any) -> None:
     g.add(name, load)
-    g.connect("frame.W", f"{name}.a")
-    g.connect("slider.slider", f"{name}.b")
+    machines.wire(g, f"frame.W {name}.a", f"slider.slider {name}.b")
 
 
 def kinks() -> Iterator[Motion]:
@@ -145,8 +143,7 @@ def kinks() -> Iterator[Motion]:
             interpolation="linear",
         )  # fmt: skip
         g.add("push", bm.Thrust(law=table, direction=(1.0, 0.0)))
-        g.connect("frame.G", "push.a")
-        g.connect("slider.slider", "push.b")
+        machines.wire(g, "frame.G push.a", "slider.slider push.b")
 
         def through(q: Any, rate: Any, t: Any, wide: float = wide) -> Any:
             w = mpf(wide)  # x'' = x / w between the knots
@@ -189,9 +186,7 @@ def on_each_other() -> Iterator[Motion]:
         g = slider()
         g.add("rider", bm.SlideDrive(links={"slider": bm.Link(mass=10.0**-k, inertia=1.0)}))
         g.add("push", bm.Thrust(law=bm.laws.Constant(value=1.0), direction=(1.0, 0.0)))
-        g.connect("slider.slider", "rider.S")
-        g.connect("frame.G", "push.a")
-        g.connect("slider.slider", "push.b")
+        machines.wire(g, "slider.slider rider.S", "frame.G push.a", "slider.slider push.b")
 
         def stays(q: Any, rate: Any, t: Any) -> dict[str, Any]:
             return {"slider": t**2 / 2, "rider": -(t**2) / 2}  # the rider is left behind

@@ -80,8 +80,7 @@ def near_dead_centre_without_closed_form() -> Iterator[Scene]:
             g.add("frame", bm.Frame(markers={"B": 0j, "D": complex(reach)}))
             links = {"rod": bar(1, 1.0), "j": bar(2, 2.0)}
             g.add("dyad", bm.Cylinder(l_j=2.0, links=links))
-            g.connect("frame.B", "dyad.B")
-            g.connect("frame.D", "dyad.D")
+            machines.wire(g, "frame.B dyad.B", "frame.D dyad.D")
             precisions = ("complex128", "complex64") if gap > 1e-6 else ("complex128",)
             name = f"cylinder {kind}, gap {gap:.0e}"
             yield Scene(name, g, {"dyad": 3.0}, {"dyad": 0.5}, precisions)
@@ -114,14 +113,12 @@ def near_tangent() -> Iterator[Scene]:
         reach = 2.0 * (1 - gap)  # of the guide line from joint B, the link being 2 m
         g = _with_crank(bm.Marker(at=complex(0.0, tip.imag - reach), angle=0.0), "G")
         g.add("dyad", bm.RRP(l=2.0, h=0.0, links={"i": bar(1, 2.0), "j": bar(1, 0.2)}))
-        g.connect("crank.B", "dyad.B")
-        g.connect("frame.G", "dyad.S")
+        machines.wire(g, "crank.B dyad.B", "frame.G dyad.S")
         yield Scene(f"RRP tangent, gap {gap:.0e}", g, {"crank": q}, {"crank": 2.0}, precisions)
         g = _with_crank(bm.Marker(at=tip + 2.0), "D")
         offset = 2.0 * (1 - gap)
         g.add("dyad", bm.RPR(h_i=offset, h_j=0.0, links={"i": bar(1, 1.0), "j": bar(1, 1.0)}))
-        g.connect("crank.B", "dyad.B")
-        g.connect("frame.D", "dyad.D")
+        machines.wire(g, "crank.B dyad.B", "frame.D dyad.D")
         yield Scene(f"RPR tangent, gap {gap:.0e}", g, {"crank": q}, {"crank": 2.0}, precisions)
 
 
@@ -136,13 +133,11 @@ def near_parallel() -> Iterator[Scene]:
             length=1.0,
             links={"crank": bm.Link(mass=1.0, markers={"G": bm.Marker(at=(1.0, 0.0), angle=0.5)})},
         )
-        g.connect("crank.G", "dyad.S1")
-        g.connect("frame.G", "dyad.S2")
+        machines.wire(g, "crank.G dyad.S1", "frame.G dyad.S2")
         yield Scene(f"PRP, guides at {gap:.0e} rad", g, {"crank": 0.7}, {"crank": 2.0}, precisions)
         g = _with_crank(bm.Marker(at=0.2 + 0.1j, angle=0.3), "G")
         g.add("dyad", bm.RPP(beta=gap, h_i=0.1, h_j=0.0, links=links))
-        g.connect("crank.B", "dyad.B")
-        g.connect("frame.G", "dyad.S")
+        machines.wire(g, "crank.B dyad.B", "frame.G dyad.S")
         yield Scene(f"RPP, guides at {gap:.0e} rad", g, {"crank": 0.7}, {"crank": 2.0}, precisions)
 
 

@@ -4,6 +4,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.ground.errors import GraphError
+from tests import machines
 
 
 def test_worn_in_pins_take_four_thirds_of_the_materials_coefficient():
@@ -21,12 +22,7 @@ def test_factor_is_a_length_for_pins_and_a_number_for_guides():
 
 def test_no_coefficient_is_no_friction_and_no_iteration():
     smooth = bm.friction.Coulomb(coefficient=0.0, radius=0.05)
-    g = bm.Graph("crank")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    link = bm.Link(mass=1.0, cm=(0.5, 0.0))
-    g.add("crank", bm.Crank(length=1.0, links={"crank": link}, friction={"A": smooth}))
-    g.connect("frame.A", "crank.A")
-    r = g.run(at=1.0, rates=3.0)
+    r = machines.crank(1.0, bm.Link(mass=1.0, cm=(0.5, 0.0)), smooth).run(at=1.0, rates=3.0)
     assert r["crank.A.friction"][0] == 0.0
     assert not r.quality.iterations
 

@@ -9,6 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.loads import laws
+from tests.machines import wire
 
 Q = np.array([0.3, 1.1, 2.5, 3.3, 4.7, 11.3])
 RATE = 3.0
@@ -24,8 +25,7 @@ def arm(force, position=0.5 + 0.2j):
     link = bm.Link(mass=2.0, inertia=0.5, markers={"P": position})
     g.add("crank", bm.Crank(length=1.0, links={"crank": link}))
     g.add("push", force)
-    g.connect("frame.O", "crank.A")
-    g.connect("crank.P", "push.at")
+    wire(g, "frame.O crank.A", "crank.P push.at")
     g.drive("crank", bm.motion.ConstantRate(rate=RATE))
     return g
 
@@ -62,8 +62,7 @@ def test_force_follows_a_driver_the_time_and_a_signal():
     assert np.abs(run["push.at.force"] + 7j * np.sin(math.pi * times)).max() <= 1e-13 * 7
     g = arm(bm.Force(direction=(1, 0), law=laws.Signal()))
     g.add("half", bm.signals.Gain(k=0.5))
-    g.connect("crank.rate", "half.u")
-    g.connect("half.y", "push.law")
+    wire(g, "crank.rate half.u", "half.y push.law")
     assert g.run(at=[0.4], want="push.at.force")["push.at.force"][0] == 0.5 * RATE
 
 
@@ -80,8 +79,7 @@ def test_governor_comes_to_rest_where_weight_and_centrifugal_force_balance(metho
     g.add("frame", bm.Frame(markers={"O": bm.Marker(at=(0, 0), dir=(0, -1))}))
     g.add("arm", bm.Crank(length=length, links={"crank": bm.Link(mass=m, cm=(length, 0))}))
     g.add("push", bm.Force(direction=(1.0, 0.0), law=centrifugal))
-    for wire in ("frame.O arm.A", "arm.B push.at"):
-        g.connect(*wire.split())
+    wire(g, "frame.O arm.A", "arm.B push.at")
     g.start("arm", 0.4)
     governor = g.compile()
     stable = sorted(

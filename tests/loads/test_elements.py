@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from tests.machines import crank, load, wire
 
 ROUNDING = 1e-13  # [-] of the largest: a hundred roundings
 RATE = 3.0
@@ -20,13 +21,9 @@ ENGINES = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 
 def arm(element, wires):
     """An arm of length 1 on a pivot, with one element."""
-    g = bm.Graph("arm")
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "P": P}))
-    g.add("crank", bm.Crank(length=1.0))
+    g = crank(O=(0.0, 0.0), P=P)
     g.add("e", element)
-    g.connect("frame.O", "crank.A")
-    for line in wires:
-        g.connect(*line.split())
+    wire(g, *wires)
     g.drive("crank", bm.motion.ConstantRate(rate=RATE))
     return g.compile()
 
@@ -68,12 +65,8 @@ def test_half_a_turn_from_rest_counts_as_positive(engine):
 @ENGINES
 @pytest.mark.parametrize("free_length", [0.0, 0.4])
 def test_damper_whose_ends_meet_resists_their_relative_velocity(engine, free_length):
-    g = bm.Graph("meeting")
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "M": (1.0, 0.0)}))
-    g.add("crank", bm.Crank(length=1.0))
-    g.add("e", bm.Spring(stiffness=0.0, free_length=free_length, damping=5.0))
-    for wire in (("frame.O", "crank.A"), ("frame.M", "e.a"), ("crank.B", "e.b")):
-        g.connect(*wire)
+    damper = bm.Spring(stiffness=0.0, free_length=free_length, damping=5.0)
+    g = load(crank(M=(1.0, 0.0)), "e", damper, a="frame.M", b="crank.B")
     run = g.compile().run(at=[0.0], rates=RATE, engine=engine)
     assert run["e.b.force"] == [-5.0j * RATE]
     assert run["crank.drive"] == [5.0 * RATE]
@@ -179,13 +172,7 @@ def test_thrust_on_a_moving_link_presses_it_with_the_opposite_force():
     g.add("arm", bm.Crank(links={"crank": bm.Link(markers={"g": guide, "head": (0.2, 0.0)})}))
     g.add("rod", bm.SlideDrive())
     g.add("oil", bm.Thrust(law={"kind": "constant", "value": 70.0}, direction=(1.0, 0.0)))
-    for wire in (
-        ("frame.O", "arm.A"),
-        ("arm.g", "rod.S"),
-        ("arm.head", "oil.a"),
-        ("rod.S", "oil.b"),
-    ):
-        g.connect(*wire)
+    wire(g, "frame.O arm.A", "arm.g rod.S", "arm.head oil.a", "rod.S oil.b")
     run = g.compile().run(at={"arm": [0.4, 2.0], "rod": [0.1, 0.3]}, rates={"arm": 1.0})
     assert np.abs(run["rod.drive"] + 70.0).max() <= 70 * ROUNDING
     assert np.abs(run["arm.drive"]).max() <= 70 * ROUNDING  # the forces meet on one line
@@ -213,8 +200,7 @@ def test_the_coordinate_of_a_thrust_is_measured_along_its_direction(sense):
     g.add("ram", bm.SlideDrive(offset=0.3))
     law = {"kind": "polynomial", "coefficients": [0.0, 100.0]}  # 100 N per metre
     g.add("push", bm.Thrust(law=law, direction=(sense, 0.0)))
-    for source, target in (("frame.O", "ram.S"), ("frame.O", "push.a"), ("ram.S", "push.b")):
-        g.connect(source, target)
+    wire(g, "frame.O ram.S", "frame.O push.a", "ram.S push.b")
     # the ram is at 0.5 m: a coordinate of 0.5 m pushes along +x, one of -0.5 m along -(-x)
     assert g.run(at=0.2)["push.b.force"][0] == pytest.approx(50.0)
     for cls in (bm.Thrust, bm.Motor):

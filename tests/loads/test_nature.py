@@ -118,8 +118,7 @@ def test_an_event_on_a_kink_of_a_load_is_met(method):
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     g.add("wheel", bm.Crank(links={"crank": bm.Link(inertia=0.1)}))
     g.add("motor", bm.Motor(law=law))
-    for wire in ("frame.A wheel.A", "frame.A motor.a", "wheel.crank motor.b"):
-        g.connect(*wire.split())
+    machines.wire(g, "frame.A wheel.A", "frame.A motor.a", "wheel.crank motor.b")
     mech, turn = g.compile(), Watch("turn", lambda t, q, rate: q - math.tau)
     for rate in np.linspace(50.0, 100.0, 25):
         request = {"start": {"wheel": (0.0, rate)}, "method": method, "watch": [turn]}

@@ -7,6 +7,7 @@ import pytest
 import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
 from blockmech.loads.contract import Element, Terminal
+from tests import machines
 
 BOTH = {"a": Terminal("link"), "b": Terminal("link")}
 
@@ -56,14 +57,8 @@ def test_a_damper_of_a_stranger_damps():
     try:
         ends = []
         for damper in (Damper(), bm.TorsionSpring(stiffness=0.0, damping=0.4)):
-            g = bm.Graph("pendulum", gravity=(0.0, -9.81))
-            g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
-            rod = bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))
-            g.add("crank", bm.Crank(length=1.0, links={"crank": rod}))
-            g.add("damper", damper)
-            g.connect("frame.O", "crank.A")
-            g.connect("frame.O", "damper.a")
-            g.connect("crank.B", "damper.b")
+            g = machines.crank(body=machines.bar(1.0, 1.0), gravity=9.81)
+            machines.load(g, "damper", damper, a="frame.A", b="crank.B")
             g.start("crank", q=0.5 - math.pi / 2, rate=0.0)
             ends.append(g.compile().simulate("time=2").motion.q_end)
         assert ends[0] == pytest.approx(ends[1], abs=1e-11)

@@ -8,16 +8,13 @@ import pytest
 
 import blockmech as bm
 from blockmech.ground.errors import GraphError
+from tests import machines
 
 G = -9.81
 
 
 def heavy_crank():
-    g = bm.Graph("pendulum")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    g.add("crank", bm.Crank(length=2.0, links={"crank": bm.Link(mass=3.0, cm=(1.0, 0.0))}))
-    g.connect("frame.A", "crank.A")
-    return g
+    return machines.crank(2.0, bm.Link(mass=3.0, cm=(1.0, 0.0)))
 
 
 def heavy_link():

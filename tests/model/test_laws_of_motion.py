@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import blockmech as bm
 from blockmech.ground.errors import BlockmechError
+from tests import machines
 
 EPS = float(np.finfo(float).eps)
 rates = st.floats(0.1, 20.0)
@@ -172,10 +173,7 @@ def test_names_of_the_file_work_in_python_too():
 
 
 def test_law_drives_a_mechanism_in_time():
-    g = bm.Graph("crank")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    g.add("crank", bm.Crank(length=2.0))
-    g.connect("frame.A", "crank.A")
+    g = machines.crank(2.0)
     for law in LAWS.values():
         g.drive("crank", law)
         t = np.array([0.1, 0.9])

@@ -13,6 +13,7 @@ from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.model.flat import renamed
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.testing.strategies import Options, random_mechanism
+from tests import machines
 
 BAR = bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0.3))
 
@@ -32,12 +33,14 @@ def two_knees(first, second, join=".") -> bm.Graph:
     graph.add("crank", bm.Crank(length=2, links={"crank": BAR}))
     graph.add(f"a{join}dyad" if join != "." else "a", first)
     graph.add(f"b{join}dyad" if join != "." else "b", second)
-    graph.connect("frame.A", "crank.A")
-    graph.connect("crank.B", f"a{join}dyad.B")
-    graph.connect("frame.D", f"a{join}dyad.D")
-    graph.connect(f"a{join}dyad.C", f"b{join}dyad.B")
-    graph.connect("frame.E", f"b{join}dyad.D")
-    return graph
+    return machines.wire(
+        graph,
+        "frame.A crank.A",
+        f"crank.B a{join}dyad.B",
+        f"frame.D a{join}dyad.D",
+        f"a{join}dyad.C b{join}dyad.B",
+        f"frame.E b{join}dyad.D",
+    )
 
 
 def same(result, expected, called=lambda name: name.replace("a.", "a-", 1).replace("b.", "b-", 1)):
@@ -112,10 +115,13 @@ def test_graphs_inside_of_graphs_inside(tmp_path):
     graph.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0), "E": (9, 0)}))
     graph.add("crank", bm.Crank(length=2, links={"crank": BAR}))
     graph.add("leg", bm.Subgraph(file=str(tmp_path / "leg.json"), parameters={"length": 3.3}))
-    graph.connect("frame.A", "crank.A")
-    graph.connect("crank.B", "leg.upper.dyad.B")
-    graph.connect("frame.D", "leg.upper.dyad.D")
-    graph.connect("frame.E", "leg.lower.dyad.D")
+    machines.wire(
+        graph,
+        "frame.A crank.A",
+        "crank.B leg.upper.dyad.B",
+        "frame.D leg.upper.dyad.D",
+        "frame.E leg.lower.dyad.D",
+    )
     names = {"leg.upper.": "a-", "leg.lower.": "b-"}
 
     def called(name):
@@ -136,9 +142,7 @@ def arm() -> bm.Graph:
     graph.add("base", bm.Frame(markers={"O": (0.1, 0.2), "G": {"at": (0.0, 0.3), "angle": 0.4}}))
     graph.add("joint", bm.Crank(length=1.5, links={"crank": BAR}))
     graph.add("slider", bm.SlideDrive())
-    graph.connect("base.O", "joint.A")
-    graph.connect("base.G", "slider.S")
-    return graph
+    return machines.wire(graph, "base.O joint.A", "base.G slider.S")
 
 
 def test_a_frame_inside_stands_on_a_link_or_is_the_outer_frame():
@@ -352,8 +356,7 @@ def test_a_file_is_read_once_and_many_parts_take_time_like_few(tmp_path, monkeyp
     sizes.clear()
     for i in range(60):
         crowd.add(f"k{i}", knee())
-        crowd.connect("crank.B", f"k{i}.dyad.B")
-        crowd.connect("frame.D", f"k{i}.dyad.D")
+        machines.wire(crowd, f"crank.B k{i}.dyad.B", f"frame.D k{i}.dyad.D")
     assert sum(sizes) < 20 * loaded.size  # the square is 60 times as much
     assert crowd.structure().formula == loaded.structure().formula
 

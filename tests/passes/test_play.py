@@ -11,6 +11,7 @@ import pytest
 import blockmech as bm
 from tests.independent import loose
 from tests.independent.loose import Body
+from tests.machines import wire
 
 PLACES = np.array([0.4, 1.7, 2.9, 4.1, 5.6])
 CLEARANCE = {"A": 3e-5, "B": 1e-5, "C": 4e-5, "D": 2e-5}
@@ -43,8 +44,7 @@ def mechanism(kind, clearance=CLEARANCE, friction=None, at="dyad.Mj"):
     else:
         g.add("dyad", bm.RRP(l=3.5, **fields))
         g.connect("frame.G", "dyad.S")
-    g.connect("frame.O", "crank.A")
-    g.connect("crank.B", "dyad.B")
+    wire(g, "frame.O crank.A", "crank.B dyad.B")
     g.add("push", bm.Force(force=(-60.0, 25.0)))
     g.connect(at, "push.at")
     return g

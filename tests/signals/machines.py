@@ -9,6 +9,7 @@ from blockmech import signals
 from blockmech.loads import laws
 from tests.doors import graph_of
 from tests.gallery import GRAPHS
+from tests.machines import wire
 
 CONTROL = GRAPHS / "control"
 
@@ -33,8 +34,7 @@ def flywheel(blocks, wires, inertia=2.0, start=(0.0, 0.0), load=True):
     g.connect("frame.A", "wheel.A")
     if load:
         g.add("drive", bm.Motor(law=laws.Signal()))
-        g.connect("frame.A", "drive.a")
-        g.connect("wheel.crank", "drive.b")
+        wire(g, "frame.A drive.a", "wheel.crank drive.b")
     for name, block in blocks.items():
         g.add(name, block)
     for source, target in wires:

@@ -12,6 +12,7 @@ import blockmech as bm
 from blockmech import signals
 from blockmech.ground.errors import RequestError
 from blockmech.loads import laws
+from tests.machines import wire
 from tests.signals.machines import compiled, data_of, flywheel
 
 J, R, L, K, U = 0.5, 2.0, 0.4, 1.5, 12.0
@@ -118,8 +119,7 @@ def test_signals_without_states_rub_as_a_law_does():
     friction = {"A": bm.friction.Coulomb(coefficient=MU, radius=RADIUS)}
     g.blocks["wheel"] = bm.Crank(links={"crank": bm.Link(mass=MASS, inertia=J)}, friction=friction)
     g.add("drive", bm.Motor(law=laws.Polynomial(of="rate", coefficients=[0.0, -2.0])))
-    g.connect("frame.A", "drive.a")
-    g.connect("wheel.crank", "drive.b")
+    wire(g, "frame.A drive.a", "wheel.crank drive.b")
     ends = [m.simulate("standstill").motion for m in (by_signal, g.compile())]
     assert ends[0].q_end == pytest.approx(ends[1].q_end, rel=1e-10)
     assert ends[0].t_end == pytest.approx(ends[1].t_end, rel=1e-10)

@@ -9,6 +9,7 @@ import blockmech as bm
 from blockmech import signals
 from blockmech.loads import laws
 from tests.independent.controlled import Stopped
+from tests.machines import wire
 from tests.signals.machines import flywheel
 
 ROWS = {"arguments": [0.0, 1.0, 2.0, 3.0, 4.0, 9.0], "values": [2.0, 2.0, -1.0, -1.0, 3.0, 3.0]}
@@ -100,9 +101,7 @@ def test_with_several_drivers_signals_go_on_as_with_one():
     g.add("other", bm.Crank(links={"crank": bm.Link(inertia=3.0)}))
     g.connect("frame.E", "other.A")
     g.add("turn", bm.Motor(law=laws.Signal()))
-    g.connect("frame.E", "turn.a")
-    g.connect("other.crank", "turn.b")
-    g.connect("pid.integral", "turn.law")
+    wire(g, "frame.E turn.a", "other.crank turn.b", "pid.integral turn.law")
     g.start("other")
     two = g.compile().simulate("time=2.5", want=[*WANT, "other.rate"])
     for name in WANT:

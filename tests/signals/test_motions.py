@@ -15,6 +15,7 @@ from blockmech import signals
 from blockmech.ground.errors import RequestError
 from blockmech.loads import laws
 from tests.independent.controlled import Continuous, Sampled
+from tests.machines import wire
 from tests.signals.machines import CONTROL, compiled, data_of, flywheel, speed_control
 
 EXACT = 1e-9
@@ -145,8 +146,7 @@ def test_a_motor_without_inductance_is_the_law_dc():
         apart.append(mech.simulate("time=0.2", accuracy=1e-10, method="radau").motion.q_end)
     limit = flywheel({}, [], inertia=0.1, load=False)
     limit.add("dc", bm.Motor(law=laws.DC(stall_moment=k * u / R, no_load_speed=u / k)))
-    limit.connect("frame.A", "dc.a")
-    limit.connect("wheel.crank", "dc.b")
+    wire(limit, "frame.A dc.a", "wheel.crank dc.b")
     exact = limit.compile().simulate("time=0.2", accuracy=1e-10).motion.q_end
     off = np.abs(np.array(apart) - exact)
     assert off[2] < 1e-4 * abs(exact)
@@ -267,9 +267,7 @@ def test_signals_without_states_leave_the_method_to_the_loads():
             return g
         g = flywheel({}, [], load=False)
         g.add("drive", bm.Motor(law=law))
-        g.connect("frame.A", "drive.a")
-        g.connect("wheel.crank", "drive.b")
-        return g
+        return wire(g, "frame.A drive.a", "wheel.crank drive.b")
 
     by_signal = controlled().compile().simulate("time=1", accuracy=1e-10).motion
     by_law = controlled(laws.Polynomial(of="rate", coefficients=[20.0, -2.0])).compile()
@@ -326,9 +324,12 @@ def test_several_drivers_each_have_their_controller():
         mech.add(f"{side}_pid", signals.Pid(kp=-40.0, ki=-10.0))
         pivot = next(w.source for w in mech.wires if w.target == f"{side}.A")
         mech.connect(pivot, f"{side}_drive.a")
-        mech.connect(f"{side}.crank", f"{side}_drive.b")
-        mech.connect(f"{side}.rate", f"{side}_pid.u")
-        mech.connect(f"{side}_pid.y", f"{side}_drive.law")
+        wire(
+            mech,
+            f"{side}.crank {side}_drive.b",
+            f"{side}.rate {side}_pid.u",
+            f"{side}_pid.y {side}_drive.law",
+        )
     run = mech.compile().simulate(
         "time=0.2", want=["*.q", "left_pid.integral", "right_pid.integral"], accuracy=1e-10
     )
@@ -400,8 +401,7 @@ def remembering():
 def test_a_law_that_remembers_is_refused_before_anything_is_computed():
     g = flywheel({}, [], load=False)
     g.add("drive", bm.Motor(law=remembering(), driver="wheel"))
-    g.connect("frame.A", "drive.a")
-    g.connect("wheel.crank", "drive.b")
+    wire(g, "frame.A drive.a", "wheel.crank drive.b")
     with pytest.raises(RequestError, match=r"drive: its function gives another value.*memory"):
         g.compile().simulate("time=1")
 

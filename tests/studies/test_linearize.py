@@ -203,12 +203,16 @@ def wheel(sample=None):
     g.add("error", signals.Sum(signs="+-"))
     g.add("pid", signals.Pid(kp=3.0, ki=5.0, kd=0.4, n=30.0, sample=sample))
     g.add("drive", bm.Motor(law=laws.Signal()))
-    for a, b in (
-        ("frame.A", "wheel.A"), ("frame.A", "drive.a"), ("wheel.crank", "drive.b"),
-        ("setpoint.y", "error.u0"), ("wheel.rate", "error.u1"), ("error.y", "pid.u"),
-        ("pid.y", "drive.law"),
-    ):  # fmt: skip
-        g.connect(a, b)
+    machines.wire(
+        g,
+        "frame.A wheel.A",
+        "frame.A drive.a",
+        "wheel.crank drive.b",
+        "setpoint.y error.u0",
+        "wheel.rate error.u1",
+        "error.y pid.u",
+        "pid.y drive.law",
+    )
     g.start("wheel")
     return g
 

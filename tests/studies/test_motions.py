@@ -11,6 +11,7 @@ import blockmech as bm
 from blockmech.cli import main
 from blockmech.studies.family import remade
 from blockmech.studies.motions import MotionRunner, settling
+from tests import machines
 from tests.dynamics.scenes import bare_rod, slide
 from tests.gallery import GRAPHS, mechanism
 
@@ -280,10 +281,7 @@ def test_what_arrays_cannot_decide_goes_by_itself():
     )
     assert set(stopped.status) == {"ended-early"}
     assert stopped.reason(3).startswith("ended-early: end stop, after 0.")
-    bare = bm.Graph("bare")
-    bare.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    bare.add("crank", bm.Crank(length=1.0))
-    bare.connect("frame.A", "crank.A")
+    bare = machines.crank()
     bare.start("crank", q=0.1)
     lengths = {"crank.length": np.linspace(1.0, 2.0, 16)}
     massless = bare.compile().study(lengths, want="motion.t_end", simulate=FALL)

@@ -197,14 +197,9 @@ def test_a_study_and_an_objective_take_where_it_rests():
 
 
 def test_where_nothing_rests_is_a_row_without_a_number():
-    g = bm.Graph("wheel")
-    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
-    g.add("arm", bm.Crank(length=0.4, links={"crank": bm.Link(mass=1.0, inertia=0.1)}))
-    g.add("push", bm.Motor(law=bm.laws.Constant(value=2.0)))
-    g.connect("frame.O", "arm.A")
-    g.connect("frame.O", "push.a")
-    g.connect("arm.crank", "push.b")
-    mech = g.compile()
+    g = machines.crank(0.4, bm.Link(mass=1.0, inertia=0.1), name="arm")
+    push = bm.Motor(law=bm.laws.Constant(value=2.0))
+    mech = machines.load(g, "push", push, a="frame.A", b="arm.crank").compile()
     rows = mech.study({"arm.length": [0.4]}, want="rest(arm.q)", at=[0.0])
     assert np.isnan(rows["rest(arm.q)"]).all()
     with pytest.raises(bm.RequestError, match="no stable equilibrium"):

@@ -18,6 +18,7 @@ from tests.engines.derivatives import STEP, of_document, outputs
 from tests.engines.test_derivatives import EXACT, request_of
 from tests.extremes.precise import DIGITS, PRIMITIVES, Precise
 from tests.gallery import GRAPHS, JOINTS, mechanism
+from tests.machines import wire
 
 
 def in_double(function, *x):
@@ -201,8 +202,7 @@ def test_a_kink_has_two_derivatives():
     graph = bm.Graph.load(GRAPHS / "slider_crank.json")
     law = {"kind": "table", "arguments": [0.0, 1.0, 3.0], "values": [0.0, 2.0, 0.0]}
     graph.add("motor", bm.Motor(law=law | {"interpolation": "linear"}, driver="crank"))
-    graph.connect("frame.frame", "motor.a")
-    graph.connect("crank.crank", "motor.b")
+    wire(graph, "frame.frame motor.a", "crank.crank motor.b")
     derivatives = graph.compile().sensitivity("crank.tau_red", "crank.q", at=[0.9, 1.0, 1.1])
     assert derivatives.kinks("crank.tau_red").tolist() == [[False, True, False]]
     step = derivatives.behind["crank.tau_red"] - derivatives.ahead["crank.tau_red"]

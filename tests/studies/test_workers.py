@@ -13,6 +13,7 @@ import blockmech as bm
 from blockmech.studies.runner import Runner
 from blockmech.studies.workers import Work
 from tests.gallery import GRAPHS, mechanism
+from tests.machines import wire
 
 VARY = {"dyad.l_i": bm.dist.Normal(6.0, 0.5), "frame.D.x": bm.dist.Uniform(5.4, 5.6)}
 REQUEST = {
@@ -278,8 +279,7 @@ def law_of(slope):
 def with_law(law):
     g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     g.add("motor", bm.Motor(law=law))
-    g.connect("frame.A", "motor.a")
-    g.connect("crank.crank", "motor.b")
+    wire(g, "frame.A motor.a", "crank.crank motor.b")
     return g.compile()
 
 
@@ -313,8 +313,7 @@ def test_a_changed_file_of_a_graph_inside_is_another_question(tmp_path):
     outer.add("crank", bm.Crank(length=2.0))
     inner.save(tmp_path / "knee.json")
     outer.add("knee", bm.Subgraph(file=str(tmp_path / "knee.json")))
-    for wire in ("frame.A crank.A", "crank.B knee.dyad.B", "frame.D knee.dyad.D"):
-        outer.connect(*wire.split())
+    wire(outer, "frame.A crank.A", "crank.B knee.dyad.B", "frame.D knee.dyad.D")
     outer.save(tmp_path / "legs.json")
     request = {"want": "max(knee.dyad.i.angle)", "out": tmp_path / "parts"}
     request["at"] = {"crank": [0.1, 0.2]}

@@ -10,6 +10,7 @@ import pytest
 
 import blockmech as bm
 from examples.wire_ruiz import fourbar
+from tests import machines
 from tests.analysis.linkages import short_fourbar
 
 REFERENCE = Path(__file__).parents[1] / "data" / "ruiz_fourbar.json"
@@ -46,10 +47,9 @@ def file(arm: bm.Graph, home: Path) -> Any:
 @pytest.fixture
 def arm() -> bm.Graph:
     """A crank of 2 m at 3 rad/s: its end B is at 2 (cos q, sin q), at 6 m/s across."""
-    g = bm.Graph("arm", drive={"crank": bm.motion.ConstantRate(rate=3.0)})
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
-    g.add("crank", bm.Crank(length=2.0))
-    g.connect("frame.A", "crank.A")
+    g = machines.crank(2.0)
+    g.name = "arm"
+    g.drive("crank", bm.motion.ConstantRate(rate=3.0))
     return g
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.testing import assert_graph
-from tests.machines import ruiz
+from tests.machines import ruiz, wire
 
 OWN_SIZE = 1e-11  # what the project promises of driving efforts with friction
 REACH = math.acos(9.25 / 22)  # crank angle at which the dyad of `short` is stretched
@@ -68,9 +68,7 @@ def waiting_for_each_other():
     for one, pivot in (("left", "A"), ("right", "D")):
         g.add(one, bm.RRR(l_i=1.0, l_j=1.0))
         g.connect(f"frame.{pivot}", f"{one}.B")
-    g.connect("left.C", "right.D")
-    g.connect("right.C", "left.D")
-    return g
+    return wire(g, "left.C right.D", "right.C left.D")
 
 
 def test_a_problem_that_is_there_passes():

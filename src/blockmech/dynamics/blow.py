@@ -1,4 +1,4 @@
-r"""A blow on end stops: the rates after it, and the impulses of stops and of joint friction.
+r"""An impact on end stops: the rates after it, and the impulses of stops and of joint friction.
 
 Newton's law of restitution in the rows n of the stops that push, count positive away from them:
 
@@ -37,12 +37,12 @@ from blockmech.dynamics.sticking import JointFriction
 from blockmech.result.motion import Impact
 from blockmech.typing import Floats, Real
 
-STAGES = 64  # of a blow at most: each ends with a slip
-SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load
+STAGES = 64  # of an impact at most: each ends with a slip
+SUDDEN = 2.0**20  # [1/s]: an impact takes a microsecond for laws that are not linear in the load
 
 
 class Before(NamedTuple):
-    """The state before a blow.
+    """The state before an impact.
 
     t, q, rate : [s], coordinates and rates (k,)
     M : (k, k) inertia
@@ -57,7 +57,7 @@ class Before(NamedTuple):
 
 
 class Blow(NamedTuple):
-    """What a blow does.
+    """What an impact does.
 
     after : (k,) rates
     pushes : (a,) impulses of the stops along their coordinates, then of drives that hold
@@ -82,7 +82,7 @@ def impact_of(
     driven: Sequence[int],
     friction: JointFriction | None,
 ) -> tuple[Impact, float]:
-    """The record of a blow, and what its drives work [J].
+    """The record of an impact, and what its drives work [J].
 
     names : of stops, the first one what was struck, then of the drivers at places ``driven`` that
         are not free: these go on at their rates, and what is missing is lost (Carnot's theorem)
@@ -198,7 +198,7 @@ def _rubbed(
 
 
 def _until(w: Floats, jump: Floats, slips: Real) -> Floats:
-    """Shares of a blow after which slips come to their end; infinite of those that do not."""
+    """Shares of an impact after which slips come to their end; infinite of those that do not."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = -w[slips] / jump[slips]
     return np.where(share > 0, share, np.inf)

@@ -23,7 +23,7 @@ from blockmech.typing import Floats, Real
 
 SETTLED = 1e-9  # [-] by which a law or a place may be missed by what is solved for: rounding
 DEPENDENT = SETTLED / 10  # of the largest singular value of rows: below it they depend on others
-STILL = SETTLED / 1000  # of a rate's parts, or of a blow: what is left of them is rounding
+STILL = SETTLED / 1000  # of a rate's parts, or of an impact: what is left of them is rounding
 
 
 class Constraints(NamedTuple):

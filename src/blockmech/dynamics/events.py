@@ -247,7 +247,7 @@ class EventDetector:
     def free_range(self, q: float) -> tuple[float, float]:
         """The next places of the only driver, below and above one, at which there are events.
 
-        Who begins at one of them, as after a blow, has no room: it may come back in its first step.
+        Who begins at one of them, as after an impact, has no room: its first step may return.
         """
         levels = [rule.level for rule in self.rules]
         below, above = (p for p in levels if p <= q), (p for p in levels if p >= q)

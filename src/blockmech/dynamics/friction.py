@@ -106,7 +106,7 @@ class Instant(NamedTuple):
     def against(self, constraint: Constraints, loads: Vectors, lasting: bool = True) -> Instant:
         """The same while it lies against stops, of which a unit push adds ``loads`` (..., m, a).
 
-        ``lasting`` : pairs that stops alone leave no freedom do not move; in a blow they may
+        ``lasting`` : pairs that stops alone leave no freedom do not move; in an impact they may
         """
         Z, shift, back = constraint.free()
         at_shift = self.push - (self.M @ shift[..., None])[..., 0]

@@ -61,7 +61,7 @@ GAINED = (
 
 @dataclass(frozen=True)
 class Chain:
-    """Dense output of motions one after the other; at a blow the rates after it."""
+    """Dense output of motions one after the other; at an impact the rates after it."""
 
     begins: Floats
     tracks: tuple[Track, ...]
@@ -72,7 +72,7 @@ class Chain:
         return State(np.concatenate(q), np.concatenate(qd))
 
     def signal_states(self, t: Floats) -> Floats:
-        """States (m, n) of signal blocks at times (m,) [s]; a blow leaves them as they are."""
+        """States (m, n) of signal blocks at times (m,) [s]; an impact leaves them as they are."""
         return np.concatenate(list(self._on_legs(t, lambda track, at: track.signal_states(at))))
 
     def _on_legs(self, t: Floats, read: Callable[[Any, Floats], Any]) -> Iterator[Any]:
@@ -221,7 +221,7 @@ class Bounces(Run):
         return np.eye(k) if roles is None else np.delete(np.eye(k), roles.bound, axis=1)
 
     def _struck(self, leg: Motion, i: int, limit: int) -> Real:
-        """The rates after a blow."""
+        """The rates after an impact."""
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         struck = {i: limit} | {j: self.contacts[j] for j in sorted(self.contacts) if j != i}
         q = self._onto(q, before, leg.t_end, struck)
@@ -263,7 +263,7 @@ class Bounces(Run):
         return np.array(leg.x_end) if leg.x_end else None
 
     def _blow(self, state: Before, struck: dict[int, int], e: float) -> Blow:
-        """A blow on the first of some stops; it lies against the others."""
+        """An impact on the first of some stops; it lies against the others."""
         stops = self._rows(struck, state.q, state.rate)
         back = np.array([e] + [0.0] * (len(struck) - 1))
         sides = np.array([self._side(*stop) for stop in struck.items()])
@@ -404,7 +404,7 @@ class Bounces(Run):
 def bounced(system: System, request: SimulationRequest, move: Move) -> Motion:
     """The motion between end stops of which some let it bounce; ``move`` goes on to the next.
 
-    Raises `RequestError` for goals that say nothing across a blow.
+    Raises `RequestError` for goals that say nothing across an impact.
     """
     goal = request.until.goal
     if goal in ("turns", "steady"):

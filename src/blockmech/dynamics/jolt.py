@@ -4,7 +4,7 @@ With the drivers c that are not free then, and f that are,
 
     M_ff dq'_f = -M_fc dq'_c + S^T T + n^T P,        dq'_c = q'_c of the law, or 0, less that before
 
-which is a blow (`blow`) whose drives are target at the jumps of their rates.
+which is an impact (`blow`) whose drives are target at the jumps of their rates.
 """
 
 from __future__ import annotations

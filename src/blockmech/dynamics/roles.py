@@ -10,7 +10,7 @@ stops that something lies against (`contacts.Constraints`): the free drivers tak
     M_ff q''_f = push_f - M_fc a_c
 
 and D_c is what is left over of the full equation. Where a change of roles stops or takes along a
-driver at once, the rates of the others jump by M_ff dq'_f = -M_fc dq'_c: a blow of its drive.
+driver at once, the rates of the others jump by M_ff dq'_f = -M_fc dq'_c: an impact of its drive.
 """
 
 from __future__ import annotations

@@ -275,7 +275,7 @@ class TimeIntegration(Integration):
             self.y[self.layout.q], self.y[self.layout.rate] = q, rate
 
     def _change_roles(self, watch: Watch) -> RunEnd | None:
-        """Give drivers the roles of an event; rates that jump are a blow of their drives."""
+        """Give drivers the roles of an event; rates that jump are an impact of their drives."""
         before = self.system.roles
         assert before is not None
         roles = before.but(watch.then)

@@ -376,7 +376,7 @@ class MissingAttributeError(AttributeError):
 class Guided:
     """A class whose errors about missing attributes name the object that has them.
 
-    ``_homes`` is phrase -> path of such an object; an entry of a mapping will do.
+    ``_homes`` is phrase -> path of such an object. A mapping may have the name as an entry.
     """
 
     _homes: ClassVar[Mapping[str, str]] = {}

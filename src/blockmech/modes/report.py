@@ -87,7 +87,7 @@ class GroupMode(Facts):
     put : what to put into the file to have it: keys of the block, or of the document
     arc : number of the arc that it is on, if arcs were asked for
     reach : driver coordinates [rad or m] from which to which it exists about this sample;
-        None if it goes round and round, or arcs were not asked for
+        None if it rotates fully, or arcs were not requested
     after_turn : number of the mode at this sample that it is after a turn of the driver;
         None if it ends before, or the driver was not followed over a turn
     residual : of a triad, the largest miss of a leg, relative to its size [-]

@@ -185,7 +185,7 @@ WRONG = {  # what it is: document, code, place, texts of the message
     ),
     "joints that cannot close": (
         gaping,
-        ("does-not-close", "joints.C", "C gapes by 18.7 m in the given pose"),
+        ("does-not-close", "joints.C", "joint C has a closure error of 18.7 m in the given pose"),
     ),
     "a guide that points the wrong way": (
         pointing_back,
@@ -193,7 +193,7 @@ WRONG = {  # what it is: document, code, place, texts of the message
     ),
     "a pose at a dead centre": (
         stretched,
-        ("dead-centre", "links.rocker", "rocker, rod stand at a dead centre"),
+        ("dead-centre", "links.rocker", "rocker, rod are at a dead centre"),
     ),
     "a structure at a dead centre in every pose": (
         lifted,

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from tests.machines import fourbar
 
 CRANK, ROD, ROCKER, GROUND = 1.0, 2.5, 2.0, 2.5  # [m]
 LAW = bm.motion.ConstantRate(rate=10.0)
@@ -92,12 +93,7 @@ def test_a_compiled_drawing_is_the_mechanism_of_its_dimensions(turned):
                     if link == name:
                         local = (joint.at[k].z - o) / e
                         joint.at[k] = type(joint.at[k])(local)
-    g = bm.Graph("fourbar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (GROUND, 0.0)}))
-    g.add("crank", bm.Crank(length=CRANK))
-    g.add("dyad", bm.RRR(l_i=ROD, l_j=ROCKER, branch=1))
-    for wire in ("frame.A crank.A", "frame.D dyad.D", "crank.B dyad.B"):
-        g.connect(*wire.split())
+    g = fourbar(CRANK, ROD, ROCKER, GROUND)
     q = np.array([0.2, 1.0, 3.0])
     run, same = m.run(at=q), g.run(at=q, rates=10.0)
     first = run["joint.A.p"][0]  # the drawing was moved as a whole
@@ -122,12 +118,7 @@ def test_numbers_of_dimensions_are_parameters_with_derivatives():
     q = 0.3
     want = "joint.C.transmission_angle"
     exact = mechanism.sensitivity(want, path, at=[q])[want][0, 0]
-    g = bm.Graph("fourbar")
-    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (GROUND, 0.0)}))
-    g.add("crank", bm.Crank(length=CRANK))
-    g.add("dyad", bm.RRR(l_i=ROD, l_j=ROCKER, branch=1))
-    for wire in ("frame.A crank.A", "frame.D dyad.D", "crank.B dyad.B"):
-        g.connect(*wire.split())
+    g = fourbar(CRANK, ROD, ROCKER, GROUND)
     z = positions(fitted)
     turn = cmath.phase(z["B"] - z["A"])
     same = g.compile().sensitivity("dyad.transmission_angle", "dyad.l_i", at=[q + turn])

@@ -64,7 +64,7 @@ def why_stuck(layout: Layout, stuck: Iterable[Unit]) -> list[Problem]:
 def _redundant(unit: Unit) -> Problem:
     """The problem of a group that its joints hold weakly wherever its drivers stand."""
     message = (
-        f"{listed(unit.links)} stand at a dead centre for every driver value: two ways to put "
+        f"{listed(unit.links)} are at a dead centre for every driver value: two ways to put "
     )
     message += "them together are one everywhere, so one of their joints is redundant"
     remedy = f"remove one of {listed(sorted(p.name for p in unit.pairs))}, or make a pin a slider"
@@ -211,7 +211,7 @@ def _first_of(links: Iterable[str]) -> str:
 def does_not_close(layout: Layout) -> list[Problem]:
     """The joints that gape most in the given pose."""
     (c, distance, turn), *further = gaps(layout.given, layout.pairs.values(), layout.size)
-    message = f"{c.name} gapes by {distance:.3g} m in the given pose"
+    message = f"joint {c.name} has a closure error of {distance:.3g} m in the given pose"
     if c.kind == "P":
         message = f"{c.name} is off its guide by {distance:.3g} m"
         message += f" and {turn:.3g} rad in the given pose"
@@ -279,7 +279,7 @@ def far_off(layout: Layout, closed: Poses) -> Iterator[Problem]:
 def dead_centre(links: Iterable[str], why: str) -> Problem:
     """The problem of a pose that does not tell which way a group is put together."""
     names = list(links)
-    message = f"{listed(names)} stand at a dead centre in the given pose: {why}"
+    message = f"{listed(names)} are at a dead centre in the given pose: {why}"
     valid = "the pose tells the assembly mode"
     remedy = "give the poses at another driver value, in which the group is bent"
     return Problem("dead-centre", path_text(("links", names[0])), message, valid, remedy)
