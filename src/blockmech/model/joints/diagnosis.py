@@ -63,9 +63,7 @@ def why_stuck(layout: Layout, stuck: Iterable[Unit]) -> list[Problem]:
 
 def _redundant(unit: Unit) -> Problem:
     """The problem of a group that its joints hold weakly wherever its drivers stand."""
-    message = (
-        f"{listed(unit.links)} are at a dead centre for every driver value: two ways to put "
-    )
+    message = f"{listed(unit.links)} are at a dead centre for every driver value: two ways to put "
     message += "them together are one everywhere, so one of their joints is redundant"
     remedy = f"remove one of {listed(sorted(p.name for p in unit.pairs))}, or make a pin a slider"
     return Problem("dead-centre", _first_of(unit.links), message, "", remedy)
