@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.analysis.extremes import extremes
+from blockmech.analysis.extremes import cycle_of, extremes
 from blockmech.analysis.stroke import stroke
+from blockmech.analysis.turning_points import Signal, turns_of
 from tests.analysis.linkages import fivebar, slider_crank
 from tests.gallery import GRAPHS
 from tests.machines import fourbar, wire
@@ -224,6 +225,21 @@ def test_ends_of_an_arc_that_is_shorter_than_six_samples_are_limits_as_well():
     arc = fourbar(1.0, 1.001, 1e-3, 2.0).compile().extremes("dyad.C.p.x")
     assert arc.maximum.value == pytest.approx(2.001, abs=1e-9)
     assert arc.minimum.value == pytest.approx(1.999, abs=1e-9)
+
+
+def test_poses_that_do_not_close_count_in_no_part_of_a_vector():
+    """A crank between dead centres drives a slider at a constant height of 2.5 m."""
+    height = slider_crank(1.0, 3.0, 2.5).compile().extremes("dyad.C.p.y")
+    assert height.minimum.value == height.maximum.value == 2.5
+
+
+def test_a_closed_signal_within_its_rounding_has_the_extremes_of_its_samples():
+    """At a margin of 1e-15 no turn is above rounding."""
+    cycle = cycle_of(fourbar(1.0, 3.0, 3.0, 3.0).compile(), friction=None, static=None)
+    signal = Signal("crank.q", np.cos, np.cos, lambda s: np.full(len(s), 1e-15))
+    low, high, inner, closed = turns_of(cycle, signal)
+    assert (inner, closed) == ((), True)
+    assert (low.value, high.value) == (-1.0, 1.0)
 
 
 def test_rates_grow_without_bound_towards_a_dead_centre():

@@ -75,3 +75,9 @@ def test_outlines_of_a_drawing_come_back_with_its_links(tmp_path):
     (path,) = bm.write(linkage, tmp_path / "address", "address", at=[0.7])
     text = path.read_text("utf-8")
     assert all(f",{link}," in text for link in set(linkage.links) - {"frame"})
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".dxf"])
+def test_links_without_pins_have_no_outlines(suffix, tmp_path):
+    with pytest.raises(bm.RequestError, match="no link has a pin to go around"):
+        bm.write(mechanism("motions/sticking_slider"), tmp_path / f"a{suffix}", at=[0.0])

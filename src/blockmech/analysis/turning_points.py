@@ -49,7 +49,8 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     def read(s: Floats) -> Real:
         result = cycle.run(s, output)
         values = np.array(result[output])
-        values[result._failures.word > 0] = np.nan  # a slider's angle is known where it cannot be
+        # A slider's angle is known where it cannot be; both parts of a vector are to be NaN.
+        values[result._failures.word > 0] *= np.nan
         return values
 
     margin = partial(_margin, cycle, output)
@@ -125,12 +126,7 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     ends: list[Turn] = []
     if good.all() and np.ptp(values) <= ROUNDING * largest:
         ends = [Turn(cycle.low, float(values[0]), 1, True)]
-    elif good.all() and _is_noise(signal, coordinates, values):  # there is nothing to close in on
-        ends = [
-            Turn(float(coordinates[i]), float(values[i]), 1)
-            for i in (values.argmax(), values.argmin())
-        ]
-    else:
+    elif not (good.all() and _is_noise(signal, coordinates, values)):
         # Times the margin: near a pole the largest value says nothing about the rest.
         floor = ROUNDING * float(np.nanmax(np.abs(values) * signal.margin(coordinates)))
         for low, high in cycle.stretches(signal.value):
@@ -138,6 +134,11 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
             inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed), floor)
             if not closed:
                 ends += [_end(cycle, signal, edge) for edge in (low, high)]
+    if not (inner or ends):  # rounding hides all turns: the samples are as good as any place
+        ends = [
+            Turn(float(coordinates[i]), float(values[i]), 1)
+            for i in (values.argmax(), values.argmin())
+        ]
     minimum = min([*inner, *ends], key=lambda t: t.value)
     maximum = max([*inner, *ends], key=lambda t: t.value)
     return Turns(minimum._replace(sign=-1), maximum._replace(sign=1), tuple(sorted(inner)), closed)

@@ -66,6 +66,8 @@ def outlines(order: Order) -> dict[str, list[Shape]]:
             z = pose.pin(ref) * MM
             if all(abs(z - pin) > 1e-9 for pin in pins):
                 pins.append(z)
+    if not positions:
+        raise refused("outlines", "no link has a pin to go around", "write a picture: --to picture")
     spans = [abs(a - b) for pins in positions.values() for a in pins for b in pins]
     span = (max(spans, default=0.0) or 8.0) / MM  # of links of one pin each
     width = order.positive("width", span / 8, "m", "20mm") * MM
