@@ -103,6 +103,40 @@ def test_designs_of_a_law_in_segments_say_what_each_says_alone(address, engine):
     assert f(f.start) == pytest.approx(study[label][0], rel=1e-9)
 
 
+@pytest.mark.parametrize("graph", ["stephenson_3", "engine", "couplings/indexing_table"])
+def test_all_outputs_of_a_machine_have_one_meaning_of_extremes(graph):
+    """Corners, poles, and jumps at samples among them."""
+    mech = mechanism(graph)
+    length = next(p for p in mech.parameters().values() if p.unit == "m" and p.value)
+    names = [
+        n
+        for n, o in mech.outputs.items()
+        if o.kind == "real" and not n.endswith(("angle", "q", "rate", "acceleration"))
+    ]
+    want = [f"{reduction}({name})" for name in names for reduction in ("min", "max")]
+    study = mech.study({length.address: [length.value]}, want=want, samples=73)
+    assert study.status == ("ok",)
+    for name in names:
+        span = mech.extremes(name)
+        low, high = span.minimum.value, span.maximum.value
+        size = max(abs(low), abs(high), 1e-9)
+        for reduction, value in (("min", low), ("max", high)):
+            answer = study[f"{reduction}({name})"][0]
+            assert answer == value or abs(answer - value) <= 1e-9 * size, (reduction, name)
+
+
+def test_where_an_output_has_a_pole_it_has_no_largest_value_and_no_derivative():
+    """The drive of an engine goes through zero, and its mechanical advantage through infinity."""
+    mech, label = mechanism("engine"), "max(mechanism.mechanical_advantage)"
+    span = mech.extremes("mechanism.mechanical_advantage")
+    assert span.maximum.value == np.inf
+    assert span.minimum.value == pytest.approx(0.22717736, rel=1e-7)
+    f = mech.objective(["crank.length"], want=label, samples=73)
+    assert f(f.start) == np.inf
+    with pytest.raises(bm.RequestError, match="grows without bound"):
+        f.jacobian(f.start)
+
+
 def test_a_design_at_its_change_point_has_no_number_and_one_word():
     edge = {"dyad.l_i": 5 + 79 * 1.5 / 99, "dyad.l_j": 2.6 + 12 * 0.8 / 99}
     want = ["max_abs(crank.drive)", "min(dyad.transmission_angle)", "at(dyad.i.angle, 0.0)"]
@@ -178,6 +212,33 @@ def test_poles_narrower_than_the_samples_are_found():
         grid = np.append(grid, np.linspace(0.0, 6.2, 20001)).clip(0.0, 6.2)
         assert match.value[i] == pytest.approx(peaks(np.array([i]), grid[None]).max(), rel=1e-7)
         assert match.value[i] >= peaks(np.array([i]), grid[None]).max() * (1 - 1e-13)
+
+
+def test_corners_are_found_to_rounding():
+    random = np.random.default_rng(4)
+    corner, rising, falling = random.uniform([0.1, 0.2, 0.2], [6.1, 3.0, 3.0], (300, 3)).T[
+        ..., None
+    ]
+
+    def roofs(row, x):
+        offset = x - corner[row]
+        return 2.0 - np.where(offset < 0.0, -rising[row], falling[row]) * offset
+
+    peaks = search(roofs, np.linspace(0.0, 6.2, 72), 300)
+    assert np.abs(peaks.value - 2.0).max() <= 1e-10 * 18.0  # of the largest size, as a remainder is
+    assert not peaks.error.any()
+
+
+def test_at_a_pole_there_is_no_largest_value():
+    at = np.random.default_rng(5).uniform(0.1, 6.1, (300, 1))
+
+    @np.errstate(divide="ignore")
+    def pole(row, x):
+        return 1.0 / np.abs(x - at[row])
+
+    peaks = search(pole, np.linspace(0.0, 6.2, 72), 300)
+    assert (peaks.value == np.inf).all()
+    np.testing.assert_allclose(peaks.place, at[:, 0], atol=1e-9)
 
 
 @pytest.mark.parametrize("turn", [True, False])

@@ -21,7 +21,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from blockmech.ground.plane import EPS
-from blockmech.ground.tolerances import EQUAL, ROUNDING
+from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL, ROUNDING
 from blockmech.typing import Floats, Indices
 
 Truths: TypeAlias = NDArray[np.bool_]
@@ -46,7 +46,7 @@ NODES = np.asarray(chebyshev.chebpts2(8))  # of a panel: machine code computes e
 class Peaks(NamedTuple):
     """The largest values of m functions.
 
-    value, place : (m,) and where it is
+    value, place : (m,) and where it is; infinite at a pole
     error : (m,) what a value may miss; infinite where a function ends between its samples
     """
 
@@ -197,10 +197,11 @@ class Search:
 
     # -- wherever there may be more ------------------------------------------------------
 
+    @np.errstate(all="ignore")  # of functions without bound
     def _halve(self, row: Indices, low: Floats, high: Floats) -> None:
         """Find the largest values on panels of functions, halving those that are not smooth."""
         scale, spent = np.abs(self.y).max(axis=1), np.zeros(len(self.y), np.intp)
-        value, _, error = self.peaks
+        value, position, error = self.peaks
         while len(row):
             middle, half = (low + high) / 2, (high - low) / 2
             values = self._size(self.function(row, middle[:, None] + half[:, None] * NODES))
@@ -208,21 +209,25 @@ class Search:
             top = values[np.arange(len(row)), k]
             z, summit, tail = summits(values, NODES[k])
             smooth, inside = tail <= self.remainder * scale[row], (np.abs(z) < 1.0) & (summit > top)
-            bound = np.maximum(top, summit) + len(NODES) * tail
+            bound = steepest(values)
             risen = smooth & inside
             z, top = np.where(risen, z, NODES[k]), np.where(risen, summit, top)
             error[row[np.isnan(values).any(axis=1)]] = np.inf
             finite = top == top
             self.peaks.rise(row[finite], top[finite], (middle + half * z)[finite])
             np.add.at(spent, row, 1)
-            open_ = ~smooth & (bound > value[row]) & np.isfinite(error[row])
-            open_ &= half > NARROW * np.maximum(np.abs(low), np.abs(high))
+            at_peak = (low <= position[row]) & (position[row] <= high)  # or at a pole beside it
+            open_ = ~smooth & (at_peak | (bound > value[row])) & np.isfinite(error[row])
+            narrow = half <= NARROW * np.maximum(np.abs(low), np.abs(high))
+            pole = row[open_ & narrow & (top > scale[row] / DOUBLE_ROOT)]
+            value[pole] = np.inf
+            open_ &= ~narrow & np.isfinite(value[row])
             over = open_ & (spent[row] > MOST)
             np.maximum.at(error, row[over], (bound - value[row])[over])
             open_ &= ~over
             row = np.repeat(row[open_], 2)
-            ends = np.stack([low[open_], middle[open_], middle[open_], high[open_]], 1)
-            low, high = ends.reshape(-1, 2).T
+            edges = np.stack([low[open_], middle[open_], middle[open_], high[open_]], 1)
+            low, high = edges.reshape(-1, 2).T
         doubt = np.flatnonzero((error > 0.0) & np.isfinite(error))
         if len(doubt) and self.y.shape[1] > 2:
             turns = np.diff(np.sign(np.diff(self.y[doubt], axis=1)), axis=1) != 0.0
@@ -233,6 +238,14 @@ class Search:
 def polynomial(nodes: tuple[float, ...]) -> Floats:
     """Values (k,) at places -> coefficients (k,) of the polynomial through them, rising."""
     return np.asarray(np.linalg.inv(np.vander(nodes, increasing=True)))
+
+
+def steepest(values: Floats) -> Floats:
+    """What panels (k,) hold at most, by values (k, 8) at nodes, if no slope between two nodes
+    is larger elsewhere."""
+    gaps = np.diff(NODES)
+    slope = np.abs(np.diff(values, axis=1) / gaps).max(axis=1)
+    return np.asarray((values[:, 1:] + values[:, :-1] + slope[:, None] * gaps).max(axis=1) / 2)
 
 
 @cache

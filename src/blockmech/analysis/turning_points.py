@@ -19,12 +19,12 @@ from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import panels
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
-from blockmech.ground.tolerances import EQUAL
+from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL
 from blockmech.result.failures import without_gaps
 from blockmech.typing import Array, Floats, Real
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
-NOISY = 1e-4  # of its range, mean change near by above which a signal is rounding only
+NOISY = 1e-4  # of its range, usual change near by above which a signal is rounding only
 STEEP = 1e3  # times by which a margin falls, for a hundredth of the distance, at a change point
 BEFORE = np.array([6.0, -15.0, 20.0, -15.0, 6.0, -1.0])  # extrapolates from equal steps
 BESIDE = np.geomspace(1e-7, 1.0, 8)  # of the way to the next place: looked at around an extremum
@@ -134,6 +134,12 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
             inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed), floor)
             if not closed:
                 ends += [_end(cycle, signal, edge) for edge in (low, high)]
+    inner = [
+        turn._replace(value=math.copysign(math.inf, turn.value))
+        if abs(turn.value) * DOUBLE_ROOT > largest
+        else turn
+        for turn in inner
+    ]
     if not (inner or ends):  # rounding hides all turns: the samples are as good as any place
         ends = [
             Turn(float(coordinates[i]), float(values[i]), 1)
@@ -147,7 +153,7 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
 def _is_noise(signal: Signal, samples: Floats, values: Floats) -> bool:
     """Whether a signal changes at random from one place to one beside it."""
     neighbours = signal.value(samples[:-1] + EQUAL * np.ptp(samples))
-    return bool(np.mean(np.abs(neighbours - values[:-1])) > NOISY * np.ptp(values))
+    return bool(np.median(np.abs(neighbours - values[:-1])) > NOISY * np.ptp(values))
 
 
 def _inner(cycle: Cycle, signal: Signal, span: Span, floor: float) -> list[Turn]:

@@ -227,6 +227,8 @@ def _extremes(run: Result, w: Wanted) -> tuple[Array, Data] | None:
     some = np.zeros(len(y), bool)
     for sign in EXTREMES[w.how]:
         some |= np.isclose(size, sign * (sign * size).max(), rtol=REST_SHARE, atol=0.0)
+    if not np.isfinite(y[some]).all():
+        raise refused(w.label, "it grows without bound", "study it away from the pole")
     coordinates = np.array([turn.s for turn in every])
     return y[some], cycle.request(coordinates[some])
 
