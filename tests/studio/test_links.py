@@ -175,7 +175,10 @@ def test_what_a_button_cannot_do_is_said():
     assert "choose pins of a drawing first" in pane.said
 
 
-@pytest.mark.parametrize("name", ["ruiz_fourbar", "engine", "excavator", "valve_engine"])
+@pytest.mark.parametrize(
+    "name",
+    ["ruiz_fourbar", "engine", "excavator", "valve_engine", "planetary_hoist", "rack_gripper"],
+)
 def test_blocks_are_drawn_on_as_links_and_joints(name):
     """Every link of the same name, drive and reaction: the document that is made moves alike."""
     pane = Hand(opened(GRAPHS / f"{name}.json"))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS, dot
@@ -144,23 +145,43 @@ class SaidByLinks:
         o, e = self.poses[link]
         return (z - o) / e
 
-    def _links(self) -> Iterator[tuple[str, Form]]:
-        used = {*self.joints.values()}
-        joined = {*self.s.feeds.values()}
+    def _raw(self, ref: LinkRef) -> Record:
+        """What the form says of a link."""
+        raw: Record = self.form["blocks"][ref.block]
+        return raw if ref == self.s.frame_link else raw.get("links", {}).get(ref.link, {})
+
+    @cached_property
+    def centres(self) -> dict[str, MarkerRef]:
+        """Couplings whose leading wheel or cam is fixed to a link -> its centre."""
+        followers = self.s.followers.values()
+        return {f.coupling: f.centre for f in followers if f.leader is None}
+
+    @cached_property
+    def markers(self) -> dict[MarkerRef, str]:
+        """Markers that are no pair's alone -> their names, which are none of joints."""
+        joined = {*self.s.feeds.values()} - {*self.centres.values()}
+        used, names = {*self.joints.values()}, dict[MarkerRef, str]()
         for ref, name in self.links.items():
-            raw = self.form["blocks"][ref.block]
-            link_data = raw if name == FRAME else raw.get("links", {}).get(ref.link, {})
-            data = {key: link_data[key] for key in OF_LINKS if key in link_data}
-            markers = {}
-            for marker, marker_data in link_data.get("markers", {}).items():
-                if MarkerRef(ref.block, ref.link, marker) not in joined:
-                    called = marker if marker not in used else f"{name}_{marker}"
-                    markers[called] = marker_data
-                    used.add(called)
+            for marker in self._raw(ref).get("markers", {}):
+                where = MarkerRef(ref.block, ref.link, marker)
+                if where not in joined:
+                    names[where] = marker if marker not in used else f"{name}_{marker}"
+                    used.add(names[where])
+        return names
+
+    def _links(self) -> Iterator[tuple[str, Form]]:
+        for ref, name in self.links.items():
+            raw = self._raw(ref)
+            data = {key: raw[key] for key in OF_LINKS if key in raw}
+            refs = {m: MarkerRef(ref.block, ref.link, m) for m in raw.get("markers", {})}
+            markers = {
+                self.markers[where]: raw["markers"][marker]
+                for marker, where in refs.items()
+                if where in self.markers
+            }
             o, e = self.poses[ref]
             pose = {} if name == FRAME else {"pose": [o.real, o.imag, cmath.phase(e)]}
             yield name, {**data, **pose, **({"markers": markers} if markers else {})}
-
         for pair, zero in self.zeros.items():
             if self.s.joint(pair).rotary:
                 o, e = self.poses[self._ends(pair)[0]]
@@ -199,6 +220,8 @@ class SaidByLinks:
         """A load or coupling, its drivers by their names in the document."""
         raw = self.form["blocks"][name]
         ends = {end: self.drivers.get(raw[end], raw[end]) for end in COUPLED if end in raw}
+        if (centre := self.centres.get(name)) is not None:
+            ends["driver"] = f"{self.links[centre.on]}.{self.markers[centre]}"
         return {**raw, "type": raw["type"].removeprefix(prefix), **ends}
 
     def _loads(self) -> Iterator[tuple[str, Form]]:
