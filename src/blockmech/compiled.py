@@ -30,7 +30,7 @@ from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
 from blockmech.outputs.by_block import Catalogue, in_program
 from blockmech.passes.signals import STATE
-from blockmech.plan.plan import Friction, Plan, Program
+from blockmech.plan.plan import Friction, Plan
 from blockmech.plan.settings import check_chunk, check_static, friction_asked
 from blockmech.result.failures import without_gaps
 from blockmech.result.result import Result
@@ -436,6 +436,8 @@ class Compiled(Runnable[M]):
         key = name, precision
         if key not in plan.engines:
             if name == "llvm":
+                from blockmech.engines.llvm import compiled_program  # few processes need it
+
                 engine: Any = compiled_program(plan.program)
             elif name == "scalar":
                 engine = ScalarEngine(plan.program)
@@ -467,22 +469,6 @@ class Compiled(Runnable[M]):
             f"<{type(self).__name__} {self.name}: {len(s.links) - 1} moving links, "
             f"{s.pairs} pairs, mobility {s.mobility}; {s.formula}>"
         )
-
-
-def compiled_program(program: Program) -> LlvmEngine:
-    """A program compiled to machine code.
-
-    Raises `MissingEngineError` without llvmlite, and `RequestError` for a program that is
-    more than flat arithmetic.
-    """
-    from blockmech.engines.llvm import LlvmEngine
-    from blockmech.engines.nodes import Untraceable
-
-    try:
-        return LlvmEngine(program)
-    except Untraceable as why:
-        message, remedy = f"the program cannot be compiled: {why}", 'use engine="numpy", or "auto"'
-        raise refused("engine", message, remedy, code="not-compiled") from None
 
 
 def _plan(mechanism: Compiled, want: tuple[str, ...], friction: Friction, static: bool) -> Plan:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.compiled import compiled_program
+from blockmech.engines.llvm import compiled_program
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.studies.family import Family
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blockmech.compiled import compiled_program
+from blockmech.engines.llvm import compiled_program
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.friction import solvers
 from blockmech.ground.plane import apply

@@ -191,7 +191,10 @@ def test_pyslvs_and_pmks_json_say_the_same_as_the_text(tmp_path):
 def test_what_cannot_be_taken_is_a_note_with_its_name():
     gear = "M[J[R, P[0, 0], L[ground, a]], J[R, P[0, 1], L[a, b]], J[R, P[3, 2], L[b, c]], "
     gear += "J[R, P[3, 0], L[ground, c]], J[G, P[1, 1], L[a, c]]]"
-    assert "gear joint E between a and c: left out" in bm.read(gear).extras["notes"]
+    assert (
+        "gear joint E between a and c is not on the line of its wheels' centres: left out"
+        in bm.read(gear).extras["notes"]
+    )
     jansen = linkage_xml(
         [0, 3, 4],
         {0: 10},

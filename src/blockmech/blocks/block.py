@@ -18,9 +18,10 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from blockmech.blocks.joints import BuiltIn, Joint, Kernels
 from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.errors import close_match, listed
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.names import NAME_RULE, is_name
 from blockmech.ground.plane import has_arithmetic
-from blockmech.ground.values import Link, Marker, Pair, StrictModel, mistake
+from blockmech.ground.values import Link, Marker, Pair, StrictModel
 from blockmech.typing import Parameters
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]

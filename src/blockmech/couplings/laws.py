@@ -23,6 +23,7 @@ from pydantic import Field, model_validator
 
 from blockmech.couplings.contract import Transmission
 from blockmech.functions.pieces import Knotted, Rows, derivatives, horner
+from blockmech.ground.mistakes import check_table, mistake
 from blockmech.ground.plane import always, apply, expi, modulo, piecewise
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import (
@@ -33,9 +34,7 @@ from blockmech.ground.values import (
     Positive,
     StrictModel,
     Units,
-    check_table,
     default,
-    mistake,
 )
 from blockmech.typing import Real, Values
 

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from blockmech.compiled import compiled_program
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.chart_outputs import result_along
@@ -41,6 +40,7 @@ from blockmech.dynamics.roles import RolesGiven, unused_laws
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.user_functions import refuse_memory
+from blockmech.engines.llvm import compiled_program
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed
 from blockmech.ground.progress import with_bar

@@ -469,10 +469,8 @@ class System:
     @property
     def quick_states(self) -> bool:
         """Whether machine code says single states, once many of them are asked for."""
-        alone = (
-            len(self.drivers) == 1 and type(self).scalar_terms is System.scalar_terms
-        )  # no series
-        return alone and self.engine != "scalar"
+        plain = type(self).scalar_terms is System.scalar_terms  # no series
+        return plain and len(self.drivers) == 1 and self.engine != "scalar"
 
     def idle_steppers(self, method: Any) -> list[CompiledStepper]:
         """Those of a method that runs of the mechanism have left behind."""

@@ -33,7 +33,7 @@ from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.structure import key_of
 from blockmech.engines.trace import Trace, filled
-from blockmech.ground.errors import MissingEngineError
+from blockmech.ground.errors import MissingEngineError, refused
 from blockmech.ground.errors import needed as package
 from blockmech.plan.plan import Program
 from blockmech.typing import Floats, Nested, Real, Reals, Record, Values
@@ -419,3 +419,16 @@ def processor() -> tuple[Any, Callable[[], Any], str]:
     version = (sys.modules["llvmlite"].__version__, *llvm.llvm_version_info)
     name = f"{version} {triple.triple} {cpu} {features}"
     return llvm, functools.partial(triple.create_target_machine, **options), name
+
+
+def compiled_program(program: Program) -> LlvmEngine:
+    """A program compiled to machine code.
+
+    Raises `MissingEngineError` without llvmlite, and `RequestError` for a program that is
+    more than flat arithmetic.
+    """
+    try:
+        return LlvmEngine(program)
+    except Untraceable as why:
+        message, remedy = f"the program cannot be compiled: {why}", 'use engine="numpy", or "auto"'
+        raise refused("engine", message, remedy, code="not-compiled") from None

@@ -15,6 +15,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
@@ -28,7 +29,7 @@ from blockmech.ground.plane import (
     times,
 )
 from blockmech.plan.plan import Program
-from blockmech.typing import Array, Data, Kernel, Nested, Real, Reals, Record, Values
+from blockmech.typing import Array, Complex, Data, Kernel, Nested, Real, Reals, Record, Values
 
 PRECISIONS: Data = {
     "complex64": np.float32,
@@ -76,6 +77,40 @@ class Whole(Values):
     """Values that are finite numbers throughout, as the engine saw when it made them."""
 
     __slots__ = ()
+
+
+def batch_of(value: Real) -> Real | Planar:
+    """An array (n,), or vectors, of what an engine answers: for one sample a number."""
+    if isinstance(value, Planar | np.ndarray):
+        return value
+    numbers = value if isinstance(value, list) else [value]
+    if any(isinstance(x, complex) for x in numbers):
+        z = np.array([complex(x) for x in numbers])
+        return Planar(z.real, z.imag)
+    return np.array([float(x) for x in numbers])
+
+
+def complex_array(z: Complex) -> Array:
+    """Complex array of a batch of vectors; infinite becomes NaN."""
+    x, y = np.asarray(z.real), np.asarray(z.imag)
+    vectors = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))
+    vectors.real, vectors.imag = x, y
+    good = np.isfinite(vectors)
+    if not good.all():
+        vectors[~good] = complex("nan+nanj")
+    return vectors
+
+
+def real_part(batch: Real | Planar) -> Real:
+    """Numbers of a batch that one engine holds as vectors."""
+    return batch.real if isinstance(batch, Planar) else batch
+
+
+def samples_of(batch: Real | Planar, index: NDArray[np.intp]) -> Real | Planar:
+    """The samples of these indices."""
+    if isinstance(batch, Planar):
+        return Planar(batch.real[index], batch.imag[index])
+    return batch[index]
 
 
 def mul(z: Planar, x: Real) -> Planar:

@@ -17,9 +17,7 @@ import cmath
 import math
 import re
 from collections.abc import Iterable
-from fractions import Fraction
 from itertools import combinations
-from typing import Any
 
 from blockmech.assur.pairs import Pair as AssurPair
 from blockmech.assur.rigidity import rigidity
@@ -36,17 +34,20 @@ from blockmech.exchange.drawing import (
     Wheels,
     scaled,
 )
+from blockmech.exchange.drawn_couplings import (
+    cam_with_follower,
+    rack_and_pinion,
+    ratio_of_joints,
+    wheels_that_mesh,
+)
 from blockmech.exchange.parsing import wrong
 from blockmech.ground.errors import listed
 from blockmech.ground.names import free_name, numbered_name
-from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.versions import VERSION
 from blockmech.typing import Data
 
 MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move
 BOUNDLESS = 1e10  # what a limit is that is none
-MOST_TEETH = 1000  # of a wheel whose size is a ratio
-ON_LINE = 1e-3  # of the distance of two centres: how far from their line a pitch point is drawn
 
 
 def document(drawing: Drawing, unit: str | None = None, rounded: bool = False) -> Data:
@@ -55,10 +56,10 @@ def document(drawing: Drawing, unit: str | None = None, rounded: bool = False) -
     ``unit`` is that of a file that has none; ``rounded`` keeps points that slide off their lines
     by what is drawn. Raises `FormatError` for a drawing without links.
     """
-    return _Making(drawing, unit, rounded).document()
+    return _DrawnDocument(drawing, unit, rounded).document()
 
 
-class _Making:
+class _DrawnDocument:
     def __init__(self, drawing: Drawing, unit: str | None, rounded: bool) -> None:
         self.drawing, self.rounded = drawing, rounded
         self.scale = self._unit(unit)
@@ -376,15 +377,28 @@ class _Making:
                 waiting.remove(pair)
                 going = True
                 if self._driver_of(ends[1 - leading]):
-                    self.drawing.note(f"{pair.name}: both sides are driven already: left out")
-                elif isinstance(pair, Wheels):
-                    self._follow(pair, ends, leading)
-                elif isinstance(pair, Cam):
-                    self._follow_cam(pair, ends, leading)
-                else:
-                    self._follow_ratio(pair, ends, leading)
+                    drawing.note(f"{pair.name}: both sides are driven already: left out")
+                elif (coupling := self._coupling_of(pair, ends, leading)) is not None:
+                    self._coupling(pair.name or "gears", coupling, ends, leading)
         for pair in waiting:
-            self.drawing.note(f"{pair.name}: no wheel of it is driven, or they have no common arm")
+            drawing.note(f"{pair.name}: no wheel of it is driven, or they have no common arm")
+
+    def _coupling_of(
+        self, pair: Wheels | Cam | Ratio, ends: tuple[str, str], leading: int
+    ) -> Data | None:
+        """What couples two joints, of which one leads; None and a note where it is left out."""
+        joints, note = [self.joints[end] for end in ends], self.drawing.note
+        if isinstance(pair, Ratio):
+            units = [self.scale if joint["type"] == "P" else 1.0 for joint in joints]
+            return ratio_of_joints(pair, units, leading, note)
+        if isinstance(pair, Cam):
+            return cam_with_follower(pair, self.scale, leading, note)
+        if pair.rack is not None:
+            bodies, guide = self._document_bodies(), joints[1]
+            forth = bodies[guide["links"][1]] == bodies[self.names[pair.second]]
+            return rack_and_pinion(pair, self.scale, guide["angle"][0] + (not forth) * math.pi)
+        centres = [complex(*joint["at"][0]) for joint in joints]
+        return wheels_that_mesh(pair, self.scale, centres, leading, note)
 
     def _ends(self, ratio: Ratio) -> tuple[str, str]:
         return self.pairs.get(ratio.leading, ""), self.pairs.get(ratio.driven, "")
@@ -400,77 +414,6 @@ class _Making:
             axles.append({(x - {body}).pop(): j for j, x in ends if body in x})
         arm = next((link for link in axles[0] if link in axles[1]), None)
         return (axles[0][arm], axles[1][arm]) if arm is not None else ("", "")
-
-    def _follow(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
-        a, b = (complex(*self.joints[end]["at"][0]) for end in ends)
-        sizes, coupling = pair.sizes, dict[str, Any]()
-        if pair.pitch is not None:
-            arms = [self.scale * pair.pitch - centre for centre in (a, b)]
-            across = arms[0].conjugate() * arms[1]
-            if not all(arms) or abs(across.imag) > ON_LINE * abs(a - b) ** 2:
-                self.drawing.note(f"{pair.name}: left out")
-                self.drawing.note(f"{pair.name} is not on the line of its wheels' centres")
-                return
-            sizes = (abs(arms[0]), math.copysign(abs(arms[1]), -across.real))
-        inside = sizes[0] * sizes[1] < 0
-        sizes = (abs(sizes[0]), abs(sizes[1]))
-        apart = abs(abs(sizes[0] - sizes[1]) * self.scale - abs(a - b)) > ON_LINE * abs(a - b)
-        if pair.rack is not None:
-            self._rack(pair, ends, leading)
-            return
-        sizes = sizes[::-1] if leading else sizes
-        if pair.chain or (inside and pair.pitch is None and apart):
-            radii = [size * self.scale for size in sizes]
-            if sum(radii) > abs(a - b):  # sizes that are teeth: the ratio is what counts
-                radii = [size * abs(a - b) / (2 * sum(sizes)) for size in sizes]
-                self.drawing.note(f"{pair.name}: radii from the ratio and the distance of the pins")
-            coupling = {"type": "belt", "radii": radii}
-        else:
-            exact = sizes[0] / sizes[1]
-            ratio = Fraction(exact).limit_denominator(MOST_TEETH)
-            coupling = {"type": "gear", "teeth": [ratio.numerator, ratio.denominator]}
-            if inside:
-                coupling["internal"] = True
-            if abs(float(ratio) / exact - 1) > ROUNDING:  # no teeth give it
-                law = {"kind": "polynomial", "coefficients": [0.0, exact if inside else -exact]}
-                coupling = {"type": "ratio", "law": law}
-        self._coupling(pair.name or "gears", coupling, ends, leading)
-
-    def _rack(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
-        guide, bodies = self.joints[ends[1]], self._document_bodies()
-        forth = bodies[guide["links"][1]] == bodies[self.names[pair.second]]
-        cosine = math.cos(guide["angle"][0] - (pair.rack or 0.0)) * (1 if forth else -1)
-        side = 1 if cosine * pair.sizes[0] > 0 else -1
-        rack = {"type": "rack", "radius": abs(pair.sizes[0]) * self.scale, "side": side}
-        self._coupling(pair.name, rack, ends, leading)
-
-    def _follow_cam(self, cam: Cam, ends: tuple[str, str], leading: int) -> None:
-        if leading:
-            self.drawing.note(f"{cam.name}: its follower is driven: left out")
-            return
-        scale = self.scale if cam.slides else 1.0
-        law = scaled(cam.law, scale)
-        if "segments" in law:
-            law["segments"] = [scaled(segment, scale) for segment in law["segments"]]
-        coupling: Data = {"type": "cam", "law": law, "at": self._metres(cam.tip)}
-        coupling |= {"phase": cam.phase * scale}
-        if cam.roller:
-            coupling |= {"follower": "roller", "roller": cam.roller * self.scale}
-        self._coupling(cam.name, coupling, ends, leading)
-
-    def _follow_ratio(self, pair: Ratio, ends: tuple[str, str], leading: int) -> None:
-        kinds = [self.joints[end]["type"] for end in ends]
-        units = [self.scale if kind == "P" else 1.0 for kind in kinds]
-        c = [x * units[1] / units[0] ** k for k, x in enumerate(pair.coefficients)]
-        while len(c) > 2 and not c[-1]:
-            c.pop()
-        if leading:
-            if len(c) != 2 or not c[1]:
-                self.drawing.note(f"{pair.name}: its driven side is driven, the law has no inverse")
-                return
-            c = [-c[0] / c[1], 1 / c[1]]
-        law = {"kind": "polynomial", "coefficients": c}
-        self._coupling(pair.name, {"type": "ratio", "law": law}, ends, leading)
 
     def _coupling(self, text: str, coupling: Data, ends: tuple[str, str], leading: int) -> None:
         """Add a coupling from the joint that is driven to the other, which gets a driver."""

@@ -7,7 +7,6 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from itertools import pairwise
 from numbers import Integral, Real
 from typing import (
     TYPE_CHECKING,
@@ -16,7 +15,6 @@ from typing import (
     ClassVar,
     Generic,
     Literal,
-    LiteralString,
     NamedTuple,
     NoReturn,
     Optional,
@@ -41,6 +39,7 @@ from pydantic.functional_validators import ModelWrapValidatorHandler
 from pydantic_core import PydanticCustomError, core_schema
 
 from blockmech.ground.errors import GraphError, Problem, listed, shown
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import apply
 from blockmech.ground.texts import in_metres, read_texts
 from blockmech.ground.units import NoQuantity
@@ -259,38 +258,6 @@ def check_direction(key: str, *vectors: Vector | None) -> None:
 def xy(z: complex) -> list[float]:
     """Two numbers as they stand in a file, without -0."""
     return [z.real + 0.0, z.imag + 0.0]
-
-
-def mistake(
-    code: LiteralString, found: str, valid: str = "", remedy: str = ""
-) -> PydanticCustomError:
-    """A mistake in a model, with the parts of a `Problem`."""
-    parts = {"found": found, "valid": valid, "remedy": remedy}
-    message = "; ".join(filter(None, parts.values()))
-    return PydanticCustomError(code, "{said}", {"said": message, **parts})
-
-
-def check_table(
-    what: str,
-    x: Sequence[float],
-    values: Sequence[float],
-    period: float = 0.0,
-    called: str = "values",
-) -> None:
-    """Refuse a table whose values are not one for each x, or whose x, called ``what``, fall.
-
-    Of one that repeats the first value stands for the end of the period.
-    """
-    if len(x) != len(values):
-        raise mistake("bad-table", f'"{what}" and "{called}" must have the same length')
-    if any(b <= a for a, b in pairwise(x)):
-        raise mistake("bad-table", f'"{what}" must increase')
-    if period and x[-1] - x[0] >= period * (1 - 1e-12):
-        message, valid = (
-            f'"{what}" must cover less than one period',
-            "the first value is repeated by itself",
-        )
-        raise mistake("bad-table", message, valid, "leave out the last row")
 
 
 class FrozenDict(dict[Any, Any]):

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import field_validator, model_validator
 
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, dot, hyp, mul
 from blockmech.ground.values import (
     Number,
@@ -18,7 +19,6 @@ from blockmech.ground.values import (
     check_direction,
     default,
     in_unit,
-    mistake,
 )
 from blockmech.loads.contract import Element, Following, LawGiven, Terminal
 from blockmech.typing import Complex, Kernel, Real

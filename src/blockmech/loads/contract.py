@@ -36,7 +36,8 @@ from pydantic import (
 
 from blockmech.blocks.block import Block, Mistake, refuse
 from blockmech.ground.errors import listed
-from blockmech.ground.values import Axis, mistake
+from blockmech.ground.mistakes import mistake
+from blockmech.ground.values import Axis
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
 from blockmech.typing import Kernel, Record

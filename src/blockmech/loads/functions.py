@@ -14,8 +14,8 @@ from typing import get_args
 
 from blockmech.functions.pieces import Knotted
 from blockmech.functions.python import numbers_of, parameters_of
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import each
-from blockmech.ground.values import mistake
 from blockmech.typing import Argument, Real
 
 ARGUMENTS = get_args(Argument)

@@ -18,6 +18,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 from pydantic import Field, field_validator, model_validator
 
 from blockmech.functions.pieces import Knotted, cubic, horner, straight
+from blockmech.ground.mistakes import check_table, mistake
 from blockmech.ground.plane import always, angle, expi, imul, modulo, mul, piecewise, where
 from blockmech.ground.values import (
     Axis,
@@ -27,10 +28,8 @@ from blockmech.ground.values import (
     Positive,
     StrictModel,
     Units,
-    check_table,
     default,
     in_unit,
-    mistake,
 )
 from blockmech.typing import Argument, Parameters, Real
 

@@ -9,15 +9,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from blockmech.ground.values import (
-    Finite,
-    Maybe,
-    NotNegative,
-    Positive,
-    StrictModel,
-    default,
-    mistake,
-)
+from blockmech.ground.mistakes import mistake
+from blockmech.ground.values import Finite, Maybe, NotNegative, Positive, StrictModel, default
 from blockmech.typing import FrictionMethod, FrictionName, Successive
 
 Pair = Annotated[list[Finite], Field(min_length=2, max_length=2)]

@@ -14,6 +14,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
+from blockmech.ground.mistakes import check_table
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import (
     Angle,
@@ -23,7 +24,6 @@ from blockmech.ground.values import (
     Positive,
     StrictModel,
     Units,
-    check_table,
     default,
 )
 from blockmech.typing import Floats

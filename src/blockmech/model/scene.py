@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.values import (
     Axis,
     Maybe,
@@ -18,7 +19,6 @@ from blockmech.ground.values import (
     VectorGiven,
     default,
     in_unit,
-    mistake,
 )
 from blockmech.model.laws_of_motion import AnyLaw, OverRange
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cmath import isfinite
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Generic, Self
@@ -11,33 +11,26 @@ from typing import Any, Generic, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines.numpy import Planar, Whole
+from blockmech.engines.numpy import Planar, Whole, batch_of, complex_array, real_part, samples_of
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, refused
 from blockmech.ground.report import DEGREES, places
 from blockmech.ground.runnable import LazyMethod
 from blockmech.ground.units import NoQuantity, quantity
+from blockmech.model.structure import LinkRef
 from blockmech.plan.plan import Output, Plan, Undefined
 from blockmech.result.exported import Exported
 from blockmech.result.motion import Motion
-from blockmech.result.quality import (
-    OK,
-    Failures,
-    Flag,
-    Quality,
-    assess,
-    failures,
-)
+from blockmech.result.quality import Failures, Flag, Quality, assess, failures
+from blockmech.result.remarks import missing_inertia, remainder_of_friction
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
 from blockmech.typing import (
     Arguments,
     Array,
-    Complex,
     Data,
     FrictionMethod,
     M,
-    Real,
     Record,
     Values,
 )
@@ -242,7 +235,7 @@ class Result(Exported, Generic[M]):
             return output.read(table)
         values = output.read(*columns)
         if output.kind == "vector":
-            return _as_complex(values)
+            return complex_array(values)
         values = np.array(values)  # its own: the columns of a run share one block of memory
         if not np.isfinite(values).all():
             values[~np.isfinite(values)] = np.nan
@@ -265,14 +258,7 @@ class Result(Exported, Generic[M]):
 
     def _column(self, index: int) -> Any:
         """One value of the program as a batch, whatever engine made it."""
-        value = self._values[index]
-        if isinstance(value, Planar | np.ndarray):
-            return value
-        column = value if isinstance(value, list) else [value]
-        if any(isinstance(x, complex) for x in column):
-            z = np.array([complex(x) for x in column])
-            return Planar(z.real, z.imag)
-        return np.array([float(x) for x in column])
+        return batch_of(self._values[index])
 
     # -- quality ----------------------------------------------------------------
 
@@ -294,7 +280,7 @@ class Result(Exported, Generic[M]):
         """What the plan reports, by kind and by what it is about."""
         return {
             kind: {
-                where: tuple(np.atleast_1d(_real(self._column(i))) for i in indices)
+                where: tuple(np.atleast_1d(real_part(self._column(i))) for i in indices)
                 for where, indices in of.items()
             }
             for kind, of in self.plan.reports.items()
@@ -361,7 +347,7 @@ class Result(Exported, Generic[M]):
         array([1.])
         """
         index = np.atleast_1d(np.arange(self.n)[index])
-        values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
+        values = tuple(samples_of(self._column(i), index) for i in range(len(self._values)))
         samples = self.samples.at(index)
         cut = type(self)(
             self.mechanism, self.plan, samples, values, self.engine, self.settings, self.motion
@@ -385,7 +371,18 @@ class Result(Exported, Generic[M]):
         lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self.digits_lost]
         why = "; numbers of very different size cancel: are all in the same unit?"
         notes = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
-        return motion + notes + self._left_of_friction() + self._without_inertia()
+        if (bounds := self.friction_error) is not None:
+            method, status = self.settings["friction"], self.quality.status
+            notes.append(remainder_of_friction(method, bounds, status))
+        forces = {"N", "N m"} & {self.output(name).unit for name in self}
+        if forces and self.n and not self.settings["static"]:
+            notes += missing_inertia(self._compiled, self._first_rates)
+        return motion + notes
+
+    def _first_rates(self, links: Sequence[LinkRef]) -> list[float]:
+        """Rates [rad/s] of some links at the first sample."""
+        first = self.isel(0)._inside(*(f"{link}.omega" for link in links))
+        return [float(first[f"{link}.omega"][0]) for link in links]
 
     @property
     def friction_error(self) -> NDArray[np.float64] | None:
@@ -407,42 +404,6 @@ class Result(Exported, Generic[M]):
             [np.broadcast_to(x, self.n) for x in errors.values()], axis=0
         )
         return worst
-
-    def _left_of_friction(self) -> list[str]:
-        """What a reader must know of iterations that are cut short: how far off they may be."""
-        bounds = self.friction_error
-        if bounds is None:
-            return []
-        good = np.array([status == OK for status in self.quality.status])
-        largest = np.max(bounds[good], initial=0.0)
-        notes = f"pairs are within about {largest:.1e} of the largest friction of their group"
-        notes = notes if np.isfinite(largest) else "it has no bound where its certificate is 1"
-        return [f'friction "{self.settings["friction"]}": {notes}']
-
-    def _without_inertia(self) -> list[str]:
-        """What a reader of forces must know: that links which turn have no inertia."""
-        forces = {"N", "N m"} & {self.output(name).unit for name in self}
-        if not (forces and self.n) or self.settings["static"]:
-            return []
-        structure = self._compiled.structure
-        properties = {link: structure.properties(link) for link in structure.links}
-        if not any(link.massive for link in properties.values()):
-            of = "forces are those of the loads alone" if structure.elements else "forces are zero"
-            return [f"no link has mass or inertia: {of}"]
-        points = [link for link, x in properties.items() if x.mass > 0 and x.inertia == 0]
-        first = self.isel(0)._inside(*(f"{link}.omega" for link in points))
-        names = {} if self._compiled.names is None else self._compiled.names.links
-        link_names = {where.link: name for name, where in names.items()}
-        turning = [str(link_names.get(x, x)) for x in points if abs(first[f"{x}.omega"][0]) > 0]
-        explanation = "mass and no inertia: they count as points at their cm"
-        notes = [f"{listed(turning, 4)} turn with {explanation}"] if turning else []
-        links = getattr(self._compiled.document, "links", {})
-        joints = self._compiled.document.joints.values() if links else ()
-        seats = {link for x in joints for link, at in zip(x.links, x.at, strict=True) if at.z == 0}
-        heavy = [name for name, x in links.items() if x.mass and "cm" not in x.model_fields_set]
-        if loose := [name for name in heavy if name not in seats]:
-            notes.append(f"{listed(loose, 4)}: no cm, so the mass is at the origin of its axes")
-        return notes
 
     @cached_property
     def digits_lost(self) -> tuple[Flag, ...]:
@@ -536,24 +497,3 @@ class Result(Exported, Generic[M]):
             f"<Result of {self.mechanism.name}: {self.n} samples{holes}, {len(self)} outputs, "
             f"{self.plan.calls} kernel calls a sample, {self.engine} engine>"
         )
-
-
-def _as_complex(z: Complex) -> Array:
-    """Complex array of a batch of vectors; infinite becomes NaN."""
-    x, y = np.asarray(z.real), np.asarray(z.imag)
-    vectors = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))
-    vectors.real, vectors.imag = x, y
-    good = np.isfinite(vectors)
-    if not good.all():
-        vectors[~good] = complex("nan+nanj")
-    return vectors
-
-
-def _real(column: Real) -> Real:
-    return column.real if isinstance(column, Planar) else column
-
-
-def _cut(value: Real, index: NDArray[np.intp]) -> Real:
-    if isinstance(value, Planar):
-        return Planar(value.real[index], value.imag[index])
-    return value[index]

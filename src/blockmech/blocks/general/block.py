@@ -35,6 +35,7 @@ from blockmech.blocks.contract import (
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
 from blockmech.friction.laws.contract import FrictionLaw
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.names import is_name
 from blockmech.ground.plane import largest
 from blockmech.ground.values import (
@@ -55,7 +56,6 @@ from blockmech.ground.values import (
     Vector,
     VectorOrNoneGiven,
     default,
-    mistake,
 )
 from blockmech.typing import Data, Parameters
 

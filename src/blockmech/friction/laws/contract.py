@@ -48,9 +48,10 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import InitErrorDetails, core_schema
 
 from blockmech.ground.errors import close_match, listed, shown
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import has_arithmetic
 from blockmech.ground.registry import Registry
-from blockmech.ground.values import StrictModel, mistake
+from blockmech.ground.values import StrictModel
 from blockmech.typing import Data, Kernel, Parameters, Real
 
 LAWS = Registry("friction law", code="unknown-friction-law")

@@ -22,8 +22,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, power, where
-from blockmech.ground.values import Length, NotNegative, Number, in_unit, mistake
+from blockmech.ground.values import Length, NotNegative, Number, in_unit
 from blockmech.typing import Parameters, Real
 
 SLOW = 2000.0  # nu n [mm2/s/min], below which the oil's part does not depend on the speed

@@ -16,6 +16,7 @@ from blockmech.blocks.block import Block, refuse
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import AnyFriction
+from blockmech.ground.mistakes import mistake
 from blockmech.ground.values import (
     POSE,
     Axis,
@@ -31,7 +32,6 @@ from blockmech.ground.values import (
     Vector,
     check_direction,
     default,
-    mistake,
     no_boolean,
 )
 from blockmech.loads.contract import Element

@@ -1,0 +1,55 @@
+"""What a reader of a result must know of it: friction cut short, links without inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from blockmech.ground.errors import listed
+from blockmech.model.structure import LinkRef
+from blockmech.result.quality import OK
+from blockmech.typing import Floats
+
+
+def remainder_of_friction(method: object, bounds: Floats, status: Sequence[str]) -> str:
+    """How far off iterations of friction that are cut short may be.
+
+    bounds : (n,) [-] relative to the largest friction, see `Result.friction_error`
+    """
+    largest = np.max(bounds[np.array([word == OK for word in status])], initial=0.0)
+    remark = f"pairs are within about {largest:.1e} of the largest friction of their group"
+    remark = remark if np.isfinite(largest) else "it has no bound where its certificate is 1"
+    return f'friction "{method}": {remark}'
+
+
+def missing_inertia(
+    mechanism: Any, rates: Callable[[Sequence[LinkRef]], Sequence[float]]
+) -> list[str]:
+    """Links without mass or inertia, which forces do not know of.
+
+    mechanism : a `Compiled`, which stands above; rates : of links [rad/s]
+    """
+    structure = mechanism.structure
+    properties = {link: structure.properties(link) for link in structure.links}
+    if not any(link.massive for link in properties.values()):
+        of = "forces are those of the loads alone" if structure.elements else "forces are zero"
+        return [f"no link has mass or inertia: {of}"]
+    points = [link for link, x in properties.items() if x.mass > 0 and x.inertia == 0]
+    names = {} if mechanism.names is None else mechanism.names.links
+    link_names = {where.link: name for name, where in names.items()}
+    turning = [
+        str(link_names.get(link, link))
+        for link, rate in zip(points, rates(points), strict=True)
+        if abs(rate) > 0
+    ]
+    explanation = "mass and no inertia: they count as points at their cm"
+    notes = [f"{listed(turning, 4)} turn with {explanation}"] if turning else []
+    links = getattr(mechanism.document, "links", {})
+    joints = mechanism.document.joints.values() if links else ()
+    seats = {link for x in joints for link, at in zip(x.links, x.at, strict=True) if at.z == 0}
+    heavy = [name for name, x in links.items() if x.mass and "cm" not in x.model_fields_set]
+    if loose := [name for name in heavy if name not in seats]:
+        notes.append(f"{listed(loose, 4)}: no cm, so the mass is at the origin of its axes")
+    return notes
