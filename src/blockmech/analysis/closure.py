@@ -43,10 +43,10 @@ class Closure:
     def __init__(
         self, mechanism: Compiled, driver: str, held: Mapping[str, float], groups: tuple[str, ...]
     ) -> None:
-        self.mechanism = _sharp(mechanism)
+        self.mechanism = _without_blind_zones(mechanism)
         self.driver = driver
         self.held = held
-        programs = self.mechanism._once(_kept)
+        programs = self.mechanism._once(_programs)
         if groups not in programs:
             programs[groups] = _Program(self.mechanism.structure, self.mechanism.scene, groups)
         self._program = programs[groups]
@@ -170,7 +170,7 @@ class _Program:
         return (x * x + y * y) / (size + (size == 0))
 
 
-def _kept(mechanism: Compiled) -> dict[tuple[str, ...], _Program]:
+def _programs(mechanism: Compiled) -> dict[tuple[str, ...], _Program]:
     """Programs that are made, by their groups."""
     return {}
 
@@ -184,7 +184,7 @@ def _hides_its_pole(block: Any) -> bool:
     return bool(block.kind == "RPR" and block.h_i == block.h_j)
 
 
-def _sharp(mechanism: Compiled) -> Compiled:
+def _without_blind_zones(mechanism: Compiled) -> Compiled:
     """The mechanism without the blind zones beside its change points: margins exist there."""
     s = mechanism.structure
     if not s.followed:

@@ -83,7 +83,7 @@ class Line:
             low, high = (min(max(end.q, -farthest), farthest) for end in (arc.start, arc.end))
             passed = [point.q for point in arc.change_points]
             if closure.whole_turn and free:
-                yield self._cut(low, low + (self.system.period or TURN), True, passed)
+                yield self._cut_at_kinks(low, low + (self.system.period or TURN), True, passed)
                 continue
             shifts = [0]
             if rotary and not free:  # as the stops name it, any number of turns away
@@ -94,9 +94,9 @@ class Line:
             for shift in shifts:
                 a, b = max(low + TURN * shift, stop_low), min(high + TURN * shift, stop_high)
                 if a < b:
-                    yield self._cut(a, b, False, passed)
+                    yield self._cut_at_kinks(a, b, False, passed)
 
-    def _cut(self, low: float, high: float, closed: bool, passed: list[float]) -> Piece:
+    def _cut_at_kinks(self, low: float, high: float, closed: bool, passed: list[float]) -> Piece:
         """An arc cut at the kinks of the loads and, a little aside, at change points."""
         kinks = _repeated(self.system.knots, self.system.period, low, high)
         passed = _repeated(passed, TURN if self.system.rotary[0] else None, low, high)
@@ -126,7 +126,7 @@ class Line:
         """Places at which the effort of the loads vanishes, to rounding."""
         broken = [] if series.resolved.all() else self._between_samples(span)
         for guess in [*span.place(series.roots()).tolist(), *broken]:
-            q = self._polished(guess)
+            q = self._newton_root(guess)
             if q is not None and span.low - EPS <= q <= span.high + EPS:
                 yield q
 
@@ -149,7 +149,7 @@ class Line:
 
             yield bisect(same, q[i], q[i + 1])
 
-    def _polished(self, q: float) -> float | None:
+    def _newton_root(self, q: float) -> float | None:
         """A root by Newton's method with the exact slope; None where it is none."""
         span = self.system.span
         for _ in range(NEWTON_STEPS):
@@ -226,7 +226,7 @@ def _curve(line: Line, spans: Sequence[Span], rows: list[Series], has_potential:
     q = np.concatenate([span.place(u) for span in spans])
     work, total = [], 0.0
     for series in rows:
-        integral = _whole(series).integral()(u)
+        integral = _fill_short_gaps(series).integral()(u)
         work.append(total + integral)
         total += float(integral[-1])
     integral_of_effort = -np.concatenate(work)
@@ -245,7 +245,7 @@ def _potentials(
     potentials: list[float] = []
     total = 0.0
     for span, series in zip(spans, rows, strict=True):
-        integral = _whole(series).integral()
+        integral = _fill_short_gaps(series).integral()
         for q in coordinates:
             if span.low <= q <= span.high and len(potentials) <= coordinates.index(q):
 
@@ -280,7 +280,7 @@ def _repeated(
     return sorted(q for q in copies if low <= q <= high)
 
 
-def _whole(series: Series) -> Series:
+def _fill_short_gaps(series: Series) -> Series:
     """A series without the panels around a change point, which are too short to count."""
     bad = np.asarray(~np.isfinite(series.c).all(axis=1))
     if not bad.any() or np.diff(series.edges)[bad].sum() > SAME:

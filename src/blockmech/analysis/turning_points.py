@@ -59,7 +59,7 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     parts: dict[str, Callable[[Floats], Real]] = {
         "x": lambda s: read(s).real,
         "y": lambda s: read(s).imag,
-        "": _continued(cycle, read) if output.endswith(".angle") else read,
+        "": _continuous_angle(cycle, read) if output.endswith(".angle") else read,
     }
     return Signal(output, parts[part], parts[part], margin)
 
@@ -70,7 +70,7 @@ def _margin(cycle: Cycle, output: str, s: Floats) -> Floats:
     return np.asarray(np.min([np.ones(len(s)), *margins], axis=0).clip(EPS))
 
 
-def _continued(cycle: Cycle, read: Callable[[Floats], Real]) -> Callable[[Floats], Floats]:
+def _continuous_angle(cycle: Cycle, read: Callable[[Floats], Real]) -> Callable[[Floats], Floats]:
     """An angle that does not jump by a turn on any stretch: it stays near the samples."""
     coordinates = cycle.places()
     angles = np.array(read(coordinates))
@@ -131,9 +131,11 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
         floor = ROUNDING * float(np.nanmax(np.abs(values) * signal.margin(coordinates)))
         for low, high in cycle.stretches(signal.value):
             aside = ASIDE * closed
-            inner += _inner(cycle, signal, Span(low - aside, high - aside, turn=closed), floor)
+            inner += _inner_extrema(
+                cycle, signal, Span(low - aside, high - aside, turn=closed), floor
+            )
             if not closed:
-                ends += [_end(cycle, signal, edge) for edge in (low, high)]
+                ends += [_end_value(cycle, signal, edge) for edge in (low, high)]
     inner = [
         turn._replace(value=math.copysign(math.inf, turn.value))
         if abs(turn.value) * DOUBLE_ROOT > largest
@@ -156,7 +158,7 @@ def _is_noise(signal: Signal, samples: Floats, values: Floats) -> bool:
     return bool(np.median(np.abs(neighbours - values[:-1])) > NOISY * np.ptp(values))
 
 
-def _inner(cycle: Cycle, signal: Signal, span: Span, floor: float) -> list[Turn]:
+def _inner_extrema(cycle: Cycle, signal: Signal, span: Span, floor: float) -> list[Turn]:
     """Extrema inside a stretch, in order; rounding at the margin 1 is a floor for all of them."""
     part = (span.high - span.low) / (cycle.high - cycle.low)
     edges = panels(0.0, 1.0, max(2, math.ceil(part * cycle.panels)))
@@ -164,17 +166,17 @@ def _inner(cycle: Cycle, signal: Signal, span: Span, floor: float) -> list[Turn]
     good = np.isfinite(curve.y)
     x, y = curve.x[good], curve.y[good]
     noise = np.maximum(ROUNDING * np.abs(y), floor) / signal.margin(x)
-    if not (turning := _turning(y, noise, span.turn)):
+    if not (turning := _extrema_among(y, noise, span.turn)):
         return []
     indices, signs = np.array(turning).T
     steps = np.diff(x)
     room = np.minimum(np.append(0.0, steps), np.append(steps, 0.0))  # none at the ends
-    s = _cornered(signal, x[indices], room[indices], signs)
+    s = _refine_corners(signal, x[indices], room[indices], signs)
     turns = zip(s.tolist(), signal.value(s).tolist(), signs.tolist(), strict=True)
     return [Turn(cycle.wrapped(at) if span.turn else at, *rest) for at, *rest in turns]
 
 
-def _cornered(signal: Signal, s: Floats, room: Floats, sign: Floats) -> Floats:
+def _refine_corners(signal: Signal, s: Floats, room: Floats, sign: Floats) -> Floats:
     """Extrema (k,), closed in on where values beside them are better: those are no smooth ones."""
     aside = np.concatenate([[0.0], -BESIDE, BESIDE])
 
@@ -194,11 +196,11 @@ def _cornered(signal: Signal, s: Floats, room: Floats, sign: Floats) -> Floats:
     return s
 
 
-def _at(signal: Signal, s: float) -> float:
+def _value_at(signal: Signal, s: float) -> float:
     return float(signal.value(np.array([s]))[0])
 
 
-def _turning(y: Floats, noise: Floats, closed: bool) -> list[tuple[int, int]]:
+def _extrema_among(y: Floats, noise: Floats, closed: bool) -> list[tuple[int, int]]:
     """Numbers and kinds of the extrema among values, apart from noise.
 
     Values that are alike within noise count as one.
@@ -221,18 +223,18 @@ def _turning(y: Floats, noise: Floats, closed: bool) -> list[tuple[int, int]]:
     return turns
 
 
-def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:
+def _end_value(cycle: Cycle, signal: Signal, edge: float) -> Turn:
     """The value at the end of a stretch: a limit, or without bound at a dead centre.
 
     Steps towards it shrink by 100 each: the value then settles, or it grows like
     1/sqrt(distance), each time by 10 times more. At a change point, where margins fall by the
     square of the distance, the value is that of the polynomial through places before it.
     """
-    at = _at(signal, edge)
+    at = _value_at(signal, edge)
     if edge in (cycle.low, cycle.high):
         return Turn(edge, at, 1, True)
     inward = (cycle.high - cycle.low) / cycle.steps
-    inward = inward if math.isfinite(_at(signal, edge + 1e-6 * inward)) else -inward
+    inward = inward if math.isfinite(_value_at(signal, edge + 1e-6 * inward)) else -inward
     steps = edge + inward * np.array([1e-2, 1e-4, 1e-6])
     first, second, third = signal.value(steps).tolist()
     margins = signal.margin(steps)

@@ -71,7 +71,7 @@ class Echelon:
         row, used = dict(condition), dict[int, int]()
         while row and (pivot := self.pivots.get(lead := min(row))):
             used[lead] = factor = row.pop(lead)
-            self._work(1 + len(pivot.row))
+            self._spend_steps(1 + len(pivot.row))
             for c, value in pivot.row.items():
                 rest = (row.get(c, 0) - factor * value) % PRIME
                 if rest:
@@ -80,7 +80,7 @@ class Echelon:
                     row.pop(c, None)
         return row, used
 
-    def _work(self, steps: int) -> None:
+    def _spend_steps(self, steps: int) -> None:
         self.left -= steps
         if self.left < 0:
             raise TooTangledError
@@ -96,7 +96,7 @@ class Echelon:
             amount = weight[column] * pivot.scale % PRIME
             if amount:
                 sources.add(pivot.source)
-                self._work(4 * (1 + len(pivot.used)))  # a heap costs more than a row
+                self._spend_steps(4 * (1 + len(pivot.used)))  # a heap costs more than a row
                 for earlier, factor in pivot.used.items():
                     if earlier not in weight:
                         heapq.heappush(waiting, (-self.pivots[earlier].source, earlier))

@@ -144,13 +144,13 @@ class Moving(Block):
 
     @field_validator("friction")
     @classmethod
-    def _friction_fits(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
+    def _check_friction(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
         refuse(cls.__name__, wrong_friction(friction, cls.joints))
         return friction
 
     @field_validator("clearance")
     @classmethod
-    def _clearance_fits(cls, clearance: dict[str, float]) -> dict[str, float]:
+    def _check_clearance(cls, clearance: dict[str, float]) -> dict[str, float]:
         refuse(cls.__name__, wrong_clearance(clearance, cls.joints))
         return clearance
 

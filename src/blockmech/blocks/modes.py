@@ -51,7 +51,7 @@ class BranchHome(StrictModel):
         return {"drivers": axis.coordinates}
 
 
-def _known(raw: Any) -> Any:
+def _check_branch(raw: Any) -> Any:
     if raw == FOLLOW or (raw in (-1, 1) and not isinstance(raw, bool)):
         return raw
     raise mistake("wrong-value", f'must be -1, 1 or "{FOLLOW}", got {shown(raw)}')
@@ -60,7 +60,7 @@ def _known(raw: Any) -> Any:
 AnyBranch = Annotated[
     Literal[-1, 1, "follow"],
     Field(description="assembly mode, or the one that the motion carries on"),
-    BeforeValidator(_known),
+    BeforeValidator(_check_branch),
 ]
 
 

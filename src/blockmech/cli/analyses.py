@@ -39,7 +39,7 @@ def check(file: GraphFile, json: AsJson = False) -> None:
         model = reading(file, opened)
         problems = in_file(model.check(), file)
         facts, text = ({}, "") if problems else _facts(model)
-        doubts = [] if problems else _doubts(model, file)
+        doubts = [] if problems else _closing_warnings(model, file)
     except (FormatError, GraphError) as error:
         problems, facts, text = list(error.problems), {}, ""
     if problems and not json:
@@ -53,7 +53,7 @@ def check(file: GraphFile, json: AsJson = False) -> None:
         raise typer.Exit(WRONG)
 
 
-def _doubts(model: Opened, file: str) -> list[Problem]:
+def _closing_warnings(model: Opened, file: str) -> list[Problem]:
     """What breaks no rule and is hardly meant: groups that do not close where it starts."""
     from blockmech.testing.expectations import check_closing
 
@@ -156,13 +156,13 @@ def extremes(
 
     def search(mechanism: Mechanism) -> Reports:
         method: Any = mechanism.stroke if stroke else mechanism.extremes
-        reports = [row for name in names for row in _of_all(mechanism, name, method)]
+        reports = [row for name in names for row in _for_each_match(mechanism, name, method)]
         return Reports("strokes" if stroke else "extremes", reports)
 
     display.answer_command(file, compiled, "searching", search)
 
 
-def _of_all(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[Any]:
+def _for_each_match(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[Any]:
     """What is asked of an output; of a pattern, of all that fit and have an answer."""
     try:
         return [ask(name)]

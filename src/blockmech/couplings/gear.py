@@ -79,7 +79,7 @@ class Gear(LossyCoupling, type="coupling.gear"):
     pressure_angle: Annotated[Angle, Field(ge=0.0, lt=math.pi / 2), in_unit("rad")] = default(0.0)
 
     @model_validator(mode="after")
-    def _of_two_sizes(self) -> Gear:
+    def _check_teeth(self) -> Gear:
         if self.internal and self.teeth[0] == self.teeth[1]:
             message = f"a wheel of {self.teeth[0]} teeth cannot roll in a ring with the same number"
             raise mistake("bad-teeth", message, "a ring has more teeth than the wheel in it")

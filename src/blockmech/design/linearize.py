@@ -302,12 +302,12 @@ def linearize(
     refuse_sampled(mechanism)
     if not mechanism.drivers:
         raise refused("linearize", "the mechanism has no driver", "what does not move has no modes")
-    at = _resting(mechanism) if at is None else at
+    at = _only_stable_equilibrium(mechanism) if at is None else at
     balanced = isinstance(at, Equilibrium) and not (at.stop or at.jump)
     if isinstance(at, Equilibrium):
         mechanism = mechanism if at.chart is None else at.chart.mechanism
         at = dict(zip(mechanism.drivers, (at.leads or at.at).values(), strict=True))
-    q, qd = _state(mechanism, at, rates)
+    q, qd = _coordinates_and_rates(mechanism, at, rates)
     slips = bool(qd.any()) and bool(mechanism.frictional_joints) and friction != "none"
     if slips:
         refuse_friction_states(mechanism)
@@ -325,7 +325,7 @@ def linearize(
     if not of.margin > 0:  # the run's own error says which group fails
         mechanism.run(drivers, want=[mechanism._of_driver(d, "tau_red") for d in drivers])
     fed = [(n in sources, sources[n] if n in sources else [*numbers].index(n)) for n in extra]
-    space = _space(of, len(q), [*signal_states.values()], fed)
+    space = _state_space_matrices(of, len(q), [*signal_states.values()], fed)
     k = len(q)
     K, damping, M = (of.by[:k, i * k : (i + 1) * k] for i in range(3))
     effort = 0 * of.effort if balanced else of.effort  # what is left of a balance is rounding
@@ -372,7 +372,7 @@ def _signals(
     return x, notes
 
 
-def _space(
+def _state_space_matrices(
     of: Derivatives, k: int, states: list[int], extra: list[tuple[bool, int]]
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """A, B, C, D of z = (x, x', s) from derivatives by motion, signals and numbers.
@@ -420,7 +420,7 @@ def _names(names: Iterable[str] | str) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def _resting(mechanism: Compiled) -> Equilibrium:
+def _only_stable_equilibrium(mechanism: Compiled) -> Equilibrium:
     """The only stable equilibrium, beyond dead centres only where there is no other."""
     look: Any = partial(mechanism.equilibria, friction="none")  # type: ignore[attr-defined]
     every = ([e for e in look(charts=x).stable if not e.stop] for x in (False, True))
@@ -434,7 +434,7 @@ def _resting(mechanism: Compiled) -> Equilibrium:
     return only
 
 
-def _state(
+def _coordinates_and_rates(
     mechanism: Compiled, at: Coordinates, rates: Coordinates | None
 ) -> tuple[Floats, Floats]:
     """Coordinates and rates (k,) of a request."""

@@ -70,7 +70,7 @@ class MotionInputs(Record):
             return None
         return system_of(self.mechanism, method=self.how).friction_of(self.how.pushed)
 
-    def _against(self, q: Floats, qd: Floats, t: Floats, which: Indices) -> Constraints:
+    def _active_constraints(self, q: Floats, qd: Floats, t: Floats, which: Indices) -> Constraints:
         """Rows of stops that it lies against at n states, and of drivers that are not free."""
         stops, bound = which[which < self.stops], which[which >= self.stops] - self.stops
         at = [self.pairs.constraints(*state, stops) for state in zip(q, qd, strict=True)]
@@ -87,7 +87,7 @@ class MotionInputs(Record):
         unit = np.broadcast_to(np.eye(q.shape[1])[bound], (len(t), bound.size, q.shape[1]))
         return constraint.extended(Constraints(unit, -pull, ((-1, 1),) * bound.size, qd[:, bound]))
 
-    def _pushed(self, pushes: Floats) -> dict[str, Floats]:
+    def _pair_stop_inputs(self, pushes: Floats) -> dict[str, Floats]:
         """Inputs of what stops of pairs push with, from that of all stops (n, a)."""
         k = len(self.mechanism.drivers)
         pairs = enumerate(self.pairs.pairs)
@@ -115,10 +115,13 @@ class MotionInputs(Record):
             return self._without_friction()
         q, qd = (x.reshape(len(self.t), k) for x in (self.q, self.qd))
         state = q, qd, self.t, self.states
-        sides, lain = np.broadcast_to(self.sides, (len(q), self.rubs)), (self.lies, self._against)
+        sides, lain = (
+            np.broadcast_to(self.sides, (len(q), self.rubs)),
+            (self.lies, self._active_constraints),
+        )
         response = friction_along(friction, state, sides, *lain, self.begins)
         acting = _by_driver("qd", response.rates, k) | _by_driver("qdd", response.qdd, k)
-        acting |= self._pushed(response.pushes)
+        acting |= self._pair_stop_inputs(response.pushes)
         for j, t in enumerate(np.ascontiguousarray(response.friction.T)):
             acting |= {f"sticks_{j}": response.stand[:, j].astype(float), f"friction_{j}": t}
         return acting
@@ -139,11 +142,11 @@ class MotionInputs(Record):
         for i, lies in enumerate(self.lies):
             which, sample, constraint = np.flatnonzero(lies), slice(i, i + 1), None
             if which.size:
-                constraint = self._against(
+                constraint = self._active_constraints(
                     self.q[sample], self.qd[sample], self.t[sample], which
                 ).first()
             qdd[i], pushes[i, which] = constrained(M[i], right[i], constraint)
-        return _by_driver("qdd", qdd, k) | self._pushed(pushes)
+        return _by_driver("qdd", qdd, k) | self._pair_stop_inputs(pushes)
 
 
 def states_along(motion: Motion, t: Floats) -> dict[str, Floats]:

@@ -135,19 +135,19 @@ class StickSlip:
         at, sides = self._instant(t, y), self.equation.sides
         return self._rubs.share(at, sides, self._rubs.respond(at, sides)) - 1.0
 
-    def _pull(self, t: float, y: Floats) -> float:
+    def _largest_tension(self, t: float, y: Floats) -> float:
         """What a stop that it lies against would have to pull with most [N m or N]."""
         stops, force = self.equation.system.contacts, self.equation.stop_force
         return max((side * force(i, t, y) for i, side in stops.items()), default=-math.inf)
 
-    def _wait(self, now: Now) -> Iterator[Transition]:
+    def _wait_for_release(self, now: Now) -> Iterator[Transition]:
         """Stay where nothing is free, until loads of the time push beyond what holds it."""
         system, t_last = self.equation.system, self.request.t_last
         if "state" in system.depends_on:
             return  # signals go on
 
         def beyond(t: float) -> float:
-            return max(self._excess(t, now.y), self._pull(t, now.y))
+            return max(self._excess(t, now.y), self._largest_tension(t, now.y))
 
         until = time_of_release(system, beyond, now.t, t_last)
         if until is None and self.request.span == math.inf:
@@ -170,7 +170,7 @@ class StickSlip:
             q, qd = map(np.atleast_1d, equation.motion(now.t, now.y))
             constraint = None if system.roles else system.against(q, qd, now.t)
             equation.is_fixed = constraint is not None and not constraint.free()[0].size
-            yield from self._wait(now) if equation.is_fixed else ()
+            yield from self._wait_for_release(now) if equation.is_fixed else ()
             return
         at, old = self._instant(now.t, now.y, SOON), equation.sides
         if not np.isfinite(at.w).all():  # of a chart that has no pose where it should go on
@@ -201,7 +201,7 @@ class StickSlip:
             event = Event(ends.REST, now.t, *layout.motion(y))
             yield Transition(events=(event,), facts=self._facts(now, start))
         if equation.is_fixed:
-            yield from self._wait(now._replace(y=y))
+            yield from self._wait_for_release(now._replace(y=y))
 
     def _facts(self, now: Now, start: Settled) -> dict[str, float]:
         """How firmly friction holds what rests."""

@@ -45,12 +45,12 @@ def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
         if driver in {driver_data["driven"] for driver_data in couplings.values()}:
             raise refused(driver, "it follows another joint already", "choose another joint")
     form = with_item(form, ("drivers", of[ends[1]]), {"joint": ends[1]})  # it has no own law
-    sizes = _sizes(form, ends, kinds, kind)
+    sizes = _coupling_sizes(form, ends, kinds, kind)
     coupling = {"type": kind, "driver": of[ends[0]], "driven": of[ends[1]], **sizes}
     return dict(with_item(form, ("couplings", numbered_name(kind, couplings)), coupling))
 
 
-def _sizes(form: Form, ends: list[str], kinds: str, kind: str) -> Form:
+def _coupling_sizes(form: Form, ends: list[str], kinds: str, kind: str) -> Form:
     """Sizes of a coupling as it is drawn."""
     a, b = (pins_of(form)[name].z for name in ends)
     if kind == "gear":

@@ -49,7 +49,7 @@ def diagram_of(now: Revision) -> Data:
     blocks = now.blocks
     editable = blocks is now.document
     content = content_of(blocks, most=len(blocks.blocks) + 1)
-    wrong = {at: p.found for p in now.problems if editable for at in _about(p, blocks)}
+    wrong = {at: p.found for p in now.problems if editable for at in _concerned_names(p, blocks)}
     laid = Canvas.of(content, blocks, wrong)
     return {
         "blocks": laid.blocks(content, {at.partition(".")[0] for at in wrong}),
@@ -60,7 +60,7 @@ def diagram_of(now: Revision) -> Data:
     }
 
 
-def _about(problem: Problem, blocks: graph.Graph) -> list[str]:
+def _concerned_names(problem: Problem, blocks: graph.Graph) -> list[str]:
     """The blocks and ports that a problem is about; of blocks in a loop, where they are fed."""
     names = problem.where.removeprefix("blocks.").split(", ")
     fed = [w for w in blocks.wires if {w.source.split(".")[0], w.target.split(".")[0]} <= {*names}]

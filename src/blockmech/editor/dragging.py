@@ -99,7 +99,7 @@ def dragged(form: Record, motion: Motion, k: int, old: complex, new: complex) ->
 
     changed: Data = copy.deepcopy(dict(form))
     for marker in changed["blocks"][s.frame].get("markers", {}).values():
-        marker["at"] = _put(marker["at"], 0j, 1, 0j, 1, move)
+        marker["at"] = _local_place(marker["at"], 0j, 1, 0j, 1, move)
     starts = changed.get("scene", {}).get("initial", {})
     result = Dragged(changed, {driver: float(q[k]) for driver, q in motion.q.items()}, {})
     for name in (name for name in s.blocks if name in changed["blocks"]):
@@ -140,7 +140,7 @@ def _drag_block(
                 turn = phase(e2 / e)
         for marker, marker_data in block.get("links", {}).get(link, {}).get("markers", {}).items():
             stays = (o2, e2) != (o, e) and MarkerRef(name, link, marker) in joined
-            marker_data["at"] = _put(marker_data["at"], o, e, o2, e2, move, stays)
+            marker_data["at"] = _local_place(marker_data["at"], o, e, o2, e2, move, stays)
     if {"B", "C", "D"} <= set(pins) and block.get("branch", 1) in (-1, 1):
         side = ((pins["D"] - pins["B"]).conjugate() * (pins["C"] - pins["B"])).imag
         if side:
@@ -149,7 +149,7 @@ def _drag_block(
     return turn
 
 
-def _put(
+def _local_place(
     at: Any, o: complex, e: complex, o2: complex, e2: complex, move: Move, stays: bool = False
 ) -> Any:
     """A place on a link whose frame (origin, axis) changes: dragged, left on the ground or kept."""

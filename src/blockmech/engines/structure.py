@@ -27,7 +27,7 @@ class _Foreign(Exception):
 def key_of(program: Program) -> str | None:
     """The key of a program's structure; None where users' functions are a part of it."""
     try:
-        functions = [(name, *_parts(f)) for name, f in program.functions.items()]
+        functions = [(name, *_identity(f)) for name, f in program.functions.items()]
         kinds = [_kind(value) for value in program.parameters.values()]
     except _Foreign:
         return None
@@ -35,7 +35,7 @@ def key_of(program: Program) -> str | None:
     return sha256(text.encode()).hexdigest()
 
 
-def _parts(value: Any) -> Iterator[Any]:
+def _identity(value: Any) -> Iterator[Any]:
     """What a kernel, or a value that it holds, is by its module, name and contents."""
     kind = value if isinstance(value, type | FunctionType) else type(value)
     if kind.__module__ not in ("builtins", "blockmech") and not kind.__module__.startswith(OWN):
@@ -46,9 +46,9 @@ def _parts(value: Any) -> Iterator[Any]:
         yield from (code.co_firstlineno, code.co_code)  # two lambdas of a line have one name
         cells = [cell.cell_contents for cell in value.__closure__ or ()]
         contents = (*cells, value.__defaults__, value.__kwdefaults__)
-        yield [tuple(_parts(x)) for x in contents]
+        yield [tuple(_identity(x)) for x in contents]
     elif isinstance(value, tuple):
-        yield [tuple(_parts(x)) for x in value]
+        yield [tuple(_identity(x)) for x in value]
     elif hasattr(value, "answer"):  # no kernel: it answers in numbers of this shape
         yield value.answer
     elif isinstance(value, bool | int | float | complex | str | None):

@@ -114,7 +114,7 @@ class _Reading:
         for record in root.below("actuator"):
             self._actuator(self._of_class(record, ""))
         if total := root.first("compiler").number("settotalmass", -1.0):
-            self._scale(total)
+            self._scale_masses(total)
         option = root.first("option")
         flag = option.first("flag")
         flag.consumed |= {name for name, switch in flag.fields.items() if switch == "enable"}
@@ -128,7 +128,7 @@ class _Reading:
 
     # -- places -------------------------------------------------------------------
 
-    def _turn(self, record: Record) -> Floats:
+    def _rotation(self, record: Record) -> Floats:
         where = record.where
         if record.get("quat"):
             return quaternion(record.numbers("quat", 4), where)
@@ -154,7 +154,7 @@ class _Reading:
         return axes
 
     def _pose(self, record: Record, outer: Pose) -> Pose:
-        return outer.at(record.numbers("pos", 3, "0 0 0"), self._turn(record))
+        return outer.at(record.numbers("pos", 3, "0 0 0"), self._rotation(record))
 
     # -- bodies -------------------------------------------------------------------
 
@@ -271,7 +271,7 @@ class _Reading:
 
     # -- what joins them besides ------------------------------------------------------
 
-    def _end(self, record: Record, number_: int) -> tuple[str, Pose | None]:
+    def _equality_end(self, record: Record, number_: int) -> tuple[str, Pose | None]:
         """A body that an equality names, and where a site of it is."""
         if site := record.get(f"site{number_}"):
             if site not in self.sites:
@@ -291,7 +291,10 @@ class _Reading:
         if record.tag == "joint":
             self._ratio(record, name)
             return
-        (first, at), (second, second_at) = self._end(record, 1), self._end(record, 2)
+        (first, at), (second, second_at) = (
+            self._equality_end(record, 1),
+            self._equality_end(record, 2),
+        )
         ends = (self.links[first], self.links[second])
         if record.tag == "connect":
             at = at or self.poses[first].at(record.numbers("anchor", 3, "0 0 0"))
@@ -328,7 +331,7 @@ class _Reading:
             return
         self.assembly.change(joint, law={})
 
-    def _scale(self, total: float) -> None:
+    def _scale_masses(self, total: float) -> None:
         """Scale all masses so that they sum up to a total [kg], if that is positive."""
         masses = self.assembly.masses
         factor = total / (sum(mass.mass for several in masses.values() for mass in several) or 1.0)
@@ -345,7 +348,7 @@ READER = Reader(
 )
 
 
-def _round(volume: float, axial: float, transverse: float) -> tuple[float, Floats]:
+def _axisymmetric(volume: float, axial: float, transverse: float) -> tuple[float, Floats]:
     """Volume, and the inertia of a unit mass about z and about what is square to it."""
     return volume, np.diag([transverse, transverse, axial])
 
@@ -370,7 +373,7 @@ def box(a: float, b: float, c: float) -> tuple[float, Floats]:
 def cylinder(radius: float, half: float) -> tuple[float, Floats]:
     """Radius [m] and half of the length [m] along z."""
     square = radius**2
-    return _round(2 * math.pi * square * half, square / 2, square / 4 + half**2 / 3)
+    return _axisymmetric(2 * math.pi * square * half, square / 2, square / 4 + half**2 / 3)
 
 
 def capsule(radius: float, half: float) -> tuple[float, Floats]:
@@ -381,7 +384,7 @@ def capsule(radius: float, half: float) -> tuple[float, Floats]:
     transverse = tube * (square / 4 + half**2 / 3)
     transverse += ends * (square * 2 / 5 + half**2 + 3 / 4 * half * radius)
     volume = tube + ends
-    return _round(volume, axial / volume, transverse / volume)
+    return _axisymmetric(volume, axial / volume, transverse / volume)
 
 
 SHAPES: dict[str, tuple[int, Callable[..., tuple[float, Floats]]]] = {

@@ -69,7 +69,7 @@ def drive_panels(result: Result, twin: Result | None) -> Panels:
     drivers = result.mechanism.drivers
     for driver in drivers:
         name = result.mechanism._of_driver(driver, "drive")
-        drive = _alive({"": values(result, name)}) if name in result else {}
+        drive = _nonzero({"": values(result, name)}) if name in result else {}
         if drive:
             unit = result.unit(name)
             quantity = "driving force" if unit == "N" else "driving moment"
@@ -83,18 +83,21 @@ def drive_panels(result: Result, twin: Result | None) -> Panels:
 
 def friction_panels(result: Result) -> Panels:
     """The power that friction takes, in all and at each joint ([R10] Fig. 13)."""
-    joints = _alive(_named(result, ".friction_power"))
+    joints = _nonzero(_curves_of(result, ".friction_power"))
     total = {"all joints": joints.pop("mechanism")} if "mechanism" in joints else {}
     if len(joints) > PANELS:
-        return (Panel("friction power", "W", total), *_split("friction power", "W", joints))
+        return (
+            Panel("friction power", "W", total),
+            *_panels_by_block("friction power", "W", joints),
+        )
     curves = joints if len(joints) == 1 else {**total, **joints}
     return (Panel("friction power", "W", curves),) if curves else ()
 
 
 def reaction_panels(result: Result, twin: Result | None) -> Panels:
     """The magnitude of every joint's reaction ([R10] Fig. 14), and what friction adds to it."""
-    bare = NOTHING if twin is None else _named(twin, ".reaction")
-    panels = _split("reaction", "N", _alive(_named(result, ".reaction")), bare)
+    bare = NOTHING if twin is None else _curves_of(twin, ".reaction")
+    panels = _panels_by_block("reaction", "N", _nonzero(_curves_of(result, ".reaction")), bare)
     # Often too small to be seen between two curves, as with the drive.
     return panels + tuple(
         Panel("due to friction", panel.unit, _differences(panel.curves, lines))
@@ -115,12 +118,12 @@ def kinematic_panels(result: Result, degrees: bool = False) -> Panels:
     """Angles, rates and accelerations of links, for a mechanism without forces."""
     panels: Panels = ()
     for suffix, (quantity, unit) in KINEMATICS.items():
-        curves = _named(result, f".{suffix}")
+        curves = _curves_of(result, f".{suffix}")
         if suffix == "angle":
             factor, unit = angle_scale(unit, degrees)
             curves = {name: factor * _unwrapped(angle) for name, angle in curves.items()}
-        if _alive(curves):
-            panels += _split(quantity, unit, curves)
+        if _nonzero(curves):
+            panels += _panels_by_block(quantity, unit, curves)
     return panels
 
 
@@ -222,17 +225,17 @@ def reach(mechanism: Any) -> float:
     return max((b.largest_length() for b in mechanism.structure.blocks.values()), default=0) or 1.0
 
 
-def _named(result: Result, suffix: str) -> dict[str, Floats]:
+def _curves_of(result: Result, suffix: str) -> dict[str, Floats]:
     """Curves of all outputs of one sort."""
     return {n.removesuffix(suffix): values(result, n) for n in result if n.endswith(suffix)}
 
 
-def _alive(curves: Mapping[str, Floats]) -> dict[str, Floats]:
+def _nonzero(curves: Mapping[str, Floats]) -> dict[str, Floats]:
     """The curves that are not zero everywhere."""
     return {name: y for name, y in curves.items() if np.any(np.nan_to_num(y) != 0)}
 
 
-def _split(
+def _panels_by_block(
     quantity: str,
     unit: str,
     curves: Mapping[str, Floats],

@@ -303,7 +303,7 @@ class StrictModel(BaseModel):
                 message, valid = "its numbers have names", f"names: {listed(fields)}"
                 remedy = f"write {name}({needed})" if needed else "say which is meant"
                 raise GraphError(Problem("wrong-type", name, message, valid, remedy))
-            raw = _plain(values)
+            raw = _without_numpy(values)
             try:
                 super().__init__(**raw)
             except ValidationError as error:
@@ -323,7 +323,7 @@ class StrictModel(BaseModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _with_texts(cls, raw: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _read_quantities(cls, raw: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         try:
             return handler(raw)
         except ValidationError:  # numbers are not read twice: few are written as texts
@@ -369,15 +369,15 @@ class StrictModel(BaseModel):
         return copied
 
 
-def _plain(raw: Any, name: str = "") -> Any:
+def _without_numpy(raw: Any, name: str = "") -> Any:
     """Numbers and arrays of NumPy as Python's, pairs for markers as tuples; all else as it is."""
     if hasattr(raw, "tolist"):
         items = raw.tolist()
         return tuple(items) if isinstance(items, list) else items
     if isinstance(raw, dict):
-        fields = {key: _plain(item, key) for key, item in raw.items()}
+        fields = {key: _without_numpy(item, key) for key, item in raw.items()}
         return {k: _pair(item) for k, item in fields.items()} if name == "markers" else fields
-    return type(raw)(map(_plain, raw)) if type(raw) in (list, tuple) else raw
+    return type(raw)(map(_without_numpy, raw)) if type(raw) in (list, tuple) else raw
 
 
 def _pair(raw: Any) -> Any:

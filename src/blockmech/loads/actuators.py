@@ -80,7 +80,7 @@ class Thrust(Following, type="load.thrust"):
 
     @field_validator("direction")
     @classmethod
-    def _points_somewhere(cls, direction: Vector | None) -> Vector | None:
+    def _check_direction(cls, direction: Vector | None) -> Vector | None:
         check_direction("direction", direction)
         return direction
 

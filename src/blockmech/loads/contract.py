@@ -226,7 +226,7 @@ class Following(Element):
         return Function.of_call(raw) if callable(raw) and not isinstance(raw, type) else read(raw)
 
     @model_validator(mode="after")
-    def _driver_matters(self) -> Following:
+    def _check_driver(self) -> Following:
         of = self.variables()
         if self.driver is not None and not {"coordinate", "rate"} & set(of):
             message = f"is useless: the law is {f'of {listed(of)}' if of else 'constant'}"

@@ -82,7 +82,7 @@ def _item(section: Section, parts: Data, key: dict[Any, str]) -> Data:
         name = key[model]
         if section.key not in model.model_fields:
             name = f"{section.prefix}{word}"
-            parts[name] = _of_block(section.key, word, model, parts.pop(key[model]))
+            parts[name] = _block_schema(section.key, word, model, parts.pop(key[model]))
         condition = {"properties": {section.key: {"const": word}}, "required": [section.key]}
         cases.append({"if": condition, "then": {"$ref": f"#/$defs/{name}"}})
     words: Data = {"enum": list(section.kinds)}
@@ -97,25 +97,27 @@ def _item(section: Section, parts: Data, key: dict[Any, str]) -> Data:
     return schema | {"allOf": cases}
 
 
-def _of_block(key: str, word: str, cls: type[Any], schema: Data) -> Data:
+def _block_schema(key: str, word: str, cls: type[Any], schema: Data) -> Data:
     """The schema of a block type, with what only the class knows of its links and joints."""
     keys = {key: {"const": word}, **schema["properties"]}
     if issubclass(cls, Moving) and not cls.own_form:
-        keys["links"] = _named({link: {"$ref": "#/$defs/Link"} for link in cls.link_names})
+        keys["links"] = _closed_object({link: {"$ref": "#/$defs/Link"} for link in cls.link_names})
         pins = {
             j.name: keys["clearance"]["additionalProperties"]
             for j in cls.joints.values()
             if j.rotary
         }
-        keys["clearance"] = _named(pins)
-        keys["friction"] = _named({j.name: _friction_of(j.kind) for j in cls.joints.values()})
+        keys["clearance"] = _closed_object(pins)
+        keys["friction"] = _closed_object(
+            {j.name: _friction_of(j.kind) for j in cls.joints.values()}
+        )
     if "markers" in keys:
         keys["markers"] = {**keys["markers"], "propertyNames": NAME}
     required = [key, *schema.get("required", ())]
     return {**schema, "title": word, "properties": keys, "required": required}
 
 
-def _named(keys: Data) -> Data:
+def _closed_object(keys: Data) -> Data:
     return {"type": "object", "properties": keys, "additionalProperties": False}
 
 
@@ -127,12 +129,15 @@ def _friction_of(kind: str) -> Data:
         condition: Data = {"properties": {"law": {"const": name}}}
         condition |= {} if name == PLAIN else {"required": ["law"]}
         cases.append(
-            {"if": condition, "then": {"$ref": f"#/$defs/{law.__name__}"} | _shape(law, kind)}
+            {
+                "if": condition,
+                "then": {"$ref": f"#/$defs/{law.__name__}"} | _geometry_keys(law, kind),
+            }
         )
     return {"type": "object", "properties": {"law": {"enum": list(laws)}}, "allOf": cases}
 
 
-def _shape(law: type[FrictionLaw], kind: str) -> Data:
+def _geometry_keys(law: type[FrictionLaw], kind: str) -> Data:
     """What a law of the load needs to know of a kind of pair, and what it must not say."""
     if not issubclass(law, DryFriction):
         return {}

@@ -182,7 +182,7 @@ class Modes(Facts, Pictured):
                 arc.end.q,
                 (arc.start.how, arc.end.how),
                 arc.change_points,
-                tuple(_on(q, arc, self.units[self.driver] == "rad") for q in chosen),
+                tuple(_nearest_turn(q, arc, self.units[self.driver] == "rad") for q in chosen),
                 arc.circuit,
             )
 
@@ -197,7 +197,11 @@ class Modes(Facts, Pictured):
                     f"{self.prefix}{d}.q = {_coordinate(row[n], self.units[d], degrees)}"
                     for d, row in self.drivers.items()
                 )
-                yield f"  {where}: {_count(modes, group)}" if where else f"  {_count(modes, group)}"
+                yield (
+                    f"  {where}: {_mode_count(modes, group)}"
+                    if where
+                    else f"  {_mode_count(modes, group)}"
+                )
                 for k, mode in enumerate(modes, start=1):
                     yield from _mode_lines(k, mode, self, degrees)
             if group.arcs:
@@ -208,7 +212,7 @@ class Modes(Facts, Pictured):
 # ---- text --------------------------------------------------------------------------------
 
 
-def _count(modes: tuple[GroupMode, ...], group: GroupModes) -> str:
+def _mode_count(modes: tuple[GroupMode, ...], group: GroupModes) -> str:
     if not modes:
         listed = group.arcs or not group.note or any(group.samples)
         return "no mode: it cannot close" if listed else "none listed"
@@ -258,7 +262,7 @@ def _coordinate(q: float, unit: str, degrees: bool) -> str:
     return with_unit(shown_place(q), unit, degrees)
 
 
-def _on(q: float, arc: Arc, rotary: bool) -> float:
+def _nearest_turn(q: float, arc: Arc, rotary: bool) -> float:
     """A coordinate where an arc passes it, which may be whole turns away."""
     middle = (arc.start.q + arc.end.q) / 2
     return q + math.tau * round((middle - q) / math.tau) if rotary else q

@@ -47,11 +47,11 @@ PARTS = {"x": "real", "y": "imag"}
 WILD = re.compile(r"[*?[]")
 
 
-def _same(x: Nested) -> Any:
+def _identity(x: Nested) -> Any:
     return x
 
 
-def _part(read: Reader, which: str, *columns: Nested) -> Real:
+def _component(read: Reader, which: str, *columns: Nested) -> Real:
     return getattr(read(*columns), which)
 
 
@@ -67,17 +67,17 @@ def _real(
     name: str, unit: str, rule: Callable[..., Value], *key: Hashable, **declaration: str
 ) -> Output:
     """An output whose only value is the answer of one rule."""
-    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _same, **declaration)
+    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _identity, **declaration)
 
 
 def _vector(
     name: str, unit: str, rule: Callable[..., Value], *key: Hashable, **declaration: str
 ) -> Output:
-    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _same, **declaration)
+    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _identity, **declaration)
 
 
 IN_PROGRAMS: Mapping[Reader, Callable[..., Value]] = {
-    _same: _same,
+    _identity: _identity,
     _angle: lambda e: angle(ONE, e),
     _ratio_angle: lambda sine, cosine: angle(ONE, planar(cosine, sine)),
     at_most_one: lambda margin: minimum(UNIT, margin),
@@ -88,7 +88,7 @@ IN_PROGRAMS: Mapping[Reader, Callable[..., Value]] = {
 def in_program(output: Output) -> Callable[..., Value] | None:
     """How a program reads an output: (schedule, *values) -> a value; None where it cannot."""
     reader, part = output.read, ""
-    if isinstance(reader, partial) and reader.func is _part:
+    if isinstance(reader, partial) and reader.func is _component:
         reader, part = reader.args
     if output.kind != "real" or reader not in IN_PROGRAMS:
         return None
@@ -330,8 +330,8 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
         def efforts(s: Schedule) -> list[Value]:
             return [s.ask(reduction.reduced_load, k) for k in drivers]
 
-        yield of("M", "SI", "matrix", inertias, _same)
-        yield of("Q", "SI", "matrix", efforts, _same)
+        yield of("M", "SI", "matrix", inertias, _identity)
+        yield of("Q", "SI", "matrix", efforts, _identity)
 
 
 # -- by name, and planned ---------------------------------------------------------------
@@ -367,7 +367,7 @@ class Catalogue(Mapping[str, Output]):
         vector, _, end = name.rpartition(".")
         if end not in PARTS or (of := self[vector]).kind != "vector":
             raise KeyError(name)
-        return of._replace(name=name, kind="real", read=partial(_part, of.read, PARTS[end]))
+        return of._replace(name=name, kind="real", read=partial(_component, of.read, PARTS[end]))
 
     def __iter__(self) -> Iterator[str]:
         return chain(self.by_owner, self._more)

@@ -98,7 +98,7 @@ def readings(
 
     def of(owner: str, make: Callable[..., Iterator[Reading]], *arguments: Any) -> Part[Reading]:
         """An owner's readings, without outputs of the graph that there are not."""
-        return owner, _present, (outputs, make, arguments)
+        return owner, _available, (outputs, make, arguments)
 
     for ref, driver in driven.items():
         yield of(f"driver.{driver}", _of_driver, driver, pairs.get(ref))
@@ -113,7 +113,7 @@ def readings(
     yield of("mechanism", _of_blocks, "mechanism", ("mechanism",), outputs)
 
 
-def _present(
+def _available(
     outputs: Mapping[str, Output],
     make: Callable[..., Iterator[Reading]],
     arguments: tuple[Any, ...],
@@ -125,12 +125,12 @@ def _present(
             yield reading if parts == reading.parts else reading._replace(parts=parts)
 
 
-def _among(quantities: Iterable[str], last: str) -> list[str]:
+def _matching(quantities: Iterable[str], last: str) -> list[str]:
     return [quantity for quantity in quantities if last in ("", quantity)]
 
 
 def _of_driver(last: str, driver: str, between: tuple[str, str] | None) -> Iterator[Reading]:
-    for quantity in _among(OF_DRIVERS, last):
+    for quantity in _matching(OF_DRIVERS, last):
         yield Reading(
             f"driver.{driver}.{quantity}", ((f"{driver}.{quantity}", 1),), between=between
         )
@@ -145,7 +145,7 @@ def _of_link(last: str, link: str, at: LinkName, fixed: bool) -> Iterator[Readin
             offset = at.turn if turn == "angle" else 0.0
             yield Reading(f"link.{link}.{turn}", ((f"{at.link}.{turn}", 1),), offset)
     for marker, ref in at.markers.items():
-        for quantity in _among((*OF_POINTS, *OF_PLAY), last):
+        for quantity in _matching((*OF_POINTS, *OF_PLAY), last):
             yield Reading(f"link.{link}.{marker}.{quantity}", ((f"{ref}.{quantity}", 1),))
 
 
@@ -176,10 +176,10 @@ def _of_pin(
     """The place of a pin, what each of its pairs does, and the angles of dyads with it inside."""
     first = next(iter(pairs.values())).joint
     points = OF_POINTS if structure.joint(first).rotary else ()  # a guide is at no one place
-    for quantity in _among(points, last):
+    for quantity in _matching(points, last):
         yield Reading(f"joint.{pin}.{quantity}", ((f"{first}.{quantity}", 1),))
     for name, pair in pairs.items():
-        for quantity in _among(OF_JOINTS, last):
+        for quantity in _matching(OF_JOINTS, last):
             if quantity == "coordinate" and structure.joint(pair.joint).rotary:
                 yield _coordinate(name, pair, driven.get(pair.joint), names)
             elif f"{pair.joint}.{quantity}" in outputs:

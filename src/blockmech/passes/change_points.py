@@ -77,12 +77,12 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
         plain = {**followed_structure.followed, name: FollowedBranch(driver)}
         s.structure = replace(followed_structure, followed=plain)
         search = _search(s, name, driver, q_home)
-        square, at_home, largest = _square(search, q_home)
+        square, at_home, largest = _squared_determinant(search, q_home)
         if not at_home > AT_HOME * largest:
             problems.append(_no_home(name, driver, q_home, at_home))
             wrong.add(name)
             continue
-        points = tuple(sorted(_points(search, square, shared)))
+        points = tuple(sorted(_change_points(search, square, shared)))
         sides = (_side(q_home, p, search.rotary) for p in points)
         first = home.branch * math.prod(sides)
         scale = 1.0 if search.rotary else (search.high - search.low) / 2
@@ -121,7 +121,7 @@ def _no_home(block: str, driver: str, q: float, size: float) -> Problem:
     return Problem("bad-home", f"{block}.home", message, "", remedy)
 
 
-def _square(search: _Search, q_home: float) -> tuple[Series, float, float]:
+def _squared_determinant(search: _Search, q_home: float) -> tuple[Series, float, float]:
     """The series of the determinant's square; its size at home, and the largest that was seen."""
     sizes: list[Floats] = []
 
@@ -133,7 +133,7 @@ def _square(search: _Search, q_home: float) -> tuple[Series, float, float]:
     return square, float(sizes[0][-1]), float(np.nanmax(sizes[0], initial=0.0))
 
 
-def _points(search: _Search, square: Series, shared: set[float]) -> Iterator[float]:
+def _change_points(search: _Search, square: Series, shared: set[float]) -> Iterator[float]:
     """Change points among the minima of the determinant's square."""
     extremes = square.extrema()
     sides = np.minimum(square(extremes - search.spacing), square(extremes + search.spacing))
@@ -147,7 +147,7 @@ def _points(search: _Search, square: Series, shared: set[float]) -> Iterator[flo
         gap = np.isnan(search.size(edges))
         if gap.any():
             # the driver does not turn fully: a turn further on the same pose is the same mode
-            yield float(edges[_middle(gap[:-1])])
+            yield float(edges[_middle_of_longest_run(gap[:-1])])
 
 
 def _root(search: _Search, guess: float) -> float | None:
@@ -165,7 +165,7 @@ def _root(search: _Search, guess: float) -> float | None:
     return None
 
 
-def _middle(gap: Floats) -> int:
+def _middle_of_longest_run(gap: Floats) -> int:
     """Index of the middle of the longest run of True on a circle."""
     n, first = gap.size, int(np.argmin(gap))
     turned = np.roll(gap, -first)

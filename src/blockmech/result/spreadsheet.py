@@ -69,7 +69,7 @@ def csv_chunks(result: Labelled, separator: str = ",", decimal: str = ".") -> It
     return _chunks(result, separator, decimal)
 
 
-def _word(text: str) -> str:
+def _safe_cell(text: str) -> str:
     """A text as a cell that no spreadsheet takes for a formula or for the end of a row."""
     line = printable(text)
     return f"'{line}" if line.startswith(FORMULA) else line
@@ -104,7 +104,7 @@ def csv_of(
     stream = io.StringIO(newline="")
     write = csv.writer(stream, delimiter=separator, lineterminator="\n")
     for row in (head, *rows):
-        write.writerow(_word(x) if isinstance(x, str) else _number(x, decimal) for x in row)
+        write.writerow(_safe_cell(x) if isinstance(x, str) else _number(x, decimal) for x in row)
     if path is not None:
         write_csv([stream.getvalue()], path)
     return stream.getvalue()

@@ -151,7 +151,7 @@ def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
         parts = output_columns(result, name) if name in result and not omitted else []
         if everything and len(parts) == 2 and result.output(name).kind == "vector":
             parts = [Column(f"|{name}|", parts[0].unit, np.abs(result[name]), name)]
-        if parts and (not has_columns or _wide([*chosen, *parts], rows, status) <= width):
+        if parts and (not has_columns or _line_width([*chosen, *parts], rows, status) <= width):
             chosen += parts
             has_columns = True
         else:
@@ -216,7 +216,7 @@ def _grid(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> An
     return grid
 
 
-def _wide(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> int:
+def _line_width(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> int:
     """Characters of a line of the table."""
     from rich.measure import Measurement
 

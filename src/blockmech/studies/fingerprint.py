@@ -51,12 +51,12 @@ def content_of(x: object) -> str:
     Raises `RequestError` for a value that nothing tells from another one.
     """
     sha = hashlib.sha256()
-    for piece in _pieces(x, set()):
+    for piece in _content(x, set()):
         sha.update(piece)
     return sha.hexdigest()
 
 
-def _pieces(x: object, above: set[int]) -> Iterator[bytes]:
+def _content(x: object, above: set[int]) -> Iterator[bytes]:
     """The content of a value, piece by piece; ``above`` are the functions that it stands in."""
     yield type(x).__qualname__.encode()
     if id(x) in above:
@@ -69,23 +69,23 @@ def _pieces(x: object, above: set[int]) -> Iterator[bytes]:
         yield f"{x.dtype}{np.shape(x)}".encode() + x.tobytes()
     elif isinstance(x, Mapping):
         for key in sorted(x, key=repr):
-            yield from _pieces((key, x[key]), above)
+            yield from _content((key, x[key]), above)
     elif isinstance(x, Sequence | set | frozenset):
         for item in x if isinstance(x, Sequence) else sorted(x, key=repr):
-            yield from _pieces(item, above)
+            yield from _content(item, above)
     elif isinstance(x, Function):
-        yield from _pieces((x.call, x.of), above)
+        yield from _content((x.call, x.of), above)
     elif isinstance(x, functools.partial):
-        yield from _pieces((x.func, x.args, x.keywords), above)
+        yield from _content((x.func, x.args, x.keywords), above)
     elif isinstance(x, MethodType):
-        yield from _pieces((x.__func__, vars(x.__self__)), above)
+        yield from _content((x.__func__, vars(x.__self__)), above)
     elif isinstance(x, FunctionType):
         yield from _of_function(x, above)
     elif isinstance(x, ModuleType | BuiltinFunctionType | np.ufunc | type):
         module = getattr(x, "__module__", None) or ""
         yield f"{module}.{x.__name__}{getattr(x, '__version__', '')}".encode()
     elif type(x).__module__ != "builtins" and hasattr(x, "__dict__"):
-        yield from _pieces((vars(type(x)).get("__call__"), vars(x)), above)
+        yield from _content((vars(type(x)).get("__call__"), vars(x)), above)
     else:
         found = f"a function of Python reads a {type(x).__name__}, whose value cannot be compared"
         remedy = "leave out=... out, or let the function read numbers, arrays and functions"
@@ -96,9 +96,9 @@ def _of_function(call: FunctionType, above: set[int]) -> Iterator[bytes]:
     """Code and defaults of a function, what it closes over, and what of its module it reads."""
     code, space = call.__code__, call.__globals__
     cells = [cell.cell_contents for cell in call.__closure__ or ()]
-    read = {name: space[name] for name in sorted(_names(code)) if name in space}
+    read = {name: space[name] for name in sorted(_global_names(code)) if name in space}
     yield from _code(code)
-    yield from _pieces((call.__defaults__, call.__kwdefaults__, cells, read), above)
+    yield from _content((call.__defaults__, call.__kwdefaults__, cells, read), above)
 
 
 def _code(code: CodeType) -> Iterator[bytes]:
@@ -108,7 +108,7 @@ def _code(code: CodeType) -> Iterator[bytes]:
         yield from _code(constant) if isinstance(constant, CodeType) else [repr(constant).encode()]
 
 
-def _names(code: CodeType) -> set[str]:
+def _global_names(code: CodeType) -> set[str]:
     """Names of the module that a function's code may read, also in functions inside of it."""
     inner = (x for x in code.co_consts if isinstance(x, CodeType))
-    return set(code.co_names).union(*map(_names, inner))
+    return set(code.co_names).union(*map(_global_names, inner))

@@ -343,16 +343,16 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     @field_validator("friction")
     @classmethod
-    def _friction_fits(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
+    def _check_friction(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
         return friction
 
     @field_validator("clearance")
     @classmethod
-    def _clearance_fits(cls, clearance: dict[str, float]) -> dict[str, float]:
+    def _check_clearance(cls, clearance: dict[str, float]) -> dict[str, float]:
         return clearance
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> GeneralGroup:
+    def _check_consistency(self) -> GeneralGroup:
         wrong = [*self._wrong_names(), *self._wrong_pairs(), *self._wrong_home()]
         if not wrong:
             wrong = list(self._wrong_count())

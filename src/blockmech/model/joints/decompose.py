@@ -84,11 +84,11 @@ def sequence(linkage: Linkage) -> Sequence:
     if not groups.complete or not layout.links:
         raise GraphError(why_not(layout, groups.rest))
     plain = settled(layout)
-    poses, drafts = _closed(plain, groups, pairs if plain is layout else settled(pairs))
+    poses, drafts = _close_pose(plain, groups, pairs if plain is layout else settled(pairs))
     return Sequence(layout, pairs, sums, groups, poses, drafts if plain is layout else {})
 
 
-def _closed(layout: Layout, groups: Formation, pairs: Connections) -> tuple[Poses, Drafts]:
+def _close_pose(layout: Layout, groups: Formation, pairs: Connections) -> tuple[Poses, Drafts]:
     """The pose in which all joints close, group after group, drivers held where they are.
 
     A dyad whose pose tells its mode is closed by its closed form, whose block is given as well.
@@ -126,7 +126,7 @@ def _as_blocks(linkage: Linkage, order: Sequence, general: General) -> Parts:
     diagram = Diagram(linkage, order)
     welds = order.layout.welds
     problems = [_turned_angle(link, welds[link].link) for link in plain if welds[link].e != 1]
-    units = _merged(order.formation.units) if general == "one" else order.formation.units
+    units = _merge_groups(order.formation.units) if general == "one" else order.formation.units
     for unit in units:
         draft = None
         if unit.kind == "driver":
@@ -157,7 +157,7 @@ def _turned_angle(link: str, carrier: str) -> Problem:
     return Problem("wrong-value", path_text(("links", link)), message, "", remedy)
 
 
-def _merged(units: tuple[Unit, ...]) -> tuple[Unit, ...]:
+def _merge_groups(units: tuple[Unit, ...]) -> tuple[Unit, ...]:
     """Drivers that stand on the frame or on each other, and all the rest as one group."""
     placed, drivers, rest = {FRAME}, [], []
     for unit in units:
