@@ -70,15 +70,14 @@ class Sheet:
         self.stamp = ""
         self._done: list[Step] = []
         self._undone: list[Step] = []
-        self._in_file = ""
+        self._in_file: Data = {}
         self.now: Revision
         self.begin(Graph() if document is None else document)
 
     def begin(self, document: Opened, path: Path | None = None) -> None:
         """Show a document as it stands in a file; what was done before is forgotten."""
-        self._done = [Step(document.to_data(), "")]
-        self._undone = []
-        self._in_file = document.to_json()
+        self._in_file = document.to_data()
+        self._done, self._undone = [Step(self._in_file, "")], []
         self._show(document, path)
 
     def change(self, form: Data, label: str) -> None:
@@ -88,9 +87,8 @@ class Sheet:
         all that is wrong; the sheet then stays as it is.
         """
         document = self.read(form)
-        text = document.to_json()
-        if text != self.text():
-            self._done.append(Step(document.to_data(), label))
+        if (changed := document.to_data()) != self.form:
+            self._done.append(Step(changed, label))
             self._undone.clear()
             self._show(document, self.path)
 
@@ -120,10 +118,10 @@ class Sheet:
         document.save(path)
         self.stamp = _stamp(path)
         moved = document.in_folder(str(path.parent))
-        if moved.to_json() != document.to_json():  # paths to files inside are others there
+        if moved.to_data() != self.form:  # paths to files inside are others there
             with resolving(Resolver(str(self.folder))):
                 self.begin(opened(path), path)
-        self._in_file, self.path = self.text(), path
+        self._in_file, self.path = self.form, path
 
     def undo(self) -> str:
         """Take back the last change, if there is one; what it was."""
@@ -141,7 +139,7 @@ class Sheet:
     @property
     def saved(self) -> bool:
         """Whether the file holds this form; an empty sheet counts as saved."""
-        return self.text() == self._in_file
+        return self.form == self._in_file
 
     @property
     def undoable(self) -> str:
