@@ -5,6 +5,7 @@ Pydantic says where and what kind; the model's JSON Schema knows units and keys 
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -33,14 +34,15 @@ LAST = ("links", "markers", "friction", "clearance", "slider", "useful")
 """Fields that many blocks share; they follow the block's own, in this order."""
 
 
-def field_order(model: type[BaseModel]) -> list[str]:
+@functools.cache
+def field_order(model: type[BaseModel]) -> tuple[str, ...]:
     """Names of a model's fields as they are written: its own, then inherited, then `LAST`."""
     names: list[str] = []
     for cls in model.__mro__:
         if issubclass(cls, BaseModel):
             inherited = {n for base in cls.__bases__ for n in getattr(base, "model_fields", ())}
             names += [n for n in cls.model_fields if n not in inherited and n not in names]
-    return sorted(names, key=lambda n: LAST.index(n) if n in LAST else -1)
+    return tuple(sorted(names, key=lambda n: LAST.index(n) if n in LAST else -1))
 
 
 class InWrittenOrder(GenerateJsonSchema):
@@ -51,7 +53,7 @@ class InWrittenOrder(GenerateJsonSchema):
         core_schema = super().model_schema(schema)
         if "properties" in core_schema:
             model = schema["cls"]
-            names = field_order(model)
+            names = [*field_order(model)]
             if self.by_alias:
                 names = [model.model_fields[n].alias or n for n in names]
             core_schema["properties"] = {n: core_schema["properties"][n] for n in names}
