@@ -9,8 +9,9 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import sys
 from collections.abc import Iterator, Mapping, Sequence
-from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
+from types import CodeType, FunctionType, MethodType, ModuleType
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from blockmech.model.graph import Graph
 from blockmech.studies.runner import Runner, digest, summary
 from blockmech.studies.sampling import Designs
 
-PLAIN = (str, bytes, int, float, complex, bool, type(None))
+PLAIN = (str, bytes, int, float, complex, bool, type(None), type(...))
 
 
 def fingerprint(runner: Runner, chosen: Designs) -> str:
@@ -51,18 +52,17 @@ def content_of(x: object) -> str:
     Raises `RequestError` for a value that nothing tells from another one.
     """
     sha = hashlib.sha256()
-    for piece in _content(x, set()):
+    for piece in _content(x, frozenset()):
         sha.update(piece)
     return sha.hexdigest()
 
 
-def _content(x: object, above: set[int]) -> Iterator[bytes]:
-    """The content of a value, piece by piece; ``above`` are the functions that it stands in."""
+def _content(x: object, above: frozenset[int]) -> Iterator[bytes]:
+    """The content of a value, piece by piece; ``above`` is what it stands in."""
     yield type(x).__qualname__.encode()
     if id(x) in above:
         return
-    if isinstance(x, Function | FunctionType | MethodType | functools.partial):
-        above = above | {id(x)}
+    above = above | {id(x)}
     if isinstance(x, PLAIN):
         yield repr(x).encode()
     elif isinstance(x, np.ndarray | np.generic) and x.dtype != object:
@@ -78,34 +78,74 @@ def _content(x: object, above: set[int]) -> Iterator[bytes]:
     elif isinstance(x, functools.partial):
         yield from _content((x.func, x.args, x.keywords), above)
     elif isinstance(x, MethodType):
-        yield from _content((x.__func__, vars(x.__self__)), above)
+        yield from _content((x.__func__, x.__self__), above)
+    elif (name := getattr(x, "__name__", "")) and (released := _package_of(x)):
+        yield f"{released.__name__}.{name}{getattr(released, '__version__', '')}".encode()
     elif isinstance(x, FunctionType):
         yield from _of_function(x, above)
-    elif isinstance(x, ModuleType | BuiltinFunctionType | np.ufunc | type):
-        module = getattr(x, "__module__", None) or ""
-        yield f"{module}.{x.__name__}{getattr(x, '__version__', '')}".encode()
+    elif isinstance(x, type):
+        yield from _content(_class_content(x), above)
+    elif isinstance(x, staticmethod | classmethod):
+        yield from _content(x.__func__, above)
+    elif isinstance(x, property | functools.cached_property):
+        yield from _content(x.fget if isinstance(x, property) else x.func, above)
     elif type(x).__module__ != "builtins" and hasattr(x, "__dict__"):
-        yield from _content((vars(type(x)).get("__call__"), vars(x)), above)
+        yield from _content((type(x), vars(x)), above)
     else:
         found = f"a function of Python reads a {type(x).__name__}, whose value cannot be compared"
         remedy = "leave out=... out, or let the function read numbers, arrays and functions"
         raise refused("out", found, remedy, code="no-fingerprint")
 
 
-def _of_function(call: FunctionType, above: set[int]) -> Iterator[bytes]:
-    """Code and defaults of a function, what it closes over, and what of its module it reads."""
-    code, space = call.__code__, call.__globals__
-    cells = [cell.cell_contents for cell in call.__closure__ or ()]
-    read = {name: space[name] for name in sorted(_global_names(code)) if name in space}
+def _package_of(x: object) -> ModuleType | None:
+    """The package of Python, or an installed one, that holds a module, class or function."""
+    module = x.__name__ if isinstance(x, ModuleType) else getattr(x, "__module__", None)
+    module = module or (type(x).__module__ if callable(x) else "")  # a function in C has none
+    root = module.partition(".")[0]
+    package = None if root == "__main__" else sys.modules.get(root)
+    installed = "site-packages" in str(getattr(package, "__file__", ""))
+    return package if installed or root in (*sys.stdlib_module_names, "blockmech") else None
+
+
+def _class_content(cls: type) -> dict[str, object]:
+    """Methods and values of a class and its bases, without those of packages."""
+    return {
+        name: x
+        for base in reversed(cls.__mro__)
+        if not _package_of(base)
+        for name, x in vars(base).items()
+        if isinstance(x, FunctionType) or not name.startswith(("__", "_abc_"))
+    }
+
+
+def _of_function(call: FunctionType, above: frozenset[int]) -> Iterator[bytes]:
+    """Code and defaults of a function, and what it reads of what it closes over, of its module
+    and of modules there."""
+    code = call.__code__
+    cells = (cell.cell_contents for cell in call.__closure__ or ())
+    space = {**call.__globals__, **dict(zip(code.co_freevars, cells, strict=True))}
     yield from _code(code)
-    yield from _content((call.__defaults__, call.__kwdefaults__, cells, read), above)
+    read = _read_names(space, {*_global_names(code), *code.co_freevars})
+    yield from _content((call.__defaults__, call.__kwdefaults__, read), above)
+
+
+def _read_names(space: Mapping[str, object], names: set[str]) -> dict[str, object]:
+    """What code with these names reads of a module."""
+    read = {name: space[name] for name in sorted(names) if name in space}
+    return {
+        name: _read_names(vars(x), names - {name})
+        if isinstance(x, ModuleType) and not _package_of(x)
+        else x
+        for name, x in read.items()
+    }
 
 
 def _code(code: CodeType) -> Iterator[bytes]:
     yield code.co_code
     yield repr((code.co_names, code.co_varnames, code.co_freevars)).encode()
     for constant in code.co_consts:
-        yield from _code(constant) if isinstance(constant, CodeType) else [repr(constant).encode()]
+        inner = isinstance(constant, CodeType)
+        yield from _code(constant) if inner else _content(constant, frozenset())
 
 
 def _global_names(code: CodeType) -> set[str]:
