@@ -187,6 +187,33 @@ def test_welded_links_pass_dead_centres_as_the_link_that_they_are(falling):
     assert result["link.plate.p"] == pytest.approx(falling["link.m.p"][at], abs=1e-9)
 
 
+def test_signals_act_in_all_charts():
+    """A gain from a joint's angle to a moment there is a torsion spring."""
+    spring, control = hanging(), hanging()
+    spring.add_load("moment", "torsion_spring", joint="D", stiffness=0.002)
+    control.add_load("moment", "motor", links=["frame", "r"], law={"kind": "signal"})
+    control.add_signal("gain", "gain", k=-0.002)
+    control.connect("joint.D.coordinate", "gain.u")
+    control.connect("gain.y", "moment.law")
+    request = {"times": TIMES, "want": ["*.q", "joint.*.reaction"], "accuracy": 1e-11}
+    of_spring, of_control = (x.compile().simulate(**request) for x in (spring, control))
+    assert [joints for _, joints in of_control.motion.charts] == [("A",), ("D",)] * 2
+    for name in of_spring:
+        size = np.abs(of_spring[name]).max()
+        assert of_control[name] == pytest.approx(of_spring[name], abs=1e-9 * size)
+
+
+def test_a_driver_that_a_signal_reads_always_drives():
+    linkage = hanging()
+    linkage.add_load("moment", "motor", links=["frame", "l"], law={"kind": "signal"})
+    linkage.add_signal("gain", "gain", k=-0.002)
+    linkage.connect("driver.motor.q", "gain.u")
+    linkage.connect("gain.y", "moment.law")
+    motion = linkage.compile().simulate("time=1", want=()).motion
+    assert motion.end == "dead centre"
+    assert "no other joint leads on: loads, signals or roles name the drivers" in motion.notes
+
+
 def test_a_crank_that_goes_on_leading_counts_from_its_markers_direction():
     def falling(left, right):
         graph = bm.Graph("five", gravity=(0.0, -9.81))

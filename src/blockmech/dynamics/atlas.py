@@ -56,6 +56,7 @@ Prepare: TypeAlias = Callable[..., tuple["System", SimulationRequest]]
 LOOKS = 32  # places over a leg at which charts are compared
 SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
 WHY = "other joints lead where the drivers' coordinates stand still"
+NAMED = "no other joint leads on: loads, signals or roles name the drivers"
 FOLLOW = "it passes change points, where its dyads follow the motion"
 ROUNDED = 4  # roundings by which the coarser walk is off where the state is handed over
 
@@ -380,11 +381,9 @@ def until(motion: Motion, t: float) -> Motion:
 
 def _refused(home: Chart, request: SimulationRequest) -> str:
     """What a motion has that is not handed over from chart to chart; empty where all is."""
-    mechanism, linkage = home.mechanism, home.home
     reasons = {
-        "it has couplings": linkage.couplings,
-        "signals or friction laws have states": mechanism.structure.states,
-        "signals read the drivers": linkage.signals or mechanism.structure.signal_wires,
+        "it has couplings": home.home.couplings,
+        "signals or friction laws have states": home.mechanism.structure.states,
         "end stops let it bounce": request.stops,
         "a steady state is looked for": request.until.goal == "steady",
         "its steps are fixed": request.method in STEPPERS,
@@ -444,6 +443,8 @@ def beyond_dead_centres(
     roles = {} if request.roles is None else request.roles.by_driver()
     named = {d for d, role in roles.items() if role != FREE}
     named |= {d for watch in request.watch for d in watch.then}
+    sensors = (wire.source.split(".") for wire in linkage.wires)
+    named |= {name[1] for name in sensors if name[0] == "driver"}
     loads = {getattr(load, "driver", None) for load in linkage.loads.values()}
     fixed = tuple(j for j, d in home.users.items() if d in named or linkage.driven[j] in loads)
     if why := _refused(home, request):
@@ -457,7 +458,9 @@ def beyond_dead_centres(
     of = repeats(system, request), system.depends_on <= {"q"} and system.friction is None
     atlas = Atlas(home, chart_request, prepared, fixed, method, *of)
     if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
-        return _followed(home, motion, request, partial(prepare, stops=stops), move)
+        through = _followed(home, motion, request, partial(prepare, stops=stops), move)
+        notes = (*motion.notes, NAMED) if len(fixed) == len(home.users) else motion.notes
+        return motion.but(notes=notes) if through is motion else through
     atlas.entries.append(entry)
     scout = atlas.walk(max(atlas.target, SCOUTING))
     if scout.end in UNFINISHED:  # no other walk would be stopped: it is said once

@@ -46,6 +46,7 @@ from blockmech.model.naming import LinkName, Names
 from blockmech.model.scene import Initial
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import COORDINATE, MarkerRef, Structure
+from blockmech.outputs.sensors_by_link import with_sensors_of_blocks
 from blockmech.result.motion import Motion
 from blockmech.typing import Floats, Real
 
@@ -248,6 +249,8 @@ class Chart:
             copy.stops[leads] = stop
         copy.motion = {d: role for d, role in linkage.motion.items() if d in copy.drivers}
         data, named, _, document = decompose(copy)
+        if copy.wires:
+            data = with_sensors_of_blocks(data, named)
         key = repr(data["blocks"])  # with the home of general groups, so those are new
         if key not in self.cache:
             mechanism = type(self.mechanism)._from_graph(Graph.from_data(data), named, document)
