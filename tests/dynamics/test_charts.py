@@ -187,6 +187,17 @@ def test_welded_links_pass_dead_centres_as_the_link_that_they_are(falling):
     assert result["link.plate.p"] == pytest.approx(falling["link.m.p"][at], abs=1e-9)
 
 
+def test_stops_of_a_call_hold_in_all_charts_and_for_this_call_alone():
+    """Charts of an earlier call were taken, with the stops of that call."""
+    mechanism = hanging().compile()
+    request = {"until": "time=1", "want": "joint.D.coordinate"}
+    free = mechanism.simulate(**request).motion
+    result = mechanism.simulate(**request, stops={"joint.D.coordinate": (-0.4, 1.0)})
+    assert (result.motion.end, len(result.motion.charts)) == ("end stop", 2)
+    assert result["joint.D.coordinate"][-1] == pytest.approx(-0.4, abs=1e-9)
+    assert mechanism.simulate(**request).motion.charts == free.charts
+
+
 def test_signals_act_in_all_charts():
     """A gain from a joint's angle to a moment there is a torsion spring."""
     spring, control = hanging(), hanging()

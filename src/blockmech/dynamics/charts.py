@@ -69,7 +69,7 @@ class Chart:
     home : the document of the user, whose drivers may be others
     users : joint -> the user's driver
     names : where links and joints of the document are in the blocks of the user
-    cache : charts of the document that there are already, by their blocks
+    cache : charts of the document that there are already, by their blocks and end stops
     """
 
     mechanism: Compiled
@@ -251,7 +251,7 @@ class Chart:
         data, named, _, document = decompose(copy)
         if copy.wires:
             data = with_sensors_of_blocks(data, named)
-        key = repr(data["blocks"])  # with the home of general groups, so those are new
+        key = repr((data["blocks"], copy.stops))  # homes of general groups, too, so those are new
         if key not in self.cache:
             mechanism = type(self.mechanism)._from_graph(Graph.from_data(data), named, document)
             joints = tuple(copy.drivers[d].joint for d in mechanism.drivers)
@@ -270,7 +270,7 @@ def _pose(pose: Pose) -> tuple[float, float, float]:
 
 
 def chart_cache(mechanism: Compiled) -> dict[str, Chart]:
-    """Charts of a mechanism that were made, by their blocks."""
+    """Charts of a mechanism that were made, by their blocks and end stops."""
     return {}
 
 
