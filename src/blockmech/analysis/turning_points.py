@@ -196,7 +196,7 @@ def _refine_corners(signal: Signal, s: Floats, room: Floats, sign: Floats) -> Fl
     return s
 
 
-def _value_at(signal: Signal, s: float) -> float:
+def _value(signal: Signal, s: float) -> float:
     return float(signal.value(np.array([s]))[0])
 
 
@@ -230,11 +230,11 @@ def _end_value(cycle: Cycle, signal: Signal, edge: float) -> Turn:
     1/sqrt(distance), each time by 10 times more. At a change point, where margins fall by the
     square of the distance, the value is that of the polynomial through places before it.
     """
-    at = _value_at(signal, edge)
+    at = _value(signal, edge)
     if edge in (cycle.low, cycle.high):
         return Turn(edge, at, 1, True)
     inward = (cycle.high - cycle.low) / cycle.steps
-    inward = inward if math.isfinite(_value_at(signal, edge + 1e-6 * inward)) else -inward
+    inward = inward if math.isfinite(_value(signal, edge + 1e-6 * inward)) else -inward
     steps = edge + inward * np.array([1e-2, 1e-4, 1e-6])
     first, second, third = signal.value(steps).tolist()
     margins = signal.margin(steps)

@@ -102,9 +102,7 @@ def formation(
                 units[n] = unit
     bad = set(parts) - set(units)
     parts.remove_nodes_from(set().union(*nx.bfs_layers(parts.reverse(copy=False), bad)))
-    order = _topological_order(
-        parts, {n: (unit.number > 1, min(unit.links)) for n, unit in units.items()}
-    )
+    order = _toposort(parts, {n: (unit.number > 1, min(unit.links)) for n, unit in units.items()})
     placed = {a for n in order for a in units[n].links}
     return Formation(
         units=tuple(units[n] for n in order),
@@ -163,7 +161,7 @@ def _assign_conditions(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
     return _Given(waits, takers, spare, short)
 
 
-def _topological_order(parts: nx.DiGraph[int], rank: Mapping[int, object]) -> list[int]:
+def _toposort(parts: nx.DiGraph[int], rank: Mapping[int, object]) -> list[int]:
     """Parts after those that they wait for, the lowest rank first."""
     return list(
         nx.lexicographical_topological_sort(parts.reverse(copy=False), key=rank.__getitem__)
@@ -217,7 +215,7 @@ def reseat(
     assignment = _assign_conditions([3] * len(moving) + [2] * len(pins), edges)
     parts = nx.condensation(assignment.waits)
     members: Mapping[int, set[int]] = dict(parts.nodes(data="members"))
-    order = _topological_order(parts, {n: min(part) for n, part in members.items()})
+    order = _toposort(parts, {n: min(part) for n, part in members.items()})
     position = {v: k for k, n in enumerate(order) for v in members[n]}
     rank = {a: (position[v], a) for a, v in index.items()} | {a: (-1, a) for a in earlier}
     seated = [pair for pin in pins for pair in _seat(pin, rank, drivers)]

@@ -183,9 +183,7 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
         complete=not problems,
         blocks=tuple(_block(graph, name, inner_wires, fed, labels) for name in names_shown),
         wires=tuple(
-            DrawnWire(
-                w, _carries_motion(graph, w), labels.marker_label(w), signal_wire(graph.blocks, w)
-            )
+            DrawnWire(w, _feeds(graph, w), labels.marker_label(w), signal_wire(graph.blocks, w))
             for w in inner_wires
         ),
     )
@@ -212,7 +210,7 @@ def _drive_wires(graph: Graph) -> Iterator[Ends]:
             yield Ends(*split_address(block.on, graph.blocks), name, ON)
 
 
-def _carries_motion(graph: Graph, wire: Ends) -> bool:
+def _feeds(graph: Graph, wire: Ends) -> bool:
     """Whether anything flows forward: a load may read nothing of its marker."""
     target = graph.blocks.get(wire.target)
     return not isinstance(target, Element) or bool(target.reads().get(wire.port))

@@ -70,7 +70,7 @@ class MotionInputs(Record):
             return None
         return system_of(self.mechanism, method=self.how).friction_of(self.how.pushed)
 
-    def _active_constraints(self, q: Floats, qd: Floats, t: Floats, which: Indices) -> Constraints:
+    def _contacts(self, q: Floats, qd: Floats, t: Floats, which: Indices) -> Constraints:
         """Rows of stops that it lies against at n states, and of drivers that are not free."""
         stops, bound = which[which < self.stops], which[which >= self.stops] - self.stops
         at = [self.pairs.constraints(*state, stops) for state in zip(q, qd, strict=True)]
@@ -115,10 +115,7 @@ class MotionInputs(Record):
             return self._without_friction()
         q, qd = (x.reshape(len(self.t), k) for x in (self.q, self.qd))
         state = q, qd, self.t, self.states
-        sides, lain = (
-            np.broadcast_to(self.sides, (len(q), self.rubs)),
-            (self.lies, self._active_constraints),
-        )
+        sides, lain = np.broadcast_to(self.sides, (len(q), self.rubs)), (self.lies, self._contacts)
         response = friction_along(friction, state, sides, *lain, self.begins)
         acting = _by_driver("qd", response.rates, k) | _by_driver("qdd", response.qdd, k)
         acting |= self._pair_stop_inputs(response.pushes)
@@ -142,7 +139,7 @@ class MotionInputs(Record):
         for i, lies in enumerate(self.lies):
             which, sample, constraint = np.flatnonzero(lies), slice(i, i + 1), None
             if which.size:
-                constraint = self._active_constraints(
+                constraint = self._contacts(
                     self.q[sample], self.qd[sample], self.t[sample], which
                 ).first()
             qdd[i], pushes[i, which] = constrained(M[i], right[i], constraint)

@@ -271,7 +271,7 @@ class _Reading:
 
     # -- what joins them besides ------------------------------------------------------
 
-    def _equality_end(self, record: Record, number_: int) -> tuple[str, Pose | None]:
+    def _site(self, record: Record, number_: int) -> tuple[str, Pose | None]:
         """A body that an equality names, and where a site of it is."""
         if site := record.get(f"site{number_}"):
             if site not in self.sites:
@@ -291,10 +291,7 @@ class _Reading:
         if record.tag == "joint":
             self._ratio(record, name)
             return
-        (first, at), (second, second_at) = (
-            self._equality_end(record, 1),
-            self._equality_end(record, 2),
-        )
+        (first, at), (second, second_at) = self._site(record, 1), self._site(record, 2)
         ends = (self.links[first], self.links[second])
         if record.tag == "connect":
             at = at or self.poses[first].at(record.numbers("anchor", 3, "0 0 0"))

@@ -86,10 +86,7 @@ def friction_panels(result: Result) -> Panels:
     joints = _nonzero(_curves_of(result, ".friction_power"))
     total = {"all joints": joints.pop("mechanism")} if "mechanism" in joints else {}
     if len(joints) > PANELS:
-        return (
-            Panel("friction power", "W", total),
-            *_panels_by_block("friction power", "W", joints),
-        )
+        return (Panel("friction power", "W", total), *_panels("friction power", "W", joints))
     curves = joints if len(joints) == 1 else {**total, **joints}
     return (Panel("friction power", "W", curves),) if curves else ()
 
@@ -97,7 +94,7 @@ def friction_panels(result: Result) -> Panels:
 def reaction_panels(result: Result, twin: Result | None) -> Panels:
     """The magnitude of every joint's reaction ([R10] Fig. 14), and what friction adds to it."""
     bare = NOTHING if twin is None else _curves_of(twin, ".reaction")
-    panels = _panels_by_block("reaction", "N", _nonzero(_curves_of(result, ".reaction")), bare)
+    panels = _panels("reaction", "N", _nonzero(_curves_of(result, ".reaction")), bare)
     # Often too small to be seen between two curves, as with the drive.
     return panels + tuple(
         Panel("due to friction", panel.unit, _differences(panel.curves, lines))
@@ -123,7 +120,7 @@ def kinematic_panels(result: Result, degrees: bool = False) -> Panels:
             factor, unit = angle_scale(unit, degrees)
             curves = {name: factor * _unwrapped(angle) for name, angle in curves.items()}
         if _nonzero(curves):
-            panels += _panels_by_block(quantity, unit, curves)
+            panels += _panels(quantity, unit, curves)
     return panels
 
 
@@ -235,7 +232,7 @@ def _nonzero(curves: Mapping[str, Floats]) -> dict[str, Floats]:
     return {name: y for name, y in curves.items() if np.any(np.nan_to_num(y) != 0)}
 
 
-def _panels_by_block(
+def _panels(
     quantity: str,
     unit: str,
     curves: Mapping[str, Floats],

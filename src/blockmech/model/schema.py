@@ -101,23 +101,21 @@ def _block_schema(key: str, word: str, cls: type[Any], schema: Data) -> Data:
     """The schema of a block type, with what only the class knows of its links and joints."""
     keys = {key: {"const": word}, **schema["properties"]}
     if issubclass(cls, Moving) and not cls.own_form:
-        keys["links"] = _closed_object({link: {"$ref": "#/$defs/Link"} for link in cls.link_names})
+        keys["links"] = _object({link: {"$ref": "#/$defs/Link"} for link in cls.link_names})
         pins = {
             j.name: keys["clearance"]["additionalProperties"]
             for j in cls.joints.values()
             if j.rotary
         }
-        keys["clearance"] = _closed_object(pins)
-        keys["friction"] = _closed_object(
-            {j.name: _friction_of(j.kind) for j in cls.joints.values()}
-        )
+        keys["clearance"] = _object(pins)
+        keys["friction"] = _object({j.name: _friction_of(j.kind) for j in cls.joints.values()})
     if "markers" in keys:
         keys["markers"] = {**keys["markers"], "propertyNames": NAME}
     required = [key, *schema.get("required", ())]
     return {**schema, "title": word, "properties": keys, "required": required}
 
 
-def _closed_object(keys: Data) -> Data:
+def _object(keys: Data) -> Data:
     return {"type": "object", "properties": keys, "additionalProperties": False}
 
 
@@ -129,15 +127,12 @@ def _friction_of(kind: str) -> Data:
         condition: Data = {"properties": {"law": {"const": name}}}
         condition |= {} if name == PLAIN else {"required": ["law"]}
         cases.append(
-            {
-                "if": condition,
-                "then": {"$ref": f"#/$defs/{law.__name__}"} | _geometry_keys(law, kind),
-            }
+            {"if": condition, "then": {"$ref": f"#/$defs/{law.__name__}"} | _sizes(law, kind)}
         )
     return {"type": "object", "properties": {"law": {"enum": list(laws)}}, "allOf": cases}
 
 
-def _geometry_keys(law: type[FrictionLaw], kind: str) -> Data:
+def _sizes(law: type[FrictionLaw], kind: str) -> Data:
     """What a law of the load needs to know of a kind of pair, and what it must not say."""
     if not issubclass(law, DryFriction):
         return {}

@@ -57,25 +57,23 @@ def _check_json(value: object, path: tuple[str | int, ...]) -> None:
     if isinstance(value, Mapping):
         for key, item in value.items():
             if not isinstance(key, str):
-                raise _format_error("not-json", path, "a key must be a text", key)
+                raise _error("not-json", path, "a key must be a text", key)
             _check_json(item, (*path, key))
     elif isinstance(value, list | tuple):
         for k, item in enumerate(value):
             _check_json(item, (*path, k))
     elif isinstance(value, float) and not math.isfinite(value):
-        raise _format_error("non-finite", path, "must be a finite number", float(value))
+        raise _error("non-finite", path, "must be a finite number", float(value))
     elif isinstance(value, Function):
         remedy = "say it as a table, a polynomial or a Fourier series"
-        raise _format_error(
-            "not-json", path, "a function of Python is not written", value.call, remedy
-        )
+        raise _error("not-json", path, "a function of Python is not written", value.call, remedy)
     elif callable(value):
-        raise _format_error("not-json", path, "a function of Python is not written", value)
+        raise _error("not-json", path, "a function of Python is not written", value)
     elif not isinstance(value, str | int | float | None):
-        raise _format_error("not-json", path, "must be JSON data", value)
+        raise _error("not-json", path, "must be JSON data", value)
 
 
-def _format_error(
+def _error(
     code: str, path: tuple[str | int, ...], rule: str, value: object, remedy: str = ""
 ) -> FormatError:
     return FormatError(Problem(code, path_text(path), f"{rule}, got {value!r:.60}", "", remedy))

@@ -197,11 +197,7 @@ class Modes(Facts, Pictured):
                     f"{self.prefix}{d}.q = {_coordinate(row[n], self.units[d], degrees)}"
                     for d, row in self.drivers.items()
                 )
-                yield (
-                    f"  {where}: {_mode_count(modes, group)}"
-                    if where
-                    else f"  {_mode_count(modes, group)}"
-                )
+                yield "  " + f"{where}: " * bool(where) + _mode_count(modes, group)
                 for k, mode in enumerate(modes, start=1):
                     yield from _mode_lines(k, mode, self, degrees)
             if group.arcs:

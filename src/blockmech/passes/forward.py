@@ -258,7 +258,7 @@ def marker_direction(s: Schedule, marker: MarkerRef) -> Value:
     """Unit direction of a marker."""
     if isinstance(s.structure.marker(marker), BuiltIn):
         return s.ask(link_position, marker.on).scalar
-    return _ground_direction(
+    return _ground(
         s,
         marker.on,
         lambda st, _: _user_marker(st, marker).direction,
@@ -267,9 +267,7 @@ def marker_direction(s: Schedule, marker: MarkerRef) -> Value:
     )
 
 
-def _ground_direction(
-    s: Schedule, link: LinkRef, u: Formula, key: tuple[Hashable, ...], name: str
-) -> Value:
+def _ground(s: Schedule, link: LinkRef, u: Formula, key: tuple[Hashable, ...], name: str) -> Value:
     """A direction given in a link's frame, in ground axes."""
     e = s.ask(link_position, link).scalar
     if s.planned(u) == 1:
@@ -459,7 +457,7 @@ def guide_direction(s: Schedule, ref: JointRef) -> Value:
     if joint.outer:
         return s.ask(marker_direction, s.structure.feeds[ref])
     earlier = LinkRef(ref.block, joint.links[0])
-    return _ground_direction(
+    return _ground(
         s,
         earlier,
         lambda st, _: st.blocks[ref.block].guide_line(ref.name, earlier.link)[1],
