@@ -140,11 +140,9 @@ def test_the_recommended_setting_is_the_fastest_of_the_front_within_the_target(t
 
 
 def test_what_another_beats_in_both_is_named_as_beaten() -> None:
-    exact, single, slow = (
-        point("llvm", 1.0, 1e-15),
-        point("numpy", 3.0, 1e-6),
-        point("s", 9.0, 1e-15),
-    )
+    exact = point("llvm", 1.0, 1e-15)
+    single = point("numpy", 3.0, 1e-6)
+    slow = point("s", 9.0, 1e-15)
     close = point("numpy", 1.02, 1e-6)  # within the noise
     result = by_hand(exact, single, slow, close)
     assert result.beaten_by(single) is exact

@@ -160,10 +160,8 @@ def test_spoilt_mechanisms_get_findings_that_the_rank_confirms() -> None:
     for trial in range(100):
         links, pairs, drivers, _ = random_mechanism(rng, shared=0.3)
         for _ in range(rng.randint(1, 3)):
-            damage, k = (
-                rng.choice(["delete", "double", "merge", "drive"]),
-                rng.randrange(len(pairs)),
-            )
+            damage = rng.choice(["delete", "double", "merge", "drive"])
+            k = rng.randrange(len(pairs))
             p, q = pairs[k], rng.choice(pairs)
             if damage == "delete" and len(pairs) > 1:
                 del pairs[k]

@@ -478,11 +478,9 @@ def test_radius_of_curvature_is_that_of_the_drawn_profile(name):
     kind, cam = FOLLOWERS[name]
     mech = cranks(bm.Cam(driver="one", driven="two", **cam), second=kind).compile()
     s = mech.structure
-    where, p, pair = (
-        meshing.sides(s, "mesh"),
-        meshing.coupling_numbers(s, "mesh"),
-        s.coupled_pair("mesh"),
-    )
+    where = meshing.sides(s, "mesh")
+    p = meshing.coupling_numbers(s, "mesh")
+    pair = s.coupled_pair("mesh")
     mesh = s.couplings["mesh"]
     h = 1e-3
     for x in (0.7, 1.6, 3.5):

@@ -236,10 +236,8 @@ def pistons(number):
     graph.add("crank", bm.Crank(length=0.1, links={"crank": bm.Link(mass=1.0, inertia=0.02)}))
     graph.connect("frame.O", "crank.A")
     rod = bm.Link(mass=0.6 / number, inertia=0.003 / number, cm=(0.15, 0.0))
-    links, rough = (
-        {"i": rod, "j": bm.Link(mass=0.9 / number)},
-        bm.friction.Coulomb(coefficient=0.2, radius=0.03),
-    )
+    links = {"i": rod, "j": bm.Link(mass=0.9 / number)}
+    rough = bm.friction.Coulomb(coefficient=0.2, radius=0.03)
     for k in range(number):
         group = bm.RRP(l=0.3, h=0.0, branch=1, links=links, friction={"C": rough})
         graph.add(f"piston{k}", group)

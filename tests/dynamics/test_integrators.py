@@ -144,10 +144,8 @@ def test_the_papers_scheme_updates_loads_of_rate_and_time_and_is_of_order_1(load
     """[D14] step v; held against ``rk4`` at small steps."""
     shaken = loads == "rate and time"
     system = shaken_motor() if shaken else motored()
-    reference, steps = (
-        move(system, Start(0.5, 4.0), "time=0.2", "rk4", step=1e-3),
-        (4e-3, 2e-3, 1e-3),
-    )
+    reference = move(system, Start(0.5, 4.0), "time=0.2", "rk4", step=1e-3)
+    steps = (4e-3, 2e-3, 1e-3)
     runs = [move(system, Start(0.5, 4.0), "time=0.2", "euler_q", step=h) for h in steps]
     errors = np.abs([run.q_end - reference.q_end for run in runs])
     assert (errors <= [run.error for run in runs]).all()

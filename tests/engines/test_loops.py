@@ -267,10 +267,8 @@ def test_steps_are_those_of_python(name, lanes, weight):
         call(stages.Rhs(*rhs), by, run, work, capacity)
         return run
 
-    fast, slow = (
-        integrate(by_places(over, rates)),
-        integrate(in_python(stages.steps, sizes, same, rates)),
-    )
+    fast = integrate(by_places(over, rates))
+    slow = integrate(in_python(stages.steps, sizes, same, rates))
     assert all(np.abs(fast.counts) > 3)
     for compiled_array, expected in zip(fast, slow, strict=True):
         np.testing.assert_array_equal(compiled_array, expected)
@@ -317,10 +315,8 @@ def test_stiff_steps_are_those_of_python(name):
         call(stages.Rhs(*rhs), by.scheme, run, work, capacity)
         return run
 
-    fast, slow = (
-        integrate(by_places(rates.steps, rates)),
-        integrate(in_python(radau.steps, of, same, rates)),
-    )
+    fast = integrate(by_places(rates.steps, rates))
+    slow = integrate(in_python(radau.steps, of, same, rates))
     assert abs(fast.counts[0]) > 5
     for compiled_array, expected in zip(fast, slow, strict=True):
         np.testing.assert_array_equal(compiled_array, expected)

@@ -170,10 +170,8 @@ def equilibria_of_one(line: Line) -> Equilibria:
     """All equilibria of the only driver, where friction holds it, and the curves."""
     mechanism, system = line.mechanism, line.system
     driver = mechanism.drivers[0]
-    name, unit = (
-        mechanism._of_driver(driver, "q"),
-        mechanism.structure.driver_joint(driver).coordinate_unit,
-    )
+    name = mechanism._of_driver(driver, "q")
+    unit = mechanism.structure.driver_joint(driver).coordinate_unit
     has_potential = system.depends_on <= {"q", "time"}
     points: list[Equilibrium] = []
     rests: list[tuple[float, float]] = []

@@ -130,10 +130,8 @@ def friction(e: Evidence) -> Iterator[Residual]:
 
 def _acceleration(e: Evidence) -> Array:
     """Acceleration (n,) [m/s2] that all forces and moments would give to all masses at once."""
-    blocks, properties = (
-        e.structure.blocks,
-        [e.structure.properties(link) for link in e.structure.links],
-    )
+    blocks = e.structure.blocks
+    properties = [e.structure.properties(link) for link in e.structure.links]
     reach = max(block.largest_length() for block in blocks.values()) or 1.0
     size = np.sum([e.sizes(name).force * reach + e.sizes(name).moment for name in blocks], axis=0)
     return np.asarray(size * reach / sum(x.mass * reach**2 + x.inertia for x in properties))

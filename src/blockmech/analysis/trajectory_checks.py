@@ -69,10 +69,8 @@ def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, flo
     want = [f"{driver}.acceleration" for driver in s.drivers]
     want += [source for name in integrated(s) for source in sources(s, name)]
     how = {"friction": result.settings["friction"]}
-    run, states = (
-        result_along(blocks, motion, t.ravel(), want, **how),
-        motion.signal_states(t.ravel()),
-    )
+    run = result_along(blocks, motion, t.ravel(), want, **how)
+    states = motion.signal_states(t.ravel())
     rows, most = [], np.full(len(t), motion.accuracy or TARGET)
     for i, driver in enumerate(s.drivers):
         q, qd = (x.reshape(*t.shape, -1)[..., i] for x in motion.at(t))

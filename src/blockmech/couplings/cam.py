@@ -116,10 +116,8 @@ def at_tip(pose: Meshing, tip: Tip, turns: Real, slope: Real, roller: Real) -> T
     tangent_rate = tip.dd - imul(tip.d, 2.0) - tip.C
     size = hyp(tangent)
     n = mul(imul(tangent, 1.0), 1.0 / size)
-    slip, slope = (
-        -size - (turns - 1.0) * roller,
-        -dot(tangent, tangent_rate) / size - slope * roller,
-    )
+    slip = -size - (turns - 1.0) * roller
+    slope = -dot(tangent, tangent_rate) / size - slope * roller
     radius = size * size * size / cross(tangent_rate, tangent) - roller
     point = pose.a.p + tip.C - mul(n, roller)
     return Touch(point, n, tip.unit, slip, slope, slant(tip.unit, n), radius)

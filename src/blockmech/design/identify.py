@@ -431,10 +431,8 @@ def _identification(
     try:
         identified = remade(fit.mechanism, values) if values else fit.mechanism
     except BlockmechError as error:
-        identified, notes = (
-            fit.mechanism,
-            [f"no mechanism has these numbers: {error.problems[0].found}"],
-        )
+        identified = fit.mechanism
+        notes = [f"no mechanism has these numbers: {error.problems[0].found}"]
     return Identification(
         identified, ordered, deviations, tuple(together), tuple(dict.fromkeys([*unseen, *lone])),
         dict(zip(columns, noise.tolist(), strict=True)), dict(zip(columns, r, strict=True)),

@@ -324,10 +324,8 @@ class PairFriction:
         self, qd: Floats, t: Times, x: InnerStates, k: int, constraint: Constraints | None
     ) -> list[State]:
         """Columns of inputs: loads and rates, a unit of each acceleration, friction and push."""
-        still, pairs = (
-            State(qd=np.zeros(k), qdd=np.zeros(k)),
-            constraint.pairs if constraint else (),
-        )
+        still = State(qd=np.zeros(k), qdd=np.zeros(k))
+        pairs = constraint.pairs if constraint else ()
         units = [still._replace(qdd=row) for row in np.eye(k)]
         units += [still._replace(pair=j) for j in range(len(self.names))]
         units += [still._replace(push=j) for j, _ in pairs if j >= 0]

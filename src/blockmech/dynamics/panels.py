@@ -204,10 +204,8 @@ class Panels:
                 records[:, self.of, J] / (2 * (now[:, SPAN, ENERGY, None] + now[:, GAINS]))
             )
         now[:, RATE] = np.where(lead > 0, lengths * slope * lead, 0.0) @ matrices.series[0]
-        now[:, SINCE], now[:, SLOPES] = (
-            now[:, RATE] @ matrices.since,
-            now[:, RATE] @ matrices.values,
-        )
+        now[:, SINCE] = now[:, RATE] @ matrices.since
+        now[:, SLOPES] = now[:, RATE] @ matrices.values
         return replace(self, records=records)
 
     # -- the state at a time -------------------------------------------------------
@@ -241,10 +239,8 @@ class Panels:
         times, slopes = (self.records[i, row, self.of] for row in (SINCE, SLOPES))
         since = np.minimum(np.maximum(since, 0.0), times[:, -1])
         j = np.minimum((times[:, 1:-1] <= since[:, None]).sum(axis=1), self.n)
-        first, rates = (
-            times[indices, j],
-            np.maximum(slopes[indices[:, None], j[:, None] + (0, 1)], SMALLEST),
-        )
+        first = times[indices, j]
+        rates = np.maximum(slopes[indices[:, None], j[:, None] + (0, 1)], SMALLEST)
         h, dv = np.maximum(times[indices, j + 1] - first, SMALLEST), shares[j + 1] - shares[j]
         s, (slope_low, slope_high) = (since - first) / h, (h[:, None] / rates - dv[:, None]).T
         low, high = shares[j], shares[j + 1]

@@ -182,10 +182,8 @@ def emptied(of: Sizes, nodes: Nodes, now: Rows, sign: float, stop: float) -> flo
         K, share = energy + now[GAINS, 0, i], nodes.shares[p, i]
         if K <= 0.0 or i > of.n:
             part = before / (before - min(K, 0.0)) if before > 0.0 else 0.5
-            brake, bend = (
-                length * now[0, TAU, i - 1],
-                length * (now[0, TAU, i] - now[0, TAU, i - 1]),
-            )
+            brake = length * now[0, TAU, i - 1]
+            bend = length * (now[0, TAU, i] - now[0, TAU, i - 1])
             for _ in range(2):  # of an effort that is a line between nodes
                 slope = (share - at_before) * (brake + bend * part)
                 if slope < 0.0:
@@ -352,17 +350,13 @@ def compare(
     for j in range(count):
         now = panels[count - 1 - j if backward == 1 else j]
         second = seconds[count - 1 - j if backward == 1 else j]
-        span, span_second, p = (
-            now[SPAN, 0],
-            second[SPAN, 1],
-            0 if now[SPAN, 0, KIND] == PLAIN else 1,
-        )
+        span = now[SPAN, 0]
+        span_second = second[SPAN, 1]
+        p = 0 if now[SPAN, 0, KIND] == PLAIN else 1
         from_end, sign, begin, begin_second = span[KIND] >= TO_REST, direction, 0.0, 0.0
         length = span[END] - span[BEGIN]
-        late_by, stretch = (
-            span_second[BEGIN] - span[BEGIN],
-            span_second[END] - span_second[BEGIN] - length,
-        )
+        late_by = span_second[BEGIN] - span[BEGIN]
+        stretch = span_second[END] - span_second[BEGIN] - length
         if from_end:
             late_by, stretch, sign = span_second[END] - span[END], -stretch, -direction
             begin, begin_second = now[SINCE, 0, last], second[SINCE, 1, last]
@@ -391,15 +385,11 @@ def compare(
         if from_end:
             q, last_q = span[END] + at[STEP], -last_q
         q, last_q = q + (0.0 if first == 0 else length if not from_end else -length), q + last_q
-        totals[LOWEST], totals[HIGHEST] = (
-            min(totals[LOWEST], min(q, last_q)),
-            max(totals[HIGHEST], max(q, last_q)),
-        )
+        totals[LOWEST] = min(totals[LOWEST], min(q, last_q))
+        totals[HIGHEST] = max(totals[HIGHEST], max(q, last_q))
         unknown = np.max(off) + at[OF_PLACES] * max(abs(q), abs(last_q))
-        totals[OFF], totals[UNKNOWN] = (
-            max(totals[OFF], np.max(apart)),
-            max(totals[UNKNOWN], unknown),
-        )
+        totals[OFF] = max(totals[OFF], np.max(apart))
+        totals[UNKNOWN] = max(totals[UNKNOWN], unknown)
         totals[FASTEST] = max(totals[FASTEST], np.max(rate))
         totals[LAST], totals[LATE] = room[0, i], abs(room[1, i])
         if i != first:

@@ -59,10 +59,8 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
     Raises `RequestError` for names of nothing, stops in the wrong order, or a start that is
     not between them.
     """
-    call_stops, scene = (
-        pairs_of("stops", stops, STOPS, mechanism._coordinate_units),
-        mechanism.scene,
-    )
+    call_stops = pairs_of("stops", stops, STOPS, mechanism._coordinate_units)
+    scene = mechanism.scene
     bounds = {d: s.bounds for d, s in scene.stops.items()} if call_stops is None else call_stops
     problems: list[Problem] = []
     stops_by_name: dict[str, Between] = {}

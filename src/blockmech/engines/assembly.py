@@ -171,10 +171,8 @@ class Text:
     def _stored(self, row: int, node: Node) -> list[str]:
         lines, name = [], self._name(node)
         if is_truth(node):
-            lines, name = (
-                [f"%o{row}.real = uitofp {self.truths} {name} to {self.reals}"],
-                f"%o{row}.real",
-            )
+            lines = [f"%o{row}.real = uitofp {self.truths} {name} to {self.reals}"]
+            name = f"%o{row}.real"
         return [
             *lines,
             f"%o{row}.first = mul i64 %stride, {row}",

@@ -366,12 +366,10 @@ def steps(
     The third of the controls is how many states were asked for.
     """
     n, K, y, time, control = of.state, rhs.K, work.y, work.time, run.controls[0]
-    allowed, count, t, h = (
-        iteration_limits(of, run.tolerances, work.sizes),
-        0,
-        run.times[0],
-        control[TRY],
-    )
+    allowed = iteration_limits(of, run.tolerances, work.sizes)
+    count = 0
+    t = run.times[0]
+    h = control[TRY]
     again = False
     for i in range(n):
         y[i, 0] = run.states[0, i]

@@ -34,8 +34,6 @@ def check_table(
     if any(b <= a for a, b in pairwise(x)):
         raise mistake("bad-table", f'"{what}" must increase')
     if period and x[-1] - x[0] >= period * (1 - 1e-12):
-        message, valid = (
-            f'"{what}" must cover less than one period',
-            "the first value is repeated by itself",
-        )
+        message = f'"{what}" must cover less than one period'
+        valid = "the first value is repeated by itself"
         raise mistake("bad-table", message, valid, "leave out the last row")

@@ -112,10 +112,8 @@ class Document:
 
         where = os.fspath(path)
         if os.path.splitext(where)[1].lower() not in ("", ".json"):
-            message, remedy = (
-                "a mechanism is saved as JSON",
-                "name it .json, or use blockmech.write",
-            )
+            message = "a mechanism is saved as JSON"
+            remedy = "name it .json, or use blockmech.write"
             raise cannot_write(where, message, remedy)
         text = self.in_folder(os.path.dirname(where)).to_json()
         self.from_data(*data_of(text), where)  # what a file does not hold is not written

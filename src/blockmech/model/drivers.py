@@ -83,10 +83,8 @@ def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
                 yield replace(wrong, found=message, remedy=remedy)
         if coupling.driven in led:
             message = f"{coupling.driven} is already driven by {led[coupling.driven]}"
-            valid, remedy = (
-                "a driver follows at most one coupling",
-                "couple one of them to the other's driver",
-            )
+            valid = "a driver follows at most one coupling"
+            remedy = "couple one of them to the other's driver"
             yield Problem("coupled-twice", f"{name}.driven", message, valid, remedy)
         led.setdefault(coupling.driven, name)
     for section, driver in scene.drivers():
@@ -147,9 +145,7 @@ def loop_problems(dag: nx.DiGraph, blocks: Blocks) -> Iterator[Problem]:
             way = [target] if source == target else nx.shortest_path(dag, target, source)
             driven = couplings_of(blocks)[name].driven
             message = f"{driven} drives itself: {' -> '.join([*way, way[0]])}"
-            valid, remedy = (
-                "couplings must not form a loop",
-                "remove one, or swap its driver and driven",
-            )
+            valid = "couplings must not form a loop"
+            remedy = "remove one, or swap its driver and driven"
             yield Problem("coupling-loop", f"{name}.driven", message, valid, remedy)
             return

@@ -19,13 +19,11 @@ from blockmech.ground.tolerances import BLUR, ROUNDING
 from blockmech.model.structure import Structure
 from blockmech.typing import Array, Data, Floats, Real, Record
 
-OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
-    "ok",
-    "no-assembly",
-    "not-converged",
-    "self-locked",
-    "jammed",
-)
+OK = "ok"
+NO_ASSEMBLY = "no-assembly"
+NOT_CONVERGED = "not-converged"
+SELF_LOCKED = "self-locked"
+JAMMED = "jammed"
 DEAD_CENTRE, CHANGE_POINT, DIGITS_LOST = "dead-centre", "change-point", "digits-lost"
 UNDEFINED = "undefined"
 WORDS = (

@@ -381,10 +381,8 @@ def _named_numbers(
     parameters_ = {}
     for i, driver in enumerate(mechanism.drivers):
         for quantity, name in INPUTS.items():
-            address, column = (
-                mechanism._of_driver(driver, quantity),
-                result.samples.inputs[f"{name}_{i}"],
-            )
+            address = mechanism._of_driver(driver, quantity)
+            column = result.samples.inputs[f"{name}_{i}"]
             size = float(np.abs(np.asarray(column, float)).max(initial=0.0))
             unit = mechanism.outputs[address].unit
             parameters_[address] = Parameter(address, size, unit, (GIVEN, name, driver))

@@ -124,10 +124,8 @@ class Variation:
         numbers = {p.path: Varied(p.value, seed) for p, seed in seeds if p.path[0] != GIVEN}
         document: Any = mechanism.document
         if numbers and is_written_out(mechanism):
-            sections, plain_sections = (
-                document.with_numbers(numbers).flat().sections(),
-                graph_sections(mechanism),
-            )
+            sections = document.with_numbers(numbers).flat().sections()
+            plain_sections = graph_sections(mechanism)
             values = {
                 p.path: value_at(sections, p.path) for p in parameters_of(plain_sections).values()
             }

@@ -45,10 +45,8 @@ class DryFriction(FrictionLaw):
     def check_for(self, kind: str, joint: str) -> None:
         """Refuse a law that does not fit the kind of pair."""
         if kind == "R" and self.radius is None:
-            found, remedy = (
-                f'{joint} is revolute and has no "radius"',
-                "add the radius of the pin [m]",
-            )
+            found = f'{joint} is revolute and has no "radius"'
+            remedy = "add the radius of the pin [m]"
         elif kind == "R" and self.guide_length is not None:
             found, remedy = f'{joint} is revolute and has a "guide_length"', "remove it"
         elif kind == "P" and self.radius is not None:

@@ -182,11 +182,9 @@ def _seated(
     The origin is at the outer pin, else at the inner one, else at the outer slider's point; the
     x axis points along the outer guide, else along the inner one, else to the other pin.
     """
-    keys, seats, points = (
-        dict[str, Any](),
-        dict[str, LinkPlacement](),
-        dict[tuple[str, complex], str](),
-    )
+    keys = dict[str, Any]()
+    seats = dict[str, LinkPlacement]()
+    points = dict[tuple[str, complex], str]()
     for name, link in link_of.items():
         joints = _joints_on(cls, name)
         pins = [at[joint.name].on(link) for joint in joints if joint.kind == "R"]

@@ -403,11 +403,9 @@ class Linkage(Document):
         """Add an item of a kind. Raises `GraphError` with places in the document."""
         if not isinstance(name, str) or not is_name(name):
             raise GraphError(bad_name(kind_of_item, name))
-        section, items, where = (
-            sections()[f"{kind_of_item}s"],
-            getattr(self, f"{kind_of_item}s"),
-            f"{kind_of_item}s.{name}",
-        )
+        section = sections()[f"{kind_of_item}s"]
+        items = getattr(self, f"{kind_of_item}s")
+        where = f"{kind_of_item}s.{name}"
         if name in items:
             message, valid = f"there is a {kind_of_item} of that name", f"taken: {listed(items)}"
             raise GraphError(Problem("taken-name", where, message, valid, "choose another name"))
