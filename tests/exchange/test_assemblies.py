@@ -166,34 +166,19 @@ def test_a_fourbar_moves_as_ondsel_moves_it(upright, tmp_path):
             assert abs(cmath.phase(cmath.exp(1j * (turn + first - angle)))) < 1e-9
 
 
+def part(position, mass=1.0, centre=(0, 0, 0), **markers):
+    """A part with markers in its own axes: places, or pairs of place and axes."""
+    markers = {k: z if isinstance(z[0], tuple) else (z, EYE) for k, z in markers.items()}
+    return (position, EYE, markers, mass, (1, 1, 1), centre)
+
+
 def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
     axes = ((0, 0, 1), (1, 0, 0), (0, 1, 0))  # z axis along x
     parts = {
-        "crank": (
-            (0, 0, 0),
-            EYE,
-            {"a": ((0, 0, 0), EYE), "b": ((0, 1, 0), EYE)},
-            1.0,
-            (1, 1, 1),
-            (0, 0, 0),
-        ),
-        "rod": (
-            (0, 1, 0),
-            EYE,
-            {"a": ((0, 0, 0), EYE), "b": ((2, -1, 0), EYE)},
-            1.0,
-            (1, 1, 1),
-            (0, 0, 0),
-        ),
-        "piston": (
-            (2, 0, 0),
-            EYE,
-            {"a": ((0, 0, 0), EYE), "g": ((0, 0, 0), axes)},
-            1.0,
-            (1, 1, 1),
-            (0, 0, 0),
-        ),
-        "cap": ((2, 0, 0), EYE, {"a": ((0, 0, 0), EYE)}, 3.0, (1, 1, 1), (1, 0, 0)),
+        "crank": part((0, 0, 0), a=(0, 0, 0), b=(0, 1, 0)),
+        "rod": part((0, 1, 0), a=(0, 0, 0), b=(2, -1, 0)),
+        "piston": part((2, 0, 0), a=(0, 0, 0), g=((0, 0, 0), axes)),
+        "cap": part((2, 0, 0), 3.0, (1, 0, 0), a=(0, 0, 0)),
     }
     joints = {
         "A": ("RevoluteJoint", "o", "crank/a"),
@@ -220,11 +205,6 @@ def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
     motor = linkage.to_data()["drivers"]["motor"]
     assert motor["law"] == "rate_acceleration"
     assert motor["acceleration"] == pytest.approx(2.0)
-
-
-def part(position, **markers):
-    """A part of 1 kg with markers in its own axes."""
-    return (position, EYE, {k: (z, EYE) for k, z in markers.items()}, 1.0, (1, 1, 1), (0, 0, 0))
 
 
 GENERAL = {"rIJI1": "0.3 - 2*time", "rIJI2": "0.1*sin(2*pi*time)", "rIJI3": "0", "angIJJ1": "0"}
@@ -257,22 +237,8 @@ def test_a_general_motion_is_two_slides_and_a_pin(order, tmp_path):
 def test_slides_alone_have_a_plane_and_rods_join_pins(tmp_path):
     side, up = ((0, 0, 1), (1, 0, 0), (0, 1, 0)), ((1, 0, 0), (0, 0, 1), (0, -1, 0))
     parts = {
-        "x": (
-            (0, 0, 0),
-            EYE,
-            {"s": ((0, 0, 0), side), "t": ((0, 0, 0), up)},
-            1.0,
-            (1,) * 3,
-            (0,) * 3,
-        ),
-        "y": (
-            (0, 0, 0),
-            EYE,
-            {"t": ((0, 0, 0), up), "p": ((0, 0, 0), EYE)},
-            1.0,
-            (1,) * 3,
-            (0,) * 3,
-        ),
+        "x": part((0, 0, 0), s=((0, 0, 0), side), t=((0, 0, 0), up)),
+        "y": part((0, 0, 0), t=((0, 0, 0), up), p=(0, 0, 0)),
     }
     joints = {"X": ("TranslationalJoint", "o", "x/s"), "Y": ("TranslationalJoint", "x/t", "y/t")}
     frame = {"o": ((0, 0, 0), side), "q": ((3, 4, 0), EYE)}

@@ -19,17 +19,20 @@ GRAPHS = Path(__file__).parents[2] / "graphs"
 JOINTS = sorted(path.stem for path in (GRAPHS / "joints").glob("*.json"))
 
 
-def sketch():
-    return Hand(bm.Linkage("drawn"))
+def sketch(pins=(), *links):
+    """A new drawing with pins A, B, ... at these places, and links of these pins."""
+    pane = Hand(bm.Linkage("drawn"))
+    for z in pins:
+        pane.add(z)
+    for ends in links:
+        pane.act("Link", *ends)
+    return pane
 
 
 def fourbar():
     """The paper's four-bar as it is drawn: four pins, three links, a frame and a driver."""
-    pane = sketch()
-    for z in (0j, 2 + 0j, 7.607142857142857 + 2.135403697j, 5.5 + 0j):
-        pane.add(z)
-    for ends in ("AB", "BC", "CD"):
-        pane.act("Link", *ends)
+    pins = [0j, 2 + 0j, 7.607142857142857 + 2.135403697j, 5.5 + 0j]
+    pane = sketch(pins, "AB", "BC", "CD")
     pane.act("To the frame", "A", "D")
     pane.act("Driver", "A")
     return pane
@@ -72,12 +75,7 @@ def test_a_drawing_that_cannot_move_has_its_diagnosis():
 
 
 def test_a_slider_crank_is_drawn():
-    pane = sketch()
-    for z in (0j, 1 + 0j, 4 + 0j, 4 + 0j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
-    pane.act("Link", "B", "C")
-    pane.act("Link", "C", "D")
+    pane = sketch([0j, 1 + 0j, 4 + 0j, 4 + 0j], "AB", "BC", "CD")
     pane.act("To the frame", "A", "D")
     pane.act("Slider", "D")
     pane.act("Driver", "A")
@@ -123,11 +121,7 @@ def test_every_document_of_the_gallery_is_shown_as_it_is(name):
 
 
 def test_a_link_gets_a_slider_at_its_free_end():
-    pane = sketch()
-    for z in (0j, 1 + 0j, 4 + 0j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
-    pane.act("Link", "B", "C")
+    pane = sketch([0j, 1 + 0j, 4 + 0j], "AB", "BC")
     pane.act("To the frame", "A")
     pane.act("Slider", "C")
     pane.act("Driver", "A")
@@ -139,10 +133,7 @@ def test_a_link_gets_a_slider_at_its_free_end():
 
 def test_a_block_slides_on_a_moving_link():
     """The shaper's: a crank's pin on a block in the slot of a rocker."""
-    pane = sketch()
-    for z in (0j, 1j, -2j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
+    pane = sketch([0j, 1j, -2j], "AB")
     pane.add(0.5 + 0j)  # on the rocker, off the crank
     pane.act("Link", "C", "D")
     pane.act("To the frame", "A", "C")
@@ -155,10 +146,7 @@ def test_a_block_slides_on_a_moving_link():
 
 
 def test_a_pin_and_the_guide_of_its_block_move_together():
-    pane = sketch()
-    for z in (0j, 1 + 0j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
+    pane = sketch([0j, 1 + 0j], "AB")
     pane.act("Slider", "B")
     for name, z in (("B", 2 + 1j), ("B_guide", 3 + 0j)):
         pane.sheet.change(sketching.moved(pane.sheet.form, {name: z}), "moved")
@@ -243,10 +231,7 @@ def test_a_gesture_that_begins_and_ends_at_pins_joins_them():
 
 def test_a_cylinder_lifts_an_arm():
     """The law of cosines tells the arm's angle from the cylinder's length."""
-    pane = sketch()
-    for z in (0j, 2 + 0j, 1 - 1j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
+    pane = sketch([0j, 2 + 0j, 1 - 1j], "AB")
     pane.act("To the frame", "A")
     pane.act("Cylinder", "C", "B")
     pane.act("To the frame", "C")
@@ -260,11 +245,7 @@ def test_a_cylinder_lifts_an_arm():
 
 
 def test_gears_let_one_driver_follow_another():
-    pane = sketch()
-    for z in (0j, 1 + 0j, 3 + 0j, 4 + 1j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
-    pane.act("Link", "C", "D")
+    pane = sketch([0j, 1 + 0j, 3 + 0j, 4 + 1j], "AB", "CD")
     pane.act("To the frame", "A", "C")
     pane.act("Gears", "A", "C")
     (gear,) = pane.sheet.form["couplings"].values()
@@ -282,11 +263,7 @@ def test_gears_let_one_driver_follow_another():
 
 def test_a_rack_turns_the_pinion_that_reaches_it():
     """The pinion rolls on the rack: its angle is the way over the drawn radius."""
-    pane = sketch()
-    for z in (0j, 0.5j, 2 - 0.5j, 3 - 0.5j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
-    pane.act("Link", "C", "D")
+    pane = sketch([0j, 0.5j, 2 - 0.5j, 3 - 0.5j], "AB", "CD")
     pane.act("To the frame", "A", "C")
     pane.act("Slider", "C")
     pane.act("Rack", "C", "A")
@@ -302,11 +279,7 @@ def test_a_rack_turns_the_pinion_that_reaches_it():
 
 def test_a_cam_lifts_a_valve_as_its_law_says():
     """Half a turn lifts by a tenth of the drawn distance, a whole one puts it back."""
-    pane = sketch()
-    for z in (0j, 0.3 + 0j, 2j, 3j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
-    pane.act("Link", "C", "D")
+    pane = sketch([0j, 0.3 + 0j, 2j, 3j], "AB", "CD")
     pane.act("To the frame", "A", "C")
     pane.act("Slider", "C", angle=math.pi / 2)
     pane.act("Cam", "A", "C")
@@ -360,10 +333,7 @@ def test_masses_of_bars_let_a_drawing_be_simulated():
     before = pane.sheet.form
     pane.act("Masses")
     assert pane.sheet.form == before
-    pane = sketch()
-    for z in (0j, 3 + 0j, 4j):
-        pane.add(z)
-    pane.act("Link", "A", "B", "C")
+    pane = sketch([0j, 3 + 0j, 4j], "ABC")
     pane.act("Masses")
     body = pane.sheet.form["links"]["link"]
     assert body["mass"] == pytest.approx(12.0)
@@ -371,10 +341,7 @@ def test_masses_of_bars_let_a_drawing_be_simulated():
 
 
 def test_a_copy_is_moved_as_what_it_was_made_of():
-    pane = sketch()
-    for z in (0j, 1 + 0j):
-        pane.add(z)
-    pane.act("Link", "A", "B")
+    pane = sketch([0j, 1 + 0j], "AB")
     form = pane.sheet.form
     form = {**form, "links": {"link": {**form["links"]["link"], "mass": 2.0}}}
     pane.sheet.change(form, "mass")
