@@ -13,7 +13,7 @@ import re
 import tempfile
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from functools import cached_property, partial
 from io import StringIO
@@ -483,8 +483,3 @@ def silent(result: Result) -> Iterator[str]:
         values = np.asarray(result[name])
         if len(values) == len(good) and not np.isfinite(values[good]).all():
             yield name
-
-
-def numbers_that_are_none(answer: Mapping[str, Any]) -> bool:
-    """Whether arrays hold any."""
-    return any(not np.isfinite(np.asarray(x)).all() for x in answer.values())
