@@ -363,6 +363,28 @@ def test_a_knee_lies_against_its_stop_while_both_arms_move():
     assert mech.verify(r).ok
 
 
+def test_a_viscous_knee_has_its_friction_after_it_has_left_its_stop():
+    """It sticks while it lies there, though its law holds nothing at rest."""
+    g = five_bar()
+    g.scene = g.scene.model_copy(update={"stops": {}})
+    g.add_stop("dyad.C.coordinate", high=0.9, restitution=0.0)
+    friction = {
+        "B": bm.friction.Coulomb(coefficient=0.1, radius=0.02),
+        "C": bm.friction.Viscous(damping=2.0),
+    }
+    g.blocks["dyad"] = g.blocks["dyad"].model_copy(update={"friction": friction})
+    mech = g.compile()
+    r = mech.simulate("time=0.9", want="*", times=np.linspace(0.0, 0.9, 46))
+    (lain,) = r.motion.lying
+    assert (r.time > lain.end).sum() > 10
+    np.testing.assert_allclose(r["dyad.C.friction"], -2.0 * r["dyad.C.slip"], atol=1e-12)
+    assert mech.verify(r).ok
+    (impact,) = r.motion.impacts
+    (rest,) = (e for e in r.motion.events if e.kind == "rest")
+    assert rest.t == impact.t == r.motion.facts["rest_time"]  # no bounces are left to sum up
+    np.testing.assert_array_equal(rest.qd, impact.after)  # both arms move on
+
+
 def test_of_several_stops_those_push_that_must():
     """0 <= P, 0 <= n q' after, one of them zero: by a quadratic programme of SciPy."""
     from scipy.optimize import nnls

@@ -238,7 +238,6 @@ class Bounces(Run):
             self.unseen += self.height
             solution, impulse = self._blow(state, struck, 0.0), impulse + later_impulses
             self.contacts[i] = limit
-            self._lies(leg, i, bool(speed))
         after = solution.after if speed else before
         if i < len(q):
             after[i] = 0.0 if low or not e else -e * before[i]
@@ -246,7 +245,8 @@ class Bounces(Run):
             if -side * float(row @ after) > SETTLED * abs(speed):
                 self._leaves(j, leg)
         if speed:
-            self.struck = {i: (leg.t_end, abs(float(rows[0] @ after)))}
+            departure_speed = abs(rate_along(rows[0], after))
+            self.struck = {i: (leg.t_end, departure_speed)} if departure_speed else {}
             bound = [] if self.system.roles is None else self.system.roles.bound
             names = [self._stop(*end).name for end in struck.items()]
             names += [self.system.drivers[j] for j in bound]
@@ -254,6 +254,8 @@ class Bounces(Run):
             self.worked += work
             self.impacts.append(record._replace(impulse=impulse))
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
+        if low:
+            self._lies(leg, i, self._plain(after), bool(speed))
         self.legs[-1] = replace(leg, q_end=self._plain(q), qd_end=self._plain(after))
         return self._plain(after)
 
@@ -285,7 +287,7 @@ class Bounces(Run):
         left of the speed over one.
         """
         stops, side = self._rows({i: limit}, q, after), self._side(i, limit)
-        speed, ratio = abs(float(stops.rows[0] @ after)), 1.0
+        speed, ratio = abs(rate_along(stops.rows[0], after)), 1.0
         M, Q = self._matrix(q, after, t)
         lain = {j: end for j, end in self.contacts.items() if j != i}
         constraint = self._rows(lain, q, after) if lain else None
@@ -317,12 +319,12 @@ class Bounces(Run):
         total = -side * mass * speed * ratio * (1 + e) / (1 - e * ratio)
         return self.height <= LOW * target, total
 
-    def _lies(self, leg: Motion, i: int, struck: bool) -> None:
-        """It comes to rest against a stop."""
+    def _lies(self, leg: Motion, i: int, after: Real, struck: bool) -> None:
+        """It comes to rest against a stop; other drivers may go on at rates ``after``."""
         t = leg.t_end + (self.flights if struck else 0.0)
         self.facts["rest_time"] = t
         self.since[i] = leg.t_end, 0.0
-        self.events.append(Event(ends.REST, t, leg.q_end, 0 * np.asarray(leg.qd_end)))
+        self.events.append(Event(ends.REST, t, leg.q_end, after))
 
     def _leaves(self, i: int, leg: Motion) -> None:
         """It leaves a stop that it lay against."""

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.contacts import STILL
+from blockmech.dynamics.contacts import SETTLED, STILL
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import PARTS, PER_SWING, EventFunction, friction_rules
-from blockmech.dynamics.friction import Instant
+from blockmech.dynamics.friction import Instant, Sides
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.sticking import JointFriction, Settled
@@ -133,7 +133,28 @@ class StickSlip:
         if not self.holds:
             return -1.0
         at, sides = self._instant(t, y), self.equation.sides
+        if at.w[self._unheld(at, sides)].any():
+            return 1.0
         return self._rubs.share(at, sides, self._rubs.respond(at, sides)) - 1.0
+
+    def _unheld(self, at: Instant, sides: Sides) -> list[int]:
+        """Pairs without slip whose laws hold nothing at rest."""
+        return [j for j in self._rubs.stuck(at, sides) if not self._rubs.weights[j]]
+
+    def _sides_soon_after(self, now: Now, at: Instant, start: Settled) -> Sides:
+        """The sides; of pairs that nothing holds and that do not move yet, those soon after."""
+        friction, sides = self._rubs, start.sides
+        unheld = self._unheld(at, sides)
+        if not unheld or friction.fixed(at, sides):
+            return sides
+        qdd, t = (start.response or friction.respond(at, sides)).qdd, now.t + SOON
+        q, qd = at.q + SOON * (at.rate + SOON / 2 * qdd), at.rate + SOON * qdd
+        constraint = self.equation.system.against(q, qd, t)
+        later = friction.instant(q, qd, t, self._states(now.y), constraint)
+        rise = np.abs(later.S) @ np.abs(later.unheld) + np.abs(later.b)
+        u = later.S @ friction.respond(later, sides).free + later.b
+        senses = np.where(np.abs(u) > SETTLED * rise, np.sign(u), 0.0)
+        return tuple(int(senses[j]) if j in unheld else side for j, side in enumerate(sides))
 
     def _largest_tension(self, t: float, y: Floats) -> float:
         """What a stop that it lies against would have to pull with most [N m or N]."""
@@ -184,7 +205,7 @@ class StickSlip:
             moved = start.end == ends.SELF_LOCKED and now.moved
             yield Transition(RunEnd(start.end, "ended" if moved else "failed"))
             return
-        equation.sides = sides = start.sides
+        equation.sides = sides = self._sides_soon_after(now, at, start)
         events = []
         for j, (before, after) in enumerate(zip(old, sides, strict=False)):
             if before != after and self._lists_pairs:

@@ -136,8 +136,8 @@ class Variation:
         graph = Graph.from_data(settled(decomposition.data))
         numbers_of = {}
         for p in parameters_of(graph.sections()).values():
-            x = number_at(decomposition.data, p.path)
-            if isinstance(x, Varied) and x.d.any():
+            x, is_stop = number_at(decomposition.data, p.path), p.path[:2] == ("scene", "stops")
+            if isinstance(x, Varied) and x.d.any() and not is_stop:  # they are the document's
                 numbers_of[p.path] = x
         return cls(type(mechanism)._from_graph(graph, decomposition.names, document), numbers_of)
 

@@ -94,6 +94,19 @@ def test_a_motion_that_lies_against_one_is_verified(joint):
     assert verification.ok, str(verification)
 
 
+@pytest.mark.parametrize("joint", STOPS)
+def test_numbers_have_the_same_derivatives_with_stops_as_without(joint):
+    """Turned axes of the rod let the stop of a pin count from numbers of the document."""
+    drives = [
+        document(stops, turn=1.1).compile().sensitivity("driver.motor.drive", at=[0.5], rates=-20.0)
+        for stops in ({f"joint.{joint}.coordinate": STOPS[joint]}, {})
+    ]
+    stopped, plain = drives
+    assert list(stopped) == list(plain)
+    for address, derivative in plain.items():
+        np.testing.assert_allclose(stopped[address], derivative, rtol=1e-12, err_msg=address)
+
+
 def test_what_has_no_stops_of_its_own_is_refused_with_what_has():
     with pytest.raises(FormatError, match='no joint "Z"'):
         document({"joint.Z.coordinate": {"to": 1.0}})
