@@ -30,6 +30,8 @@ from blockmech.ground.errors import Problem, RequestError, refused
 from blockmech.ground.plane import REST_SHARE
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.tolerances import ROUNDING
+from blockmech.model.joints.layout import NO_CENTRE, massless_welds
+from blockmech.model.joints.linkage import Linkage
 from blockmech.model.parameters import Parameter, named
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Output, Plan
@@ -120,6 +122,9 @@ def sensitivity(
     result = mechanism.run(at, want=names, on_gap=on_gap, **arguments)
     parameters, alone = _named_numbers(mechanism, result, to)
     excluded = {a: why for a, p in parameters.items() if (why := without_derivative(p))}
+    if isinstance(mechanism.document, Linkage):
+        centreless = (f"links.{link}.mass" for link in massless_welds(mechanism.document))
+        excluded |= {a: NO_CENTRE for a in centreless if a in parameters}
     chosen = {a: p for a, p in parameters.items() if a not in excluded}
     variation = Variation.of(mechanism, chosen.values())
     if gone := _missing(names, variation, patterns):

@@ -141,6 +141,22 @@ def test_derivatives_pass_the_weld(path):
     assert float(np.squeeze(exact)) == pytest.approx((high - low) / (2 * step), rel=1e-6)
 
 
+def test_welded_links_without_mass_have_derivatives_but_by_their_masses():
+    data = fourbar(True).to_data()
+    for link in ("rod", "plate"):
+        data["links"][link] |= {"mass": 0.0, "inertia": 0.0}
+    linkage, drive = bm.Linkage.from_data(data), "driver.motor.drive"
+    mechanism = linkage.compile()
+    parameters = mechanism.sensitivity(drive, at=[1.0]).parameters
+    assert "links.plate.cm.y" in parameters
+    assert "links.plate.mass" not in parameters
+    with pytest.raises(bm.RequestError, match="have no centre of mass: give one of them mass"):
+        mechanism.sensitivity(drive, "links.plate.mass", at=[1.0])
+    study = mechanism.study({"links.plate.mass": [5.0]}, want=f"max({drive})", at=[1.0])
+    heavy = linkage.replace({"links.plate.mass": 5.0}).compile().run(at=[1.0], want=drive)
+    assert study[f"max({drive})"][0] == pytest.approx(heavy[drive][0], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("add", "because"),
     [

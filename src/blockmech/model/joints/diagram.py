@@ -23,6 +23,7 @@ from blockmech.model.joints.contents import FRAME, LinkGiven
 from blockmech.model.joints.drafts import GENERAL, BlockDraft, End
 from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import (
+    NO_CENTRE,
     Connection,
     Connections,
     Layout,
@@ -384,6 +385,8 @@ def _mass_of(bodies: list[tuple[LinkGiven, LinkPlacement]]) -> Data:
         mass = sum(link.mass for link, _ in bodies)
         centres = [seat.place(link.cm.z) for link, seat in bodies]
         moment = sum(link.mass * z for (link, _), z in zip(bodies, centres, strict=True))
+        if mass and not complex(mass):  # it varies, from nothing on
+            raise GraphError(Problem("no-derivative", "links", NO_CENTRE))
         cm = moment / mass if mass else 0j
         inertia = sum(
             link.inertia + link.mass * dot(z - cm, z - cm)

@@ -8,7 +8,7 @@ placed first (`seated`); the motion is the same, and forces are sums.
 from __future__ import annotations
 
 import cmath
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
@@ -173,6 +173,17 @@ class Layout:
             for name, c in sorted(pairs.items())
         }
         return cls(links, welds, poses, shared, linkage.driven, size)
+
+
+NO_CENTRE = "welded links of which none has mass have no centre of mass: give one of them mass"
+
+
+def massless_welds(linkage: Linkage) -> list[str]:
+    """Moving links that are welded to others, none of which has mass."""
+    carriers = {link: weld.link for link, weld in _welds_of(linkage).items() if weld.link != FRAME}
+    massive = {carriers[link] for link in carriers if linkage.links[link].mass}
+    sizes = Counter(carriers.values())
+    return [x for x, carrier in carriers.items() if sizes[carrier] > 1 and carrier not in massive]
 
 
 def _welds_of(linkage: Linkage) -> dict[str, LinkPlacement]:
