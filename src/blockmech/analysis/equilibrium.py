@@ -51,13 +51,13 @@ class Equilibrium(Facts, Report):
         driver moves no mass
     potential : [J] of loads that follow the only driver's coordinate, from the lowest
         equilibrium of its arc; else None
-    interval : (low, high) [rad or m] about it in which friction holds the only driver, or None
-    stop : whether it is an end stop that the loads push against
-    jump : whether the effort of the loads jumps there from one sign to the other
-    free : coordinates of ``at`` that may have any value: the loads do not feel them
-    leads : beyond a dead centre of the driver, where another joint leads, the name of its
-        coordinate -> its value, by which M, C and K are; empty where the driver leads
-    chart : beyond a dead centre the chart in which it is; else None
+    interval : (low, high) [rad or m] around it in which friction holds the only driver, or None
+    stop : whether it is at an end stop against which the loads push
+    jump : whether the generalised force of the loads changes sign there by a jump
+    free : coordinates of ``at`` that may have any value, as no load acts on them
+    leads : beyond a dead centre of the driver, name -> value of the joint coordinate that replaces
+        the driver's and to which M, C and K refer; empty elsewhere
+    chart : its chart beyond a dead centre, else None
     """
 
     FACTS = (
@@ -87,12 +87,12 @@ class Equilibrium(Facts, Report):
 
     @property
     def stiffness(self) -> float:
-        """K of the only driver [N m/rad or N/m], of several the smallest of its symmetric part."""
+        """K of the only driver [N m/rad or N/m]; for several the least of its symmetric part."""
         return float(np.linalg.eigvalsh((self.K + self.K.T) / 2)[0])
 
     @property
     def frequencies(self) -> Floats:
-        """Natural frequencies [rad/s] of small oscillations, rising; those without damping."""
+        """Natural frequencies [rad/s] of small undamped oscillations, in rising order."""
         return natural_frequencies(self.M, self.K) if len(self.values) else np.empty(0)
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
@@ -141,9 +141,9 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
     rests : (low, high) [rad or m] of the only driver: where joint friction holds it, also where
         there is no equilibrium without it; empty without friction
     balanced : (low, high) of arcs of the only driver on which the loads are balanced everywhere
-    curves : of each arc of the only driver the effort of the loads and their potential
+    curves : generalised force and potential of the loads on each arc of the only driver
     coordinate, unit : of the only driver, e.g. "crank.q"; "" of several
-    notes : what should be known
+    notes : remarks for the reader
     """
 
     FACTS = ("rests", "balanced", "notes")
@@ -168,7 +168,7 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
 
     @property
     def stable(self) -> tuple[Equilibrium, ...]:
-        """Those at which it stays."""
+        """The stable equilibria."""
         return tuple(e for e in self.found if e.kind == "stable")
 
     def figure(self, degrees: bool = IN_DEGREES, ax: Axes | None = None) -> Any:

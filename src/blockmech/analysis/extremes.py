@@ -42,8 +42,8 @@ class Extreme(Facts):
     value : in the output's unit; infinite where the output grows without bound
     at : ``"crank.q"`` -> driver coordinate
     units : ``"crank.q"`` -> its unit, rad or m
-    time : [s], where the law of motion says it
-    end : whether it is no turn of the output but an end of the range or of an arc
+    time : [s], if the law of motion gives it
+    end : whether it is at an end of the range or of an arc, not at a local extreme
     """
 
     FACTS = ("kind", "value", "time", "end")
@@ -83,7 +83,7 @@ class Range(Facts):
 
 @dataclass(frozen=True, repr=False)
 class Extremes(Facts, Report):
-    """Extremes of one output; of a vector those of x, y and its magnitude.
+    """Extremes of one output; for a vector those of x, y and its magnitude.
 
     ``minimum``, ``maximum`` and ``turns`` are those of a real output, or of a vector's
     magnitude; ``extremes["x"]`` is a part of a vector. Texts are in the units ``display``.

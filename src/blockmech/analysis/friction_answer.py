@@ -56,15 +56,15 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
     Attributes
     ----------
     pose : (s,) index of the pose
-    connected : (s,) whether continuation from zero friction leads to it, in every group
+    connected : (s,) whether every group reaches it by continuation from zero friction
     index : group -> (s,) +1 or -1, sign of det(1 - diag(k) dg R); 0 where rounding hides it
     complete : (n,) whether it is proved that there are no others
     proof : n words: "contraction" (P < 1 in all groups: one solution), "count" (all complex
         solutions found and apart, and the sum of indices what `existence` demands),
         "undecided" (a double solution within rounding, or one at infinity), "no-assembly"
     existence : group -> (n,) the number c [-]; NaN where the pose has no solution to judge it by
-    at_rest : joint -> (n,) whether its pair has no relative speed: its friction is taken as 0
-        and may be anything in an interval
+    at_rest : joint -> (n,) whether its pair has no relative speed: its friction is taken as 0, but
+        may have any value in an interval
     scale : (n,) [-] factor of all friction
     samples : the poses
     """
@@ -311,7 +311,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         return {"name": self.answers.mechanism.name, "units": units, "poses": as_json(poses)}
 
     def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:
-        """A row a solution."""
+        """One row per solution."""
         columns, complete = self._columns(), self.complete
         names = [f"{self._said(group)} index" for group in self.index]
         where, values = columns[: self._led], columns[self._led :]

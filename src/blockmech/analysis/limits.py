@@ -96,13 +96,13 @@ class Limits(Facts, Pictured):
     ----------
     driver : the driving link
     unit : of its coordinate, "rad" or "m"
-    held : the other drivers -> where they stand
+    held : the other drivers -> their coordinates
     arcs : in rising order; of a crank, with their middles between -pi/2 and 3 pi/2
     whole_turn : whether a crank turns fully
     nearest : where there is no arc: the group that never closes, and where it nearly does
     spacing : [rad or m] of the samples of the scan
-    prefix : what names of outputs put before the driver's, "driver." in a document of joints
-    why : by how much the nearest group misses closing there, in words
+    prefix : prefix of the driver's outputs, "driver." in a document of links and joints
+    why : the closure error of the nearest group, in words
     """
 
     FACTS = ("unit", "whole_turn", "arcs", "nearest", "spacing")

@@ -50,7 +50,7 @@ class Stroke(Facts, Report):
     Attributes
     ----------
     name, unit : of the output
-    length : along the path
+    length : distance along the path
     low, high : the extreme positions; of a marker, ``value`` is measured along the path
         from ``low``
     path : "scalar" output, "straight" or "curved" path of a marker
@@ -75,7 +75,7 @@ class Stroke(Facts, Report):
 
     @property
     def time_ratio(self) -> float | None:
-        """Time of the slow stroke over that of the quick one at constant driver rate [-]."""
+        """Time of the slow stroke over that of the quick one at a constant driver rate [-]."""
         if not (self.out and self.back):
             return None
         return max(self.out, self.back) / min(self.out, self.back)

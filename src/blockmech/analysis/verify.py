@@ -89,7 +89,7 @@ CHECKS: tuple[CheckOf, ...] = (
 
 @dataclass(frozen=True)
 class Check(Facts):
-    """One check: the largest relative error over the samples, and what is allowed.
+    """One check: the largest relative error over the samples, and its tolerance.
 
     ``value`` is in units of the sum of absolute terms times the conditioning [-].
     """
@@ -125,7 +125,7 @@ class Verification(Facts, Report):
 
     @property
     def ok(self) -> bool:
-        """Whether every check holds and there was something to check."""
+        """Whether every check holds and at least one sample was checked."""
         return self.samples > 0 and all(r.ok for r in self.rows)
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:

@@ -32,7 +32,7 @@ Edge: TypeAlias = tuple[int | None, int | None, int]
 
 @dataclass(frozen=True)
 class Formation:
-    """Units in formation order, and what could not be placed.
+    """Units in formation order, and the links that could not be placed.
 
     A unit comes as soon as the links that it waits for are there; of several, drivers
     first, then by the name of the first link.

@@ -41,7 +41,7 @@ PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
 
 
 class Left(NamedTuple):
-    """What is left of an output over the poses: its rms, its largest size, and where that is."""
+    """The remainder of an output over the poses: rms, largest magnitude, and its sample."""
 
     rms: float
     largest: float
@@ -57,17 +57,17 @@ def left_of(y: Any) -> Left:
 
 @dataclass(frozen=True, repr=False)
 class Balance(Facts, Pictured):
-    """Numbers that balance a mechanism best.
+    """The parameters that balance a mechanism best.
 
     Attributes
     ----------
     mechanism : with these numbers
     numbers : address -> value
-    before, after : output -> what is left of it
+    before, after : output -> its remainder
     runs : the two runs whose outputs these are
     units : address or output -> unit
     linear : whether the outputs are linear in the numbers, so that no better ones exist
-    at_bounds : numbers that their bounds hold
+    at_bounds : numbers that lie at their bounds
     """
 
     FACTS = ("numbers", "units", "linear", "at_bounds", "before", "after")
@@ -82,7 +82,7 @@ class Balance(Facts, Pictured):
     at_bounds: tuple[str, ...]
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
-        """Each output before and after, over the poses."""
+        """Each output before and after balancing, over the poses."""
         names = [*self.after][: ink.PANELS]
         across = abscissa(self.runs[0], degrees=degrees)
         caption = f"{shown_name(self.mechanism.name, 40)}: outputs before and after balancing, "
@@ -99,7 +99,7 @@ class Balance(Facts, Pictured):
         return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """The numbers, then what is left of each output, and where most."""
+        """The numbers, then the remainder of each output and its largest value."""
         rows = [(a, with_unit(x, self.units[a])) for a, x in self.numbers.items()]
         yield from aligned(("number", "value"), rows)
         run = self.runs[1]

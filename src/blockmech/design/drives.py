@@ -48,16 +48,15 @@ PANEL = 19.5 * ink.TEXT  # [pt] height of a picture
 
 @dataclass(frozen=True, repr=False)
 class MotorDemand(Facts, Pictured):
-    """What a driver asks of its motor over the samples of a run.
+    """Requirements of a driver on its motor over the samples of a run.
 
     Attributes
     ----------
     driver, unit : of the effort, "N m" or "N"
     ratio : motor turns (or metres) per unit of the driver's coordinate; the best one if not given
     moment, speed : (n,) at the motor [N m or N, rad/s or m/s]
-    rms, peak, fastest, power : of them; power is the largest [W]
-    limits : what the motor can: rms, peak, speed
-    fits : whether all of them hold
+    rms, peak, fastest, power : rms and peak moment, largest speed, largest power [W]
+    limits : ratings of the motor: rms, peak, speed fits : whether all of them are kept
     """
 
     FACTS = ("driver", "unit", "ratio", "rms", "peak", "fastest", "power", "limits", "fits")
@@ -75,13 +74,13 @@ class MotorDemand(Facts, Pictured):
 
     @property
     def margins(self) -> Mapping[str, float]:
-        """Limit -> what is asked over what the motor can [-]; above 1 it cannot."""
+        """Limit -> requirement over rating of the motor [-]; above 1 the motor is too weak."""
         demand = {"rms": self.rms, "peak": self.peak, "speed": self.fastest}
         return {name: demand[name] / x for name, x in self.limits.items()}
 
     @property
     def fits(self) -> bool:
-        """Whether the motor can do it."""
+        """Whether the motor meets all requirements."""
         return all(x <= 1.0 for x in self.margins.values())
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
@@ -103,7 +102,7 @@ class MotorDemand(Facts, Pictured):
         return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """What is asked, and whether the motor can."""
+        """The requirements, and whether the motor meets them."""
         per = "rad/s" if self.unit == "N m" else "m/s"
         yield (
             f"ratio {self.ratio:.6g}: rms {self.rms:.6g} {self.unit}, peak {self.peak:.6g} "

@@ -38,7 +38,7 @@ STEPS = 256  # of a period
 
 @dataclass(frozen=True, repr=False)
 class Floquet(Facts, Report):
-    """What a period of a motion makes of small disturbances.
+    """Growth of small disturbances over a period of a motion.
 
     Attributes
     ----------

@@ -41,14 +41,14 @@ PANEL = 13.0 * ink.TEXT  # [pt] height of a picture
 
 @dataclass(frozen=True, repr=False)
 class Flywheel(Facts, Pictured):
-    """A flywheel on the driving crank, and the turn that it makes even.
+    """A flywheel on the driving crank, and the speed over a turn with it.
 
     Attributes
     ----------
     inertia : [kg m2] of the flywheel; 0 where none is needed
     moment : [N m] of the motor, constant over the turn
     fluctuation : (w_max - w_min) / w_mean [-] with it
-    without : that of the mechanism alone; infinite where it does not get round
+    without : fluctuation without the flywheel; infinite if the crank would not turn fully
     speed : mean [rad/s]
     q : (n,) [rad] over the period
     speeds, speeds_without : (n,) [rad/s]

@@ -90,21 +90,21 @@ class Combination(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Identification(Facts, Pictured):
-    """Numbers that were identified.
+    """Identified parameters.
 
     Attributes
     ----------
-    mechanism : with the numbers that were identified
-    values : address -> value, of the numbers that the data tell
+    mechanism : the mechanism with the identified parameters
+    values : address -> value, for parameters that the data determine
     deviations : address -> standard deviation
-    combinations : what the data tell of numbers that they cannot tell apart
-    unseen : numbers that no measured column depends on, or that scatter by more than themselves
+    combinations : identified combinations of parameters that the data cannot separate
+    unseen : parameters on which no column depends, or whose deviation exceeds their value
     noise : column -> standard deviation of its residual
     residuals : column -> measured less computed (n,)
     coordinate : (n,) of the first driver, over which residuals are drawn
     units : column or address -> unit
-    doubts : columns whose residual is no noise: the model misses something there
-    notes : what should be known
+    doubts : columns whose residual has a pattern, so that the model lacks an effect
+    notes : remarks for the reader
     """
 
     FACTS = ("values", "deviations", "unseen", "noise", "units", "doubts", "combinations")
@@ -131,7 +131,7 @@ class Identification(Facts, Pictured):
 
     @property
     def not_apart(self) -> frozenset[str]:
-        """Numbers without a value of their own."""
+        """Parameters that the data cannot separate."""
         return frozenset([*self.unseen, *(a for c in self.combinations for a in c.weights)])
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
@@ -160,7 +160,7 @@ class Identification(Facts, Pictured):
         return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """The numbers with their scatter, then what the data do not tell."""
+        """The parameters with their deviations, then those that the data do not determine."""
         rows = [
             (a, f"{x:.7g} {self.units[a]}".rstrip(), f"± {self.deviations[a]:.2g}")
             for a, x in self.values.items()

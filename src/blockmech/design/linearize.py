@@ -70,7 +70,7 @@ class Mode(NamedTuple):
 
     value : eigenvalue [1/s]
     frequency : its magnitude [rad/s], the natural frequency
-    damping : ratio [-], 1 and above where it does not swing, negative where it grows
+    damping : ratio [-]; without oscillation at 1 and above, growing if negative
     shape : (k,) complex amplitudes of the drivers' coordinates, the largest 1; 0 of signals alone
     """
 
@@ -81,7 +81,7 @@ class Mode(NamedTuple):
 
     @property
     def damped_frequency(self) -> float:
-        """At which it swings [rad/s]: the natural one times sqrt(1 - damping^2)."""
+        """Frequency of the damped oscillation [rad/s]: frequency sqrt(1 - damping^2)."""
         return abs(self.value.imag)
 
 
@@ -92,14 +92,14 @@ class Linearization(Facts, Pictured):
     Attributes
     ----------
     mechanism : the mechanism
-    at, rates : driver -> coordinate [rad or m] and rate, about which it is linear
-    effort : (k,) [N m or N] that keeps up the state: zero at an equilibrium
+    at, rates : driver -> coordinate [rad or m] and rate of the linearised state
+    effort : (k,) [N m or N] that maintains the state: zero at an equilibrium
     M, damping, K : (k, k) by accelerations, rates and coordinates
     A, B, C, D : of the state space, for z = (x, x', s), inputs and outputs
     states : state of a signal block, ``pid.integral`` -> its value; their disturbances are s
     inputs, outputs : their names
     units : name of an input or output -> unit
-    notes : what should be known
+    notes : remarks for the reader
     """
 
     FACTS = (
@@ -187,7 +187,7 @@ class Linearization(Facts, Pictured):
         return StateSpace(self.A, self.B, self.C, self.D)
 
     def to_control(self) -> Any:
-        """The system as a `control.StateSpace`; its names have _ for the dots it does not take.
+        """The system as a `control.StateSpace`; dots in names become _.
 
         Raises `MissingEngineError` without the package control (extra ``control``).
         """
@@ -196,7 +196,7 @@ class Linearization(Facts, Pictured):
         return control.ss(self.A, self.B, self.C, self.D, inputs=inputs, outputs=outputs)
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
-        """Bode diagram: magnitude and phase of each output by each input.
+        """Bode diagram: magnitude and phase of each output over each input.
 
         Raises `RequestError` where there are more curves than a picture can hold.
         """

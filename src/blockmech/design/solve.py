@@ -51,8 +51,8 @@ class Solution(Facts):
     ----------
     values : ``"crank.q"`` or the address of a number -> its value
     units : their units
-    slopes : (k, k) derivative of each value by each wanted one; NaN at a touch, where there is none
-    mode : address of a branch -> 1 or -1, where all assembly modes were asked for
+    slopes : (k, k) derivative of each value by each target; NaN where the target is an extreme
+    mode : address of a branch -> 1 or -1, if all assembly modes were searched
     """
 
     values: Mapping[str, float]
@@ -72,8 +72,8 @@ class Solutions(Facts, Report):
     ----------
     wanted : output -> value
     units : their units
-    solutions : none where the value is not taken
-    nearest : how near it comes there, in words
+    solutions : empty if the output never has the value
+    nearest : the nearest value of the output, in words
     """
 
     wanted: Mapping[str, float]
@@ -91,7 +91,7 @@ class Solutions(Facts, Report):
         return self.solutions[k]
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """What is wanted, and one line for each answer."""
+        """The targets, then one line for each solution."""
         yield f"{places(self.wanted, self.units, degrees)}:"
         for solution in self.solutions:
             mode = ", ".join(f"{name} = {x}" for name, x in solution.mode.items())

@@ -22,7 +22,7 @@ from blockmech.typing import Arguments, Array, Coordinates, Data, Floats, Vector
 
 @dataclass(frozen=True)
 class Motion:
-    """Poses of all links at n samples of a run; NaN where the mechanism cannot close.
+    """Poses of all links at n samples of a run; NaN where the mechanism does not close.
 
     Attributes
     ----------
@@ -84,11 +84,11 @@ class Motion:
         return self.origin[link] + offset
 
     def in_frame(self, link: LinkRef, spot: Spot) -> Vectors:
-        """Places (n,) [m] of a spot of another link in a link's frame."""
+        """Positions (n,) [m] of a point of another link in a link's frame."""
         return (self.at(*spot) - self.origin[link]) * np.conj(self.axis[link])
 
     def refuse(self) -> None:
-        """Raise the error of a first pose that cannot be reached, as `Compiled.run` does."""
+        """Raise the error of a first pose that does not exist, as `Compiled.run` does."""
         at = {d: float(q[0]) for d, q in self.q.items()}
         want = [n for n in self.mechanism.outputs if n.endswith(".p")]
         rates = dict.fromkeys(at, 0.0)

@@ -318,8 +318,8 @@ class PathRun(Run):
             )
         if self.is_too_slow():
             note = (
-                f"{self.count} panels reach {self.t:.3g} s, at most {MOST} are made: ask for a "
-                'shorter time, or for what it settles to, "steady"'
+                f"{self.count} panels of {MOST} reach {self.t:.3g} s: ask for a "
+                'shorter time, or for the steady motion, "steady"'
             )
             return RunEnd(ends.TOO_MANY, "failed", note=note)
         return self.leave()

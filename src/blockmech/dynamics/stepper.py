@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 
 class Stepper:
-    """Copies of a mechanism, each with a state of its own, that move on step by step.
+    """Copies of a mechanism, each with its own state, that advance step by step.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Stepper:
     outputs : names of what `observe` and `step` give
     copies : number n of copies
     t : (n,) time [s] of each
-    ended : (n,) what ended a copy's motion, ``""`` while it moves; such a copy stays until reset
+    ended : (n,) reason for the end of a copy's motion, ``""`` before; it stays until reset
     """
 
     def __init__(
@@ -107,10 +107,10 @@ class Stepper:
     def reset(
         self, copies: Iterable[int] | int | None = None, start: Pairs | None = None
     ) -> dict[str, Floats]:
-        """Put some copies, or all, back to their start at time 0; what they show there.
+        """Reset some copies, or all, to their start at time 0, and return their outputs.
 
         ``start`` is driver -> (q [rad or m], rate), by default that of the stepper. Raises
-        `RequestError` for a copy or driver that there is not.
+        `RequestError` for an unknown copy or driver.
         """
         which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
         begin = self._start | dict(start or {})
@@ -128,11 +128,11 @@ class Stepper:
     def step(
         self, dt: float, signals: Mapping[str, float | Floats] | None = None
     ) -> dict[str, Floats]:
-        """Move all copies on by a time [s] with signals held; what they show then.
+        """Advance all copies by a time [s] with signals held, and return their outputs.
 
         ``signals`` is input -> number, or (n,) one for each copy; an input that is not named
-        keeps its value. Raises `RequestError` for an input that there is not, or a step that is
-        not above zero.
+        keeps its value. Raises `RequestError` for an unknown input, or a step that is not above
+        zero.
         """
         if not (is_number(dt) and dt > 0):
             raise refused("dt", f"{dt!r} is not a number above zero", "give a time in s")
@@ -144,7 +144,7 @@ class Stepper:
         return self.observe()
 
     def observe(self) -> dict[str, Floats]:
-        """The outputs of all copies as they are: name -> (n,), complex of vectors."""
+        """The present outputs of all copies: name -> (n,), complex for vectors."""
         layout, inputs = self._layout, dict[str, Floats]()
         for k in range(layout.drivers):
             inputs[f"q_{k}"] = self._y[:, k].copy()

@@ -54,7 +54,7 @@ def writing(path: AnyPath) -> Iterator[IO[bytes]]:
     """A stream whose bytes become the file when the block ends without an error.
 
     A link is followed; a device or pipe, which cannot be replaced, is written to.
-    Raises `RequestError` where the place cannot be written.
+    Raises `RequestError` if the path cannot be written.
     """
     name = os.fspath(path)
     refuse_spared(name)
@@ -82,7 +82,7 @@ def folder(path: AnyPath, outdated: Collection[str] = ()) -> Iterator[Path]:
     """An empty directory whose files move to ``path`` when the block ends without an error.
 
     Missing parents are made then, files of the same names are replaced, ``outdated`` ones
-    removed, others stay. Raises `RequestError` where the place cannot be written.
+    removed, others stay. Raises `RequestError` if the path cannot be written.
     """
     name = os.fspath(path)
     target = _target(name)

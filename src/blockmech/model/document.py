@@ -102,7 +102,7 @@ class Document:
         Raises
         ------
         FormatError, GraphError for a document that could not be read back; nothing is written
-        RequestError where the place cannot be written
+        RequestError if the path cannot be written
 
         >>> g.save("fourbar.json")
         >>> bm.read("fourbar.json").name

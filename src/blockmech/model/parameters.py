@@ -41,9 +41,8 @@ class Parameter(NamedTuple):
 
     Attributes
     ----------
-    address : how it is called
-    value : what it is
-    unit : SI, ``""`` of a pure ratio, a direction or a choice
+    address : parameter path value : number in ``unit`` unit : SI, ``""`` for a ratio, a direction
+    or a choice
     path : keys of the file that lead to it, with "x" and "y" for the parts of a vector
     """
 

@@ -84,12 +84,12 @@ class GroupMode(Facts):
     sign : of the determinant: the branch of a dyad; 0 at a dead centre
     double : whether modes merge here
     chosen : whether it is the mode that the file has
-    put : what to put into the file to have it: keys of the block, or of the document
-    arc : number of the arc that it is on, if arcs were asked for
-    reach : driver coordinates [rad or m] from which to which it exists about this sample;
+    put : keys to change in the file to choose it: keys of the block, or of the document
+    arc : number of its arc, if arcs were requested
+    reach : range of driver coordinates [rad or m] around this sample in which it exists;
         None if it rotates fully, or arcs were not requested
-    after_turn : number of the mode at this sample that it is after a turn of the driver;
-        None if it ends before, or the driver was not followed over a turn
+    after_turn : number of the mode that it becomes after a turn of the driver; None if it ends
+        before, or the driver was not followed over a turn
     residual : of a triad, the largest miss of a leg, relative to its size [-]
     """
 
@@ -122,9 +122,9 @@ class GroupModes:
     ----------
     group : its name in messages
     kind : e.g. "II RRR", "III triad"
-    samples : the modes at each sample; none where it or an earlier group cannot close
+    samples : the modes at each sample; empty where it or an earlier group does not close
     arcs : along the driver
-    note : what is not told, and why
+    note : what is missing, and why
     """
 
     group: str
@@ -142,9 +142,9 @@ class Modes(Facts, Pictured):
     ----------
     drivers : driver -> its coordinate [rad or m] at each sample
     units : of their coordinates
-    driver : the one along which the arcs are, or ""
+    driver : the driver of the arcs, or ""
     groups : in formation order
-    prefix : what names of outputs put before the driver's, "driver." in a document of joints
+    prefix : prefix of the driver's outputs, "driver." in a document of links and joints
     """
 
     FACTS = ("drivers", "units", "driver", "groups")

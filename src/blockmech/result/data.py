@@ -60,7 +60,7 @@ def to_npz(result: Labelled, path: AnyPath) -> None:
     driver coordinates, ``quality.status`` and ``quality.margin.<block>`` are beside
     them, ``units`` (k, 2) lists names and units. Nothing needs pickle.
 
-    Raises `RequestError` where the place cannot be written.
+    Raises `RequestError` if the path cannot be written.
 
     >>> result.to_npz("run.npz")
     >>> np.load("run.npz")["crank.q"]

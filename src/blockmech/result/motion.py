@@ -73,15 +73,15 @@ class Event(NamedTuple):
 
 
 class Impact(NamedTuple):
-    """A blow on an end stop, or of a drive where a change of roles makes rates jump.
+    """An impact on an end stop, or of a drive where a change of roles makes rates jump.
 
     t, q : time [s], coordinates (k,) of all drivers
-    driver : whose stop or drive it is: a driver's, or that of a pair's coordinate by its name
+    driver : name of the driver, or of the pair's coordinate, whose stop or drive acts
     before, after : rates (k,) of all drivers
-    impulse : of the stop along its coordinate [N m s or N s]; of bounces that are closed by their
-        sum, that of all of them
-    loss : kinetic energy that it takes [J], of joint friction included
-    pushes : impulses of all stops in this blow, of those that it lay against as well, and of the
+    impulse : of the stop along its coordinate [N m s or N s]; for a summed sequence of bounces the
+        total
+    loss : kinetic energy lost [J], to joint friction included
+    pushes : impulses of all stops in this impact, including those in contact before, and of the
         drives of drivers that are not free
     friction : impulses of joint friction along the coordinates of the pairs, on the later link
     """
@@ -115,11 +115,11 @@ class RolesFrom(NamedTuple):
 
 
 class Lying(NamedTuple):
-    """While it lies against an end stop, a driver's or that of a pair's coordinate.
+    """A contact with an end stop of a driver or of a pair's coordinate.
 
     begin, end : [s]
-    push : of the stop at the begin, along its coordinate [N m or N]
-    pair : whose coordinate it is, and +1 or -1, how that counts; None of a driver
+    push : contact force at the beginning, along the coordinate [N m or N]
+    pair : the pair of the coordinate, and +1 or -1, its sense; None for a driver
     """
 
     stop: str
@@ -146,38 +146,38 @@ def fact_unit(name: str, coordinate: str) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Motion(Facts, Report):
-    """The driver's motion from the start to what ended it.
+    """The motion of the drivers from the start to its end.
 
     Attributes
     ----------
-    method, why : how it was computed, and why so
+    method, why : the method, and the reason for it
     regime : "libration", "rotation", "secular", "secular braking", "rest", ...
-    status : "reached" what was asked for; "ended" before it, by something named;
-        "rest": nothing moves; "unfinished": its budget is spent; "failed": no motion could be
-        computed (any further)
+    status : "reached": the goal; "ended": before the goal, for the reason ``end``; "rest": nothing
+        moves; "unfinished": budget exhausted or interrupted; "failed": no (further) motion could
+        be computed
     end : the named reason: "time", "standstill", "end stop", "dead centre", "no inertia",
         "impossible pose", "undefined load", "interrupted", "budget", ...
     t_start, t_end : [s]
     q_end, qd_end : state at the end; floats, or arrays (k,) with k drivers
     track : dense output
     events : standstills and the user's events, in order
-    impacts : blows on end stops, in order
-    lying : while it lies against which stops
-    slips : with joint friction, which pairs stick and slip from when on
-    roles : what each driver does from when on; empty where all are free at all times
-    charts : which joints lead from when [s] on: those of the drivers, or others where the drivers'
-        coordinates stand still though the mechanism moves
-    legs : what it does in each of several charts, in that chart's coordinates
+    impacts : impacts on end stops, in order
+    lying : intervals of contact with end stops
+    slips : with joint friction, the sticking and slipping pairs from each time on
+    roles : role of each driver from each time on; empty if all are always free
+    charts : joints whose coordinates describe the motion, from each time [s] on: the drivers', or
+        others near dead centres of the drivers
+    legs : its segment in each of several charts, in the coordinates of that chart
     error : estimated bound of the error of q over the run [rad or m]
     time_error : the same of ``t_end`` [s], where an event and not a time ends the run
-    accuracy : the target of ``error``, None if none was given
+    accuracy : target of ``error``, None without one
     reached : whether ``error`` is within the target
     cost : kernel evaluations
     engine : of single states, "scalar" or "llvm" in the end; along the path "numpy", or "llvm"
         where both runs went by machine code
     x_end, switched : states of signal blocks and friction laws at the end, and the last instant
         [s] at which discrete blocks switched
-    notes : what a reader must know: doubts, targets missed, limits
+    notes : remarks for the reader: doubts, targets missed, limits
     facts : further numbers by name (period, work of a period, multiplier ...), see `fact_unit`
     """
 
@@ -219,13 +219,13 @@ class Motion(Facts, Report):
         return self.accuracy is None or self.error <= self.accuracy
 
     def but(self, **changes: Any) -> Motion:
-        """The same with some of its fields changed, in a tenth of what `replace` takes."""
+        """A copy with some fields changed, ten times faster than `replace`."""
         motion = object.__new__(Motion)
         motion.__dict__.update(self.__dict__, **changes)
         return motion
 
     def reached_times(self, requested: Floats | Sequence[float]) -> Floats:
-        """Times (n,) [s] that were asked for, as it reached them: NaN outside the run.
+        """Requested times (n,) [s]; NaN outside the run.
 
         A time within rounding of the end is the end.
         """
@@ -235,11 +235,11 @@ class Motion(Facts, Report):
         return np.where(ending, self.t_end, np.where(inside, times, np.nan))
 
     def lines(self, degrees: bool = DEGREES) -> list[str]:
-        """What ended it, method, error, figures and notes, one a line."""
+        """End, method, error, figures and notes, one per line."""
         return [*self.summary(), *(f"note: {text}" for text in self.notes)]
 
     def to_dict(self) -> Data:
-        """How it moved as a JSON object."""
+        """The motion as a JSON object."""
         end = {"end_time": self.t_end, "evaluations": self.cost.evaluations}
         return {**super().to_dict(), **as_json({**end, "facts": self.figures()})}
 
@@ -294,9 +294,9 @@ class Motion(Facts, Report):
         return np.where((t == self.t_end)[:, None], end, states(t))
 
     def sides(self, t: Floats) -> Floats:
-        """How each pair with friction slips (n, m) at times (n,) [s]; see `slips`.
+        """Sense of slip (n, m) of each pair with friction at times (n,) [s]; see `slips`.
 
-        NaN (n, 1) where the motion does not say it.
+        NaN (n, 1) where it is unknown.
         """
         if not self.slips:
             return np.full((len(t), 1), np.nan)
@@ -305,7 +305,7 @@ class Motion(Facts, Report):
         return np.array([s.sides for s in self.slips])[which]
 
     def held(self, t: Floats, stops: Sequence[str]) -> Array:
-        """Whether it lies against some stops at times (n,) [s]; (n, stops)."""
+        """Whether it is in contact with some stops at times (n,) [s]; (n, stops)."""
         in_contact = np.zeros((len(t), len(stops)), dtype=bool)
         for lain in self.lying:
             while_lying = (lain.begin <= t) & (
@@ -315,7 +315,7 @@ class Motion(Facts, Report):
         return in_contact
 
     def role_at(self, t: Floats) -> Array:
-        """Which role (n, k) each driver has at times (n,) [s]; see `roles`."""
+        """Role (n, k) of each driver at times (n,) [s]; see `roles`."""
         which = np.maximum(np.searchsorted([r.begin for r in self.roles], t, "right") - 1, 0)
         return np.array([[*r.of.values()] for r in self.roles])[which]
 
@@ -337,10 +337,10 @@ class Motion(Facts, Report):
         return np.union1d(even, np.clip([*corners, *before], self.t_start, self.t_end))
 
     def fluctuation(self, start: float, end: float) -> float:
-        """How uneven the speed is between two times [s]: (w_max - w_min) / w_mean [-].
+        """Fluctuation of the speed between two times [s]: (w_max - w_min) / w_mean [-].
 
-        The coefficient of fluctuation, by which flywheels are sized; of one driver. Infinite
-        where the driver does not advance.
+        The coefficient of fluctuation for sizing flywheels, of one driver; infinite if the driver
+        does not advance.
         """
         t = np.linspace(start, end, SCANNED + 1)
         q, qd = self.track.state(t)

@@ -75,11 +75,11 @@ class Quality(Facts):
     Attributes
     ----------
     status : n words: "ok", "no-assembly", "not-converged", "self-locked", "jammed",
-        "dead-centre", "change-point", "undefined" (a wanted value, at a pose that can be)
-    blame : sample without an answer -> the block that has none
+        "dead-centre", "change-point", "undefined" (a requested value, at a feasible pose)
+    blame : sample without an answer -> the block that causes it
     margin, iterations, residual, contraction : block -> (n,) [-]
-    existence : block -> (n,) [-], below 1 where its friction has a solution for every load; of
-        the blocks of which it is known (`blockmech.friction.existence`)
+    existence : block -> (n,) [-], below 1 where its friction has a solution for every load; for
+        blocks where it is known (`blockmech.friction.existence`)
     flags : remarks, by sample
     """
 
@@ -101,7 +101,7 @@ class Quality(Facts):
 
     @property
     def friction_error(self) -> dict[str, Floats]:
-        """Block -> bound (n,) [-] of what its pairs miss their laws by, of its largest friction."""
+        """Block -> bound (n,) [-] on the error of its friction, relative to the largest."""
         residuals = self.residual.items()
         return {name: left_undone(x, self.contraction[name]) for name, x in residuals}
 
@@ -267,13 +267,13 @@ def at_most_one(margin: Real) -> Real:
 
 @dataclass(frozen=True)
 class Accuracy(Facts):
-    """What was chosen for a wanted accuracy, and the error that it is estimated to have.
+    """The settings chosen for a requested accuracy, and their estimated error.
 
     Attributes
     ----------
-    target : wanted error [- or rad]
+    target : requested error [- or rad]
     estimate : estimated error of the worst output at the worst sample that has an answer
-    friction, iterations, precision : the settings taken
+    friction, iterations, precision : the chosen settings
     why : the reason in words
     """
 
@@ -293,7 +293,7 @@ class Accuracy(Facts):
 
     @property
     def word(self) -> Literal["reached", "missed", "not judged"]:
-        """What is known of the target; nothing where the estimate leaves no digit."""
+        """Whether the target is met, in words; "not judged" if the estimate leaves no digit."""
         if self.reached:
             return "reached"
         return "missed" if self.estimate < 1 else "not judged"

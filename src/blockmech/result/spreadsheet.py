@@ -57,8 +57,8 @@ class CsvTable(ABC):
         """CSV text, units in the head; written if a path is given.
 
         Numbers read back to the last bit, a cell without one is empty, words are no formulas.
-        Raises `RequestError` for a separator that would tear numbers, and where the place
-        cannot be written.
+        Raises `RequestError` for a separator that would tear numbers, and where the path cannot be
+        written.
         """
         return csv_of(*self.csv_rows(), path, separator, decimal)
 

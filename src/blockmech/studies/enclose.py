@@ -38,16 +38,16 @@ PROVED = "proved"
 
 @dataclass(frozen=True, repr=False)
 class Enclosure(Facts, Report, Mapping[str, Array]):
-    """Outputs with proved bounds: ``e["crank.drive"]`` is (n,), half the width of each.
+    """Outputs with proved bounds: ``e["crank.drive"]`` is (n,), half of each width.
 
     Attributes
     ----------
     result : run of the planned design
     tolerances : address -> largest deviation of the number
-    low, high : output -> bounds (n,), of a vector those of x + i those of y; infinite where
-        nothing is proved
+    low, high : output -> bounds (n,), complex for the x and y of a vector; infinite where nothing
+        is proved
     status : (n,) "proved", or why not
-    margin : (n,) lower bound of the smallest margin: where it is positive every part closes
+    margin : (n,) lower bound of the smallest margin: if positive, every part assembles
     """
 
     FACTS = ("status", "margin", "low", "high")

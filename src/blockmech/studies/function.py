@@ -54,7 +54,7 @@ class ProgramOfDesigns:
 
     Attributes
     ----------
-    parameters : address -> number of the design that it was made of
+    parameters : address -> number of the original design
     """
 
     def __init__(
@@ -95,13 +95,13 @@ class ProgramOfDesigns:
 class Function(ProgramOfDesigns):
     """Outputs as a pure function: ``f(f.parameters, {"crank.q": q})`` is a dict of arrays.
 
-    Beside the outputs ``"ok"`` tells which samples have an answer.
+    In addition to the outputs, ``"ok"`` marks the samples with an answer.
 
     Attributes
     ----------
-    parameters : address -> number of the design that it was made of
+    parameters : address -> number of the original design
     inputs, outputs : names
-    plan : what runs
+    plan : the plan of the computation
     """
 
     def __init__(self, plan: Plan, inputs: Mapping[str, str], rates: Any, *of: Any) -> None:
@@ -150,7 +150,7 @@ class Rates(ProgramOfDesigns):
 
     Attributes
     ----------
-    parameters : address -> number of the design that it was made of
+    parameters : address -> number of the original design
     """
 
     def __call__(

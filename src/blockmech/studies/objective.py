@@ -28,12 +28,12 @@ STEP = ROUNDING**0.25  # of a number, for differences of motions
 
 
 class Objective:
-    """What is kept of a design as a function of its numbers ``x`` (k,).
+    """A reduction of a design's outputs as a function of its parameters ``x`` (k,).
 
     Attributes
     ----------
     addresses : the numbers, in the order of x
-    start : the mechanism's own x
+    start : the mechanism's present x
     """
 
     def __init__(self, mechanism: Compiled, runner: Runner, over: Arguments) -> None:
@@ -89,15 +89,15 @@ class Objective:
 
 
 class MotionObjective(Objective):
-    """What is kept of a design's motion as a function of its numbers."""
+    """A reduction of a design's motion as a function of its parameters."""
 
     def jacobian(self, x: Floats) -> Array:
         """Derivatives (k,) of one number, (r, k) of all, by differences of fourth order.
 
-        A motion has no dual numbers: where it ends, and which pairs slip, is found on the way. Its
-        numbers are known to some 1e-12, their derivatives so to some 1e-9. At a bound of a number,
-        where one side has no motion, the differences go to the other side. Raises `BlockmechError`
-        where neither has.
+        Dual numbers cannot be used, because the end of a motion and its slipping pairs are found
+        during it. Motions are accurate to about 1e-12, the derivatives to about 1e-9. At a bound
+        of a parameter, where one side has no motion, one-sided differences are taken. Raises
+        `BlockmechError` if neither side has one.
         """
         at = np.array([*self.numbers(x).values()])
         slopes = [self._slope(at, k) for k in range(len(at))]

@@ -118,7 +118,7 @@ class Parts:
     def write(self, span: Span, vary: Mapping[str, Array], results: Rows) -> None:
         """Write a part: its numbers and results, then why designs have no answer.
 
-        Raises `RequestError` where the place cannot be written.
+        Raises `RequestError` if the path cannot be written.
         """
         arrow = needed("pyarrow", "out", "study", WITHOUT)
         if self.path(span).is_symlink():  # what it leads to is somebody else's
@@ -182,8 +182,7 @@ def write_parquet(
 ) -> None:
     """Write columns as a Parquet file: names, values, and units in the fields' metadata.
 
-    Raises `MissingEngineError` without pyarrow, `RequestError` where the place cannot be
-    written.
+    Raises `MissingEngineError` without pyarrow, `RequestError` if the path cannot be written.
     """
     arrow = needed("pyarrow", where, "study", WITHOUT)
     parquet = needed("pyarrow.parquet", where, "study", WITHOUT)

@@ -61,14 +61,14 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     Attributes
     ----------
-    result : the run whose outputs they are of
+    result : the run of the outputs
     parameters : address -> the number, m of them
-    ahead, behind : output -> derivatives (m, n) for growing and for shrinking numbers; they
-        differ at kinks
-    jumps : output -> whether (m, n) a number sets a pair going that rests, so that its friction
-        jumps: what stands there is the derivative of the rest
+    ahead, behind : output -> derivatives (m, n) for rising and for falling numbers; they differ at
+        kinks
+    jumps : output -> whether (m, n) a number starts the slip of a pair at rest, so that its
+        friction jumps; the derivative then leaves the jump out
     left_out : address of a number, or output -> why it has no derivative
-    reduced : reduction -> how it is one, and its value; its derivatives are (m, 1)
+    reduced : reduction -> its definition and value; its derivatives are (m, 1)
     """
 
     result: Result
@@ -119,7 +119,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         return np.asarray(np.abs(a - b) > np.sqrt(EPS) * size)
 
     def ranked(self, output: str) -> list[Effect]:
-        """The numbers by what a hundredth of them does to an output at most, largest first."""
+        """The numbers ranked by the largest effect of one percent of each on an output."""
         derivatives, effects = self[output], []
         for (address, p), row in zip(self.parameters.items(), derivatives, strict=True):
             k = int(np.nanargmax(np.abs(row))) if np.isfinite(row).any() else 0
@@ -128,7 +128,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         return sorted(effects, key=lambda e: (-np.nan_to_num(e.change), e.parameter.address))
 
     def doubts(self, output: str) -> Iterator[str]:
-        """Where an output has no derivative of both sides, in words."""
+        """Places where an output has only one-sided derivatives, in words."""
         n = counted(1 if self.one_number(output) else self.result.n, "sample")
         if kinks := int(self.kinks(output).any(axis=0).sum()):
             yield f"one-sided at {kinks} of {n}: the output has a kink there"
@@ -168,7 +168,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         return [e for e in ranked if e.change > 0.0] or ranked[:1]
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """For each output a table of its numbers, ranked; then the flags of the run."""
+        """A ranked table of numbers for each output, then the flags of the run."""
         yield from sections([*map(self._table, self), flag_lines(self.result)])
 
     def _table(self, output: str) -> Iterator[str]:
@@ -215,7 +215,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         }
 
     def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:
-        """A row an output (component) and sample, a column a number."""
+        """One row per output component and sample, one column per number."""
         drivers = driver_columns(self.result)
 
         def at(column: Column) -> Callable[[int, str], object]:

@@ -48,14 +48,11 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     Attributes
     ----------
     name : of the mechanism
-    parameters : address -> what varied
-    columns : what was kept
-    designs : those that were asked for
-    rows : what was kept of those that were run, and why not; in memory or in a folder
-    poses : driver -> coordinates (n,) [rad or m]; of designs that move none
-    alone : why each design was compiled by itself; "" where one program served all
-    engine : the engine that was taken
-    runner : what ran the designs, and can run them again
+    parameters : address -> the varied number columns : the reductions designs : the requested
+    designs rows : results and failures of the completed designs, in memory or in a folder
+    poses : driver -> coordinates (n,) [rad or m]; empty for designs that move
+    alone : reason why each design was compiled by itself; "" if one program served all
+    engine : the engine used runner : the object that runs designs
     """
 
     _homes = {"numpy.{}": "numpy"}
@@ -79,7 +76,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
 
     @property
     def found(self) -> Rows:
-        """What was kept, and why designs have no answer."""
+        """The results, and the failures of designs without an answer."""
         return self.rows.found if isinstance(self.rows, Parts) else self.rows
 
     def __getitem__(self, name: str) -> Array:
@@ -106,7 +103,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
 
     @cached_property
     def status(self) -> tuple[str, ...]:
-        """A word a design: "ok", or why some pose has no answer."""
+        """Status of each design: "ok", or why some pose has no answer."""
         return tuple(REASONS[k] for k in self.found.word)
 
     def reason(self, design: int) -> str:
@@ -129,7 +126,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         return self._known(name, units)
 
     def grid(self, name: str) -> Array:
-        """A column as an array over the grid; NaN where the study did not get."""
+        """A column as an array over the grid; NaN for designs that were not run."""
         return self.filled(self[name], np.nan)
 
     def filled(self, values: Array, fill: Real) -> Array:
@@ -141,7 +138,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     # -- tables -------------------------------------------------------------------
 
     def table(self) -> list[Column]:
-        """Columns of real numbers: what varied, then what was kept, a vector as two.
+        """Columns of real numbers: varied numbers, then results; vectors take two columns.
 
         Poses are not in tables: they have two dimensions; see `to_xarray`.
         """
@@ -154,7 +151,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         return rows
 
     def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:
-        """A row a design; the last column says why it has no answer."""
+        """One row per design; the last column says why it has no answer."""
         rows = self.table()
         reasons = (self.reason(i) or "ok" for i in range(self.n))
         cells = zip(*(column.values.tolist() for column in rows), reasons, strict=True)
@@ -164,8 +161,8 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     def to_parquet(self, path: AnyPath) -> None:
         """Write the table as a Parquet file, units in the fields' metadata.
 
-        Raises `MissingEngineError` without pyarrow (extra ``study``), `RequestError` where
-        the place cannot be written.
+        Raises `MissingEngineError` without pyarrow (extra ``study``), `RequestError` if the path
+        cannot be written.
         """
         columns: list[tuple[str, Any, str | None]]
         columns = [(c.name, c.values, c.unit) for c in self.table()]
@@ -179,7 +176,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     def to_xarray(self) -> Any:
         """The study as an `xarray.Dataset` with units, also of designs that were not run.
 
-        Dimensions are what varies over a grid, else "design"; poses have "pose" behind them.
+        Dimensions are the varied numbers of a grid, else "design"; poses add "pose".
         Raises `MissingEngineError` without xarray (extra ``study``).
         """
         xarray = needed("xarray", "to_xarray", "study", WITHOUT)
@@ -204,8 +201,8 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
         """Curves over one number, maps over two, a matrix of scatter over more.
 
-        Designs without an answer are shown where they are: marked at the foot of a curve or a
-        scatter, hatched in a map. Raises `RequestError` where no number was kept.
+        Designs without an answer are marked at the foot of a curve or scatter, and hatched in a
+        map. Raises `RequestError` if the study has no numbers.
         """
         columns = []
         for column in self.table():

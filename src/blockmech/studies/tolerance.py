@@ -66,7 +66,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
     ----------
     sensitivity : derivatives at the means of all numbers
     laws : address -> distribution
-    sampled : output -> what Monte Carlo found; empty where no designs were drawn
+    sampled : output -> scatter by Monte Carlo; empty without random designs
     """
 
     sensitivity: Sensitivity
@@ -151,7 +151,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
         axes.set_ylim(bottom=0.0)
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """For each output its largest deviation, and what the numbers have in it there."""
+        """The largest deviation of each output, and the share of each number in it."""
         yield from sections(self._table(output, degrees) for output in self)
 
     def _table(self, output: str, degrees: bool) -> Iterator[str]:

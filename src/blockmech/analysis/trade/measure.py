@@ -126,7 +126,7 @@ class Question(ABC):
     ----------
     asked : in words
     reference : what answers are judged against
-    notes : what a reader must know
+    notes : remarks for the reader
     MEASURE, COUNTED : what the error is and what the evaluations are, in words
     """
 

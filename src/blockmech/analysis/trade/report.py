@@ -43,15 +43,13 @@ class Trade(CsvTable, Facts, Pictured):
     Attributes
     ----------
     mechanism : its name
-    question : what was asked, in words
-    measure : what the error is, in words
-    counted : what the evaluations are, in words
-    reference : what errors are measured against
+    question : the request, in words measure : definition of the error, in words counted :
+    definition of the evaluations, in words reference : the run to which errors refer
     points : measured settings, from coarse to fine
     skipped : settings left out, with the reason
-    notes : what a reader must know
+    notes : remarks for the reader
     target, within : the wanted error, and the longest time of a run [s], or None
-    spent : processor time that the whole took [s]
+    spent : total processor time [s]
     """
 
     FACTS = (
@@ -73,7 +71,7 @@ class Trade(CsvTable, Facts, Pictured):
 
     @property
     def pareto(self) -> tuple[Point, ...]:
-        """Points that no other beats in both time and error, from fast to exact.
+        """Pareto-optimal points in time and error, from fast to exact.
 
         None of them has an error as large as the answer itself.
         """
@@ -90,7 +88,7 @@ class Trade(CsvTable, Facts, Pictured):
         return min(better, key=lambda p: p.seconds, default=None)
 
     def best(self, target: float | None = None, within: float | None = None) -> Point | None:
-        """The setting of the front to take for a target error, a time limit [s], or both.
+        """The setting of the front that fits a target error, a time limit [s], or both.
 
         The fastest within the target, by default 1e-9; where only a time limit is given, the
         most exact within it. None where no setting fits.
@@ -103,12 +101,12 @@ class Trade(CsvTable, Facts, Pictured):
 
     @property
     def recommended(self) -> Point | None:
-        """The setting to take for this trade's own target and time limit."""
+        """The recommended setting for the target and time limit of this study."""
         return self.best(self.target, self.within)
 
     @property
     def recommendation(self) -> str:
-        """The choice in one sentence, what a faster setting would cost, where errors are known."""
+        """The recommendation in one sentence, with the error of a faster setting, if known."""
         best = self.recommended
         if best is None:
             return _nothing(self)

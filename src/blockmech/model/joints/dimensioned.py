@@ -45,15 +45,14 @@ class Side(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Dimensions(Facts, Report):
-    """What the dimensions of a drawing determine.
+    """Result of fitting a drawing to its dimensions.
 
     Attributes
     ----------
-    linkage : the drawing that fulfils them
-    moved : point -> distance [m] by which it had to move
+    linkage : the drawing that satisfies them moved : point -> distance [m] by which it was moved
     redundant : dimensions that follow from the rest
-    free : points that can still move against the first points of the frame, all dimensions kept
-    freedoms : in how many ways
+    free : points that can still move against the first points of the frame, with all dimensions
+    kept freedoms : number of their degrees of freedom
     """
 
     linkage: Linkage
@@ -63,7 +62,7 @@ class Dimensions(Facts, Report):
     freedoms: int
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """What is determined, and what is not."""
+        """Satisfied dimensions, then the remaining degrees of freedom."""
         farthest = max(self.moved, key=lambda name: self.moved[name], default="")
         moved = f"; {farthest} moved most, by {self.moved[farthest]:.3g} m" if farthest else ""
         yield f"dimensions satisfied: {len(self.linkage.dimensions)}{moved}"
