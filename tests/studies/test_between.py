@@ -9,8 +9,9 @@ import pytest
 
 import blockmech as bm
 from blockmech.analysis.extremes import extremes
-from blockmech.analysis.peaks import Search
+from blockmech.analysis.peaks import REMAINDER, Search
 from tests.gallery import GRAPHS, mechanism
+from tests.wiring import EPS
 
 RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
 EDGE = {"dyad.l_i": 6.106060606060606, "dyad.l_j": 2.608080808080808}
@@ -137,6 +138,15 @@ def test_where_an_output_has_a_pole_it_has_no_largest_value_and_no_derivative():
         f.jacobian(f.start)
 
 
+def test_an_output_that_is_infinite_at_a_pose_is_no_number():
+    mech = mechanism("slider_crank")
+    label = "mean(mechanism.mechanical_advantage)"
+    length = mech.parameters()["crank.length"].value
+    study = mech.study({"crank.length": [length]}, want=[label], samples=73)
+    assert study.status == ("no-number",)
+    assert label in study.reason(0)
+
+
 def test_a_design_at_its_change_point_has_no_number_and_one_word():
     edge = {"dyad.l_i": 5 + 79 * 1.5 / 99, "dyad.l_j": 2.6 + 12 * 0.8 / 99}
     want = ["max_abs(crank.drive)", "min(dyad.transmission_angle)", "at(dyad.i.angle, 0.0)"]
@@ -192,9 +202,23 @@ def test_jumps_are_found_to_rounding():
     def steps(row, x):
         return np.where(x < at[row], x, x - 3.0)
 
-    peaks = search(steps, np.linspace(0.0, 6.2, 40), 60)
     expected = np.maximum(at[:, 0], 3.2)
-    np.testing.assert_allclose(peaks.value, expected, rtol=1e-13)
+    for remainder, accuracy in ((EPS, 1e-13), (REMAINDER, 1e-10)):
+        peaks = search(steps, np.linspace(0.0, 6.2, 40), 60, remainder=remainder)
+        np.testing.assert_allclose(peaks.value, expected, rtol=accuracy)
+        assert not peaks.error.any()
+
+
+def test_what_happens_within_rounding_of_a_jump_is_no_extreme():
+    """Two slips that reverse together do so one after the other, by rounding of the place."""
+    jump = np.random.default_rng(6).uniform(0.1, 6.0, (60, 1))
+
+    def friction(row, x):
+        both = np.where(x < jump[row] * (1.0 + 1e-13), 3.0, 0.0)
+        return np.where(x < jump[row], 2.0 + 0.01 * x, both)
+
+    peaks = search(friction, np.linspace(0.0, 6.2, 72), 60)
+    assert (np.abs(peaks.value - 2.0 - 0.01 * jump[:, 0]) < 1e-9).mean() > 0.9
     assert not peaks.error.any()
 
 

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL, ROUNDING
 from blockmech.typing import Floats, Indices
 
@@ -39,7 +38,6 @@ STEPS = 2  # of Newton's method from a node, or from a prediction
 TOPS = 4  # smooth ones of a function that are told from another
 MOST = 400  # panels of one function
 NOISY = 0.3  # turns a sample, above which a function is rounding only
-NARROW = 16 * EPS  # of a place: panels are not halved further
 NODES = np.asarray(chebyshev.chebpts2(8))  # of a panel: machine code computes eight side by side
 
 
@@ -79,7 +77,8 @@ class Search:
     absolute : whether the size of values counts
     turn : whether the range is a whole turn, behind which functions repeat if their ends agree
     suspects : (m, n) samples beside which anything may be
-    remainder : what the polynomial of a panel may leave, of the largest value
+    remainder : what the polynomial of a panel may leave, of the largest value, and how narrow a
+        panel becomes, of the largest place: in a narrower one slips that reverse together differ
     """
 
     function: Function
@@ -218,7 +217,7 @@ class Search:
             np.add.at(spent, row, 1)
             at_peak = (low <= position[row]) & (position[row] <= high)  # or at a pole beside it
             open_ = ~smooth & (at_peak | (bound > value[row])) & np.isfinite(error[row])
-            narrow = half <= NARROW * np.maximum(np.abs(low), np.abs(high))
+            narrow = half <= self.remainder * np.abs(self.s).max()
             pole = row[open_ & narrow & (top > scale[row] / DOUBLE_ROOT)]
             value[pole] = np.inf
             open_ &= ~narrow & np.isfinite(value[row])

@@ -45,7 +45,7 @@ from blockmech.studies.reductions import (
     column,
     columns,
 )
-from blockmech.studies.rows import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Rows
+from blockmech.studies.rows import ENDED_EARLY, NO_MOTION, REASONS, Rows
 from blockmech.studies.runner import Runner
 from blockmech.studies.swings import FirstSwings
 from blockmech.typing import Arguments, Array, Complex, Data, Real, Record
@@ -217,10 +217,8 @@ class MotionRunner(Runner):
             for label, x in moved.values.items():
                 values[label][i] = x
             word[i], culprit[i] = REASONS.index(moved.word or OK), moved.place
-        for label, x in values.items():
-            bad = (word == 0) & np.isnan(x if x.ndim == 1 else x[:, 0])
-            word[bad], culprit[bad] = REASONS.index(NO_NUMBER), label
-        return Rows(values, word, culprit, np.full(m, -1), np.zeros(m, np.int64))
+        rows = Rows(values, word, culprit, np.full(m, -1), np.zeros(m, np.int64))
+        return rows.without_numbers()
 
     # -- one design ------------------------------------------------------------------------
 

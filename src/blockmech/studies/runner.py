@@ -171,10 +171,8 @@ class Runner:
     def _with_followed(self, block: Rows, columns: Mapping[Parameter, Array]) -> Rows:
         """Designs with their strokes and where they rest, one by one; NaN where there is none."""
         followed = [w for w in self.want if w.how in (STROKE, REST)]
-        if not followed:
-            return block
         values = dict(block.values)
-        for i, row in enumerate(zip(*columns.values(), strict=True)):
+        for i, row in enumerate(zip(*columns.values(), strict=True)) if followed else ():
             numbers = {p.address: document_value(p, x) for p, x in zip(columns, row, strict=True)}
             for w in followed:
                 with suppress(FormatError, GraphError, AssemblyError, SingularError, FrictionError):
@@ -184,7 +182,7 @@ class Runner:
                         continue
                     run = design.run(want=w.output, **self.over, **self.settings)
                     values[w.label][i] = run.stroke(w.output).length
-        return block._replace(values=values)
+        return block._replace(values=values).without_numbers()
 
     def _without(self, n: int, error: BlockmechError) -> Rows:
         values: dict[str, Array] = {}
