@@ -34,7 +34,7 @@ import inspect
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from blockmech.blocks.block import Block, Mistake, refuse, unknown_name, wrong_links
@@ -52,6 +52,7 @@ from blockmech.ground.errors import listed
 from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import apply, largest, primitives_of
 from blockmech.ground.values import Axis, Link, Play
+from blockmech.typing import Data
 
 __all__ = [
     "AssurGroup",
@@ -136,23 +137,16 @@ class Moving(Block):
         """Field of the reactions with the generalised force that drives a joint."""
         return "tau"
 
-    @field_validator("links")
+    @field_validator("links", "friction", "clearance")
     @classmethod
-    def _links_exist(cls, links: dict[str, Link]) -> dict[str, Link]:
-        refuse(cls.__name__, wrong_links(links, cls.link_names, cls.built_in))
-        return links
-
-    @field_validator("friction")
-    @classmethod
-    def _check_friction(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
-        refuse(cls.__name__, wrong_friction(friction, cls.joints))
-        return friction
-
-    @field_validator("clearance")
-    @classmethod
-    def _check_clearance(cls, clearance: dict[str, float]) -> dict[str, float]:
-        refuse(cls.__name__, wrong_clearance(clearance, cls.joints))
-        return clearance
+    def _check_names(cls, entries: Data, field: ValidationInfo) -> Data:
+        mistakes = {
+            "links": lambda: wrong_links(entries, cls.link_names, cls.built_in),
+            "friction": lambda: wrong_friction(entries, cls.joints),
+            "clearance": lambda: wrong_clearance(entries, cls.joints),
+        }
+        refuse(cls.__name__, mistakes[str(field.field_name)]())
+        return entries
 
     def slider_place(self, joint: str, link: str) -> complex:
         """Place [m] of a slider's point on one of its links, in the link's frame."""

@@ -24,6 +24,7 @@ from typing import (
 )
 
 from pydantic import (
+    AfterValidator,
     AllowInfNan,
     BaseModel,
     BeforeValidator,
@@ -253,6 +254,14 @@ def check_direction(key: str, *vectors: Vector | None) -> None:
     """Raise pydantic's error where a direction of a key has no length."""
     if any(vector is not None and vector.z == 0 for vector in vectors):
         raise mistake("bad-direction", f'"{key}" must not be [0, 0]')
+
+
+def _with_length(direction: Vector | None) -> Vector | None:
+    check_direction("direction", direction)
+    return direction
+
+
+DIRECTED = AfterValidator(_with_length)  # of a field of the name
 
 
 def xy(z: complex) -> list[float]:

@@ -11,10 +11,10 @@ position and velocity).
 
 from __future__ import annotations
 
-from pydantic import field_validator
+from typing import Annotated
 
 from blockmech.ground.plane import always, angle, dot, hyp, imul, mul
-from blockmech.ground.values import Vector, VectorOrNoneGiven, check_direction, default
+from blockmech.ground.values import DIRECTED, VectorOrNoneGiven, default
 from blockmech.loads.contract import Following, LawGiven, Terminal
 from blockmech.typing import Complex, Kernel, Real
 
@@ -76,13 +76,7 @@ class Thrust(Following, type="load.thrust"):
     terminals = {"a": Terminal("point"), "b": Terminal("point")}
 
     law: LawGiven
-    direction: VectorOrNoneGiven = default(None)
-
-    @field_validator("direction")
-    @classmethod
-    def _check_direction(cls, direction: Vector | None) -> Vector | None:
-        check_direction("direction", direction)
-        return direction
+    direction: Annotated[VectorOrNoneGiven, DIRECTED] = default(None)
 
     @property
     def link_vectors(self) -> tuple[str, ...]:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import field_validator, model_validator
+from pydantic import model_validator
 
 from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, dot, hyp, mul
 from blockmech.ground.values import (
+    DIRECTED,
     Number,
-    Vector,
     VectorOrNoneGiven,
-    check_direction,
     default,
     in_unit,
 )
@@ -83,15 +82,9 @@ class Force(Following, type="load.force"):
     terminals = {"at": Terminal("point")}
 
     force: Annotated[VectorOrNoneGiven, in_unit("N")] = default(None)
-    direction: VectorOrNoneGiven = default(None)
+    direction: Annotated[VectorOrNoneGiven, DIRECTED] = default(None)
     law: LawGiven | None = None
     axes: Literal["ground", "link"] = "ground"
-
-    @field_validator("direction")
-    @classmethod
-    def _points_somewhere(cls, direction: Vector | None) -> Vector | None:
-        check_direction("direction", direction)
-        return direction
 
     @model_validator(mode="after")
     def _constant_or_law(self) -> Force:

@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
-from pydantic import Discriminator, Tag, field_validator, model_validator
+from pydantic import Discriminator, Tag, ValidationInfo, field_validator, model_validator
 
 from blockmech.blocks.block import Mistake, bad_name, refuse, unknown_name, wrong_links
 from blockmech.blocks.contract import (
@@ -34,7 +34,6 @@ from blockmech.blocks.contract import (
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
-from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.ground.mistakes import mistake
 from blockmech.ground.names import is_name
 from blockmech.ground.plane import largest
@@ -44,7 +43,6 @@ from blockmech.ground.values import (
     Axis,
     Direction,
     Finite,
-    Link,
     Marker,
     Maybe,
     Number,
@@ -336,20 +334,10 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     # Links, friction and clearance are held against the pairs, once these are read.
 
-    @field_validator("links")
+    @field_validator("links", "friction", "clearance")
     @classmethod
-    def _links_exist(cls, links: dict[str, Link]) -> dict[str, Link]:
-        return links
-
-    @field_validator("friction")
-    @classmethod
-    def _check_friction(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
-        return friction
-
-    @field_validator("clearance")
-    @classmethod
-    def _check_clearance(cls, clearance: dict[str, float]) -> dict[str, float]:
-        return clearance
+    def _check_names(cls, entries: Data, field: ValidationInfo) -> Data:
+        return entries
 
     @model_validator(mode="after")
     def _check_consistency(self) -> GeneralGroup:
