@@ -92,9 +92,9 @@ def _content(x: object, above: frozenset[int]) -> Iterator[bytes]:
     elif type(x).__module__ != "builtins" and hasattr(x, "__dict__"):
         yield from _content((type(x), vars(x)), above)
     else:
-        found = f"a function of Python reads a {type(x).__name__}, whose value cannot be compared"
+        message = f"a function of Python reads a {type(x).__name__}, whose value cannot be compared"
         remedy = "leave out=... out, or let the function read numbers, arrays and functions"
-        raise refused("out", found, remedy, code="no-fingerprint")
+        raise refused("out", message, remedy, code="no-fingerprint")
 
 
 def _package_of(x: object) -> ModuleType | None:

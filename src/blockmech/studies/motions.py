@@ -217,8 +217,8 @@ class MotionRunner(Runner):
             for label, x in moved.values.items():
                 values[label][i] = x
             word[i], culprit[i] = REASONS.index(moved.word or OK), moved.place
-        rows = Rows(values, word, culprit, np.full(m, -1), np.zeros(m, np.int64))
-        return rows.without_numbers()
+        no_pose = np.full(m, -1), np.zeros(m, np.int64)
+        return Rows(values, word, culprit, *no_pose).without_numbers()
 
     # -- one design ------------------------------------------------------------------------
 

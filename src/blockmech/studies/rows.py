@@ -52,11 +52,11 @@ class Rows(NamedTuple):
 
     def without_numbers(self) -> Rows:
         """Themselves, with the word for designs that have an answer but lack one of the numbers."""
-        word, place = self.word.copy(), self.place.copy()
+        word, culprit = self.word.copy(), self.place.copy()
         for label, x in self.values.items():
             lacking = (word == 0) & np.isnan(x if x.ndim == 1 else x[:, 0])
-            word[lacking], place[lacking] = REASONS.index(NO_NUMBER), label
-        return self._replace(word=word, place=place)
+            word[lacking], culprit[lacking] = REASONS.index(NO_NUMBER), label
+        return self._replace(word=word, place=culprit)
 
     @staticmethod
     def joined(blocks: list[Rows]) -> Rows:
