@@ -196,7 +196,7 @@ def test_every_code_in_the_source_is_declared():
         for p in (source / room).glob("*.py")
     ]
     rooms += (source / "friction" / "laws").glob("*.py")
-    makers = {"Problem", "mistake", "PydanticCustomError", "unknown_name", "_must", "_format_error"}
+    makers = {"Problem", "mistake", "PydanticCustomError", "unknown_name", "_error"}
     calls = [
         call
         for path in rooms
