@@ -68,7 +68,16 @@ class Comparison:
         self.run = self.mechanism.run(**request, friction=how, on_gap="mark")
 
     def motion(self):
-        return comparison.motion(self.run, self.judge, "link.")
+        yield from comparison.motion(self.run, self.judge, "link.")
+        system, poses = judged(self.data), self.judge.poses
+        instant = mb.Instant(system, np.array([poses[link] for link in system.links]))
+        for name, joint in system.joints.items():
+            if joint.type == "P":
+                off = abs(self.run[f"joint.{name}.coordinate"][0] - instant.coordinate(joint).value)
+                yield (
+                    f"{name}.coordinate",
+                    comparison.relative(float(off), self.judge.size, self.judge),
+                )
 
     def forces(self):
         yield from comparison.forces(self.run, self.judge, "joint.", "driver.")

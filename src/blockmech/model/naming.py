@@ -45,6 +45,8 @@ class JointName:
         ``joint``: at a pin of three links or more that the graph seats on another link. It
         has no friction
     links : the document's first and second link
+    shift : [m] what the document's coordinate counts more than the graph's, which may measure
+        from the foot of a link's origin (P joints only)
     """
 
     joint: JointRef
@@ -52,6 +54,7 @@ class JointName:
     turned: bool
     others: tuple[tuple[JointRef, bool], ...]
     links: tuple[str, str]
+    shift: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ class Reading(NamedTuple):
     turn : [rad] what is added to an angle, which stays between -pi and pi
     between : the links that exert it and that it acts on, if it is other than the first part's
     wrapped : whether the sum is an angle that has to be brought between -pi and pi
+    shift : [m] what is added to a length
     """
 
     name: str
@@ -60,6 +61,7 @@ class Reading(NamedTuple):
     turn: float = 0.0
     between: tuple[str, str] | None = None
     wrapped: bool = False
+    shift: float = 0.0
 
 
 def outputs_by_link(
@@ -81,6 +83,8 @@ def outputs_by_link(
         output = _sum(parts) if len(parts) > 1 or parts[0][1] < 0 else parts[0][0]
         if reading.turn or reading.wrapped:
             output = _rotated(output, reading.turn)
+        elif reading.shift:
+            output = _shifted(output, reading.shift)
         by, on = (link_names.get(link, link) for link in (output.by, output.on))
         if reading.between:
             by, on = (x or y for x, y in zip(reading.between, (by, on), strict=True))
@@ -180,11 +184,14 @@ def _of_pin(
         yield Reading(f"joint.{pin}.{quantity}", ((f"{first}.{quantity}", 1),))
     for name, pair in pairs.items():
         for quantity in _matching(OF_JOINTS, last):
-            if quantity == "coordinate" and structure.joint(pair.joint).rotary:
-                yield _coordinate(name, pair, driven.get(pair.joint), names)
+            joint, driver = structure.joint(pair.joint), driven.get(pair.joint)
+            if quantity == "coordinate" and (joint.rotary or driver is not None):
+                yield _coordinate(name, pair, driver, names)
             elif f"{pair.joint}.{quantity}" in outputs:
                 parts = _of_joint(quantity, pair, structure, names)
-                yield Reading(f"joint.{name}.{quantity}", parts, between=pair.links)
+                shift = pair.shift if quantity == "coordinate" else 0.0
+                output = f"joint.{name}.{quantity}"
+                yield Reading(output, parts, between=pair.links, shift=shift)
     members = {ref for pair in pairs.values() for ref, _ in ((pair.joint, False), *pair.others)}
     for ref in sorted(members) if last in ("", "transmission_angle") else ():
         angle, joint = f"{ref.block}.transmission_angle", structure.joint(ref)
@@ -195,7 +202,7 @@ def _of_pin(
 
 
 def _coordinate(name: str, pair: JointName, driver: str | None, names: Names) -> Reading:
-    """Angle of the second link's axes against the first's; of a driven pin the driver's."""
+    """Angle of the second link's axes against the first's; of a driven pair the driver's."""
     output = f"joint.{name}.coordinate"
     if driver is not None:
         return Reading(output, ((f"{driver}.q", 1),), between=pair.links)
@@ -251,6 +258,15 @@ def _rotated(angle: Output, turn: float) -> Output:
         return wrapped(angle.read(*values) + turn)
 
     return angle._replace(read=read)
+
+
+def _shifted(length: Output, shift: float) -> Output:
+    """A length [m] that counts so much more."""
+
+    def read(*values: Nested) -> Real:
+        return length.read(*values) + shift
+
+    return length._replace(read=read)
 
 
 def wrapped(angle: Real) -> Real:

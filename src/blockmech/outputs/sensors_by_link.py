@@ -86,13 +86,14 @@ def _reading(table: Mapping[str, Reading], catalogue: Catalogue, source: str) ->
 def _block_output(blocks: Data, source: str, reading: Reading) -> tuple[str, list[dict[str, str]]]:
     """An output of a block that is a reading, and the wires to a block that is added for it."""
     parts = list(reading.parts)
-    if len(parts) == 1 and parts[0][1] > 0 and not reading.turn:
+    offset = reading.turn or reading.shift
+    if len(parts) == 1 and parts[0][1] > 0 and not offset:
         return parts[0][0], []
     name = free_name(source.replace(".", "_"), blocks)
-    if reading.turn:
-        turn = free_name(f"{name}_turn", blocks)
-        blocks[turn] = {"type": "signal.constant", "value": reading.turn}
-        parts.append((f"{turn}.y", 1))
+    if offset:
+        constant = free_name(f"{name}_{'turn' if reading.turn else 'shift'}", blocks)
+        blocks[constant] = {"type": "signal.constant", "value": offset}
+        parts.append((f"{constant}.y", 1))
     signs = "".join("+" if sign > 0 else "-" for _, sign in parts)
     blocks[name] = {"type": "signal.sum", "signs": signs}
     if reading.wrapped or reading.turn:

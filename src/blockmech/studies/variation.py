@@ -159,7 +159,11 @@ class Variation:
             name: replace(at, turn=_dual(at.turn, seeds)) if isinstance(at.turn, Varied) else at
             for name, at in names.links.items()
         }
-        return Catalogue(self.base.structure, replace(names, links=links))
+        joints = {
+            name: replace(at, shift=_dual(at.shift, seeds)) if isinstance(at.shift, Varied) else at
+            for name, at in names.joints.items()
+        }
+        return Catalogue(self.base.structure, replace(names, links=links, joints=joints))
 
 
 def _dual(x: Varied, seeds: Array) -> Dual:

@@ -80,6 +80,7 @@ class Diagram:
         self._wires: list[tuple[MarkerRef | str, JointRef]] = []
         self._seats: dict[str, LinkPlacement] = {}
         self._ends: dict[str, tuple[str, End]] = {}  # pair -> block and joint
+        self._beyond: dict[tuple[str, str], float] = {}  # (pair, link) of guides, see `BlockDraft`
         self._loads: dict[str, list[str]] = {}  # load -> its elements
         self._couplings: dict[str, str] = {}  # coupling -> its block
         self._signals: dict[str, str] = {}  # signal -> its block
@@ -121,6 +122,7 @@ class Diagram:
         if links := {link: mass for link, mass in masses.items() if mass or general}:
             data["links"] = links
         self._ends |= {pair: (name, end) for pair, end in draft.ends.items()}
+        self._beyond |= draft.beyond
         for key in ("friction", "clearance"):
             of = {end.joint: plain(getattr(pairs[pair], key)) for pair, end in draft.ends.items()}
             if values := {joint: x for joint, x in of.items() if x is not None}:
@@ -313,7 +315,8 @@ class Diagram:
             raise GraphError(
                 Problem("wrong-value", path_text(("stops", name)), message, "", remedy)
             )
-        joint, turn = self._joint(c), 0.0
+        joint = self._joint(c)
+        turn = -joint.shift
         if c.kind == "R":
             first, second = (self._seats[link].e for link in c.ends)
             turn = phase(second) - phase(first)
@@ -363,7 +366,10 @@ class Diagram:
             parts.append((JointRef(block, end.joint), flipped))
             turned = end.turned
         (joint, flipped), *rest = parts
-        return JointName(joint, flipped, turned, tuple(rest), c.ends)
+        earlier, later = c.links if end.later == c.second else reversed(c.links)
+        shift = self._beyond.get((c.name, later), 0.0) - self._beyond.get((c.name, earlier), 0.0)
+        shift = -shift if flipped != turned else shift
+        return JointName(joint, flipped, turned, tuple(rest), c.ends, shift)
 
 
 def _seated(value: Any, seat: LinkPlacement) -> Any:
@@ -386,7 +392,7 @@ def _mass_of(bodies: list[tuple[LinkGiven, LinkPlacement]]) -> Data:
         centres = [seat.place(link.cm.z) for link, seat in bodies]
         moment = sum(link.mass * z for (link, _), z in zip(bodies, centres, strict=True))
         if mass and not complex(mass):  # it varies, from nothing on
-            raise GraphError(Problem("no-derivative", "links", NO_CENTRE))
+            raise GraphError(Problem("wrong-value", "links", NO_CENTRE))
         cm = moment / mass if mass else 0j
         inertia = sum(
             link.inertia + link.mass * dot(z - cm, z - cm)

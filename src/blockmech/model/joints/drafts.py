@@ -67,6 +67,8 @@ class BlockDraft:
     ends : pair -> joint of the block
     points : (link, place in the document's frame) of the markers that it brings -> marker
     drivers : driven pairs
+    beyond : (pair, link) -> [m] how far along the block's guide the document's place on the link
+        is from the block's; a length serves both links of a guide, so only one has its own
     doubt : why the pose does not tell the assembly mode, if it does not
     poses : the links in the mode of a dyad that was chosen; none where another may be meant
     """
@@ -77,6 +79,7 @@ class BlockDraft:
     ends: Mapping[str, End]
     points: Mapping[tuple[str, complex], str]
     drivers: tuple[str, ...] = ()
+    beyond: Mapping[tuple[str, str], float] = field(default_factory=dict)
     doubt: str = ""
     poses: Poses = field(default_factory=dict)
 
@@ -153,6 +156,10 @@ def closed_form(
             return None
         keys["offset"] = x.real - y.real + 0.0  # no -0
         keys |= {"sign": -1} if (c.first == barrel) != (sense > 0) else {}
+    beyond = {
+        (at[j].name, link): foot.real - keys.get(cls.joints[j].lines[seats[link].link].along, 0.0)
+        for (j, link), foot in feet.items()
+    }
     ends = {
         c.name: End(joint, link_of[cls.joints[joint].later], c.kind == "P" and sense < 0)
         for joint, c in at.items()
@@ -160,7 +167,9 @@ def closed_form(
     numbers, stand, connections = (keys, seats, at) if plain else settled((keys, seats, at))
     branch, doubt, closed = _mode(cls.model_construct(**numbers), stand, connections, poses)
     drivers = tuple(c.name for c in sliding)
-    return BlockDraft(cls.type_name, keys | branch, seats, ends, points, drivers, doubt, closed)
+    return BlockDraft(
+        cls.type_name, keys | branch, seats, ends, points, drivers, beyond, doubt, closed
+    )
 
 
 def _links(joint: Joint) -> list[str]:
