@@ -74,7 +74,7 @@ def test_damper_whose_ends_meet_resists_their_relative_velocity(engine, free_len
 
 def test_spring_with_a_free_length_whose_ends_meet_has_no_answer():
     mech = arm(bm.Spring(stiffness=1.0, free_length=0.5), ("crank.A e.a", "frame.O e.b"))
-    with pytest.raises(bm.SingularError, match="not defined"):
+    with pytest.raises(bm.SingularError, match="has no value there"):
         mech.run(at=1.0, want="e.a.force")
 
 
@@ -125,7 +125,7 @@ def test_law_of_time_needs_a_request_with_time():
 
 def test_law_outside_its_table_has_no_answer():
     law = {"kind": "table", "arguments": [0.0, 1.0], "values": [1.0, 2.0]}
-    with pytest.raises(bm.SingularError, match="not defined"):
+    with pytest.raises(bm.SingularError, match="has no value there"):
         arm(bm.Motor(law=law), LINKS).run(at=2.0, want="crank.drive")
 
 
