@@ -191,6 +191,14 @@ def test_a_missing_argument_is_known_by_other_words():
         bm.Linkage("guide").add_joint("S", "P", ["frame", "rod"], direction=(1, 0))
 
 
+def test_one_place_of_a_joint_is_asked_for_as_a_point():
+    arm = bm.Linkage("arm")
+    arm.add_link("arm")
+    with pytest.raises(bm.GraphError, match=r"a place for each link.*or point="):
+        arm.add_joint("O", "R", ["frame", "arm"], at=(0, "20 mm"))
+    arm.add_joint("O", "R", ["frame", "arm"], at=[(0, 0), (0, "20 mm")])
+
+
 def test_keys_of_a_driver_without_a_law_ask_for_the_law():
     m = bm.read("graphs/joints/slider_crank.json")
     with pytest.raises(bm.GraphError, match="name its law first: constant_rate"):

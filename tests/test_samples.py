@@ -333,3 +333,20 @@ def test_slide_drive_is_sampled_in_metres():
     assert r["ram.q"].tolist() == [0.0, 0.3, 0.6]
     assert r.unit("ram.q") == "m"
     assert r.time == pytest.approx([0.0, 0.6, 1.2])
+
+
+def test_a_slide_has_no_turn_to_go_through():
+    """A law without an end goes through a turn; on a slide it would be 2 pi metres."""
+    ram = bm.Linkage("ram")
+    ram.add_link("ram", mass=1.0, cm=(0.0, 0.0))
+    ram.add_joint("guide", "P", ["frame", "ram"], point=(0.0, 0.0))
+    ram.add_driver("cylinder", "guide", bm.motion.ConstantRate(rate="50 mm/s"))
+    mechanism = ram.compile()
+    for ask in (mechanism.run, lambda: mechanism.extremes("driver.cylinder.drive")):
+        with pytest.raises(bm.RequestError, match=r"\[no-range\].*start and end"):
+            ask()
+    assert mechanism.run(times=[0.0, 2.0])["driver.cylinder.q"].tolist() == [0.0, 0.1]
+    law = bm.motion.ConstantRate(rate="50 mm/s", end="200 mm")
+    ram.drivers.clear()
+    ram.add_driver("cylinder", "guide", law)
+    assert ram.run(samples=3)["driver.cylinder.q"].tolist() == [0.0, 0.1, 0.2]

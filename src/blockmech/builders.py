@@ -39,23 +39,9 @@ class Uncompiled(Runnable["Mechanism"]):
 
     draw = blockmech.draw.draw
     run = blockmech.compiled.Compiled.run
-    _homes = {
-        "compile().{}": "blockmech.mechanism.Mechanism",
-        "compile().structure.{}": "blockmech.model.structure.Structure",
-        "run().{}": "blockmech.result.result.Result",
-    }
-
-
-class Graph(graph.Graph, Uncompiled):
-    """A mechanism as a block diagram; it can be checked, compiled, run and saved.
-
-    >>> import blockmech as bm
-    >>> bm.Graph("fourbar").name
-    'fourbar'
-    """
 
     def check(self) -> list[Problem]:
-        """All problems, as data; an empty list is a mechanism that compiles.
+        """All problems, as data, in the words of `compile`; an empty list is one that compiles.
 
         >>> g.check()
         []
@@ -63,7 +49,26 @@ class Graph(graph.Graph, Uncompiled):
         >>> print(g.check()[0])
         [unwired-joint] weight.at: nothing is wired to it. every joint needs one wire. ...
         """
-        return _problems_of(self)
+        try:
+            self.compile()
+        except GraphError as error:
+            return list(error.problems)
+        return []
+
+    _homes = {
+        "compile().{}": "blockmech.mechanism.Mechanism",
+        "compile().structure.{}": "blockmech.model.structure.Structure",
+        "run().{}": "blockmech.result.result.Result",
+    }
+
+
+class Graph(Uncompiled, graph.Graph):
+    """A mechanism as a block diagram; it can be checked, compiled, run and saved.
+
+    >>> import blockmech as bm
+    >>> bm.Graph("fourbar").name
+    'fourbar'
+    """
 
     def compile(self) -> Mechanism:
         """Check the graph and freeze it into a mechanism that computes.
@@ -116,24 +121,13 @@ class Decomposition:
         return Mechanism._from_graph(self.graph, self.names, self.document)
 
 
-class Linkage(linkage.Linkage, Uncompiled):
+class Linkage(Uncompiled, linkage.Linkage):
     """A mechanism as links and joints; it can be checked, compiled, run and saved.
 
     >>> import blockmech as bm
     >>> bm.Linkage("crank_rocker").name
     'crank_rocker'
     """
-
-    def check(self) -> list[Problem]:
-        """All problems, as data; an empty list is a mechanism that compiles.
-
-        >>> m.check()
-        []
-        >>> m.add_link("arm")
-        >>> print(m.check()[0])
-        [missing-key] ...links.arm.pose: arm needs "pose": [x, y, angle]. ...
-        """
-        return _problems_of(self)
 
     @uncollected()
     def decompose(self, general: General = "") -> Decomposition:
@@ -211,15 +205,6 @@ class Linkage(linkage.Linkage, Uncompiled):
 
 _AS_BLOCKS: WeakKeyDictionary[Linkage, tuple[Data, Decomposition]] = WeakKeyDictionary()
 """Linkage -> what it was and the blocks that it became then."""
-
-
-def _problems_of(document: Opened) -> list[Problem]:
-    """Why a document does not compile: what compiling says is the only list there is."""
-    try:
-        document.compile()
-    except GraphError as error:
-        return list(error.problems)
-    return []
 
 
 # -- files ---------------------------------------------------------------------------------

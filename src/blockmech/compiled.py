@@ -20,7 +20,15 @@ from blockmech.engines.cost import account
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine, each_part
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import BlockmechError, GraphError, Problem, as_names, listed, refused
+from blockmech.ground.errors import (
+    BlockmechError,
+    GraphError,
+    Problem,
+    among,
+    as_names,
+    listed,
+    refused,
+)
 from blockmech.ground.garbage import uncollected
 from blockmech.ground.runnable import EVERYTHING, LazyMethod, Runnable
 from blockmech.model.document import Document
@@ -31,7 +39,7 @@ from blockmech.model.structure import Structure
 from blockmech.outputs.by_block import Catalogue, in_program
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Plan
-from blockmech.plan.settings import check_chunk, check_static, friction_asked
+from blockmech.plan.settings import check_chunk, friction_asked
 from blockmech.result.failures import without_gaps
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples, make_samples
@@ -177,6 +185,7 @@ class Compiled(Runnable[M]):
         """Joint of the graph -> its name in a joint-based document; empty without one."""
         return {} if self.names is None else self.names.of_joints
 
+    @declared
     def plan(
         self,
         want: Iterable[str] | str = EVERYTHING,
@@ -198,7 +207,6 @@ class Compiled(Runnable[M]):
         >>> print(mech.plan("dyad.C.p").calls)
         2
         """
-        check_static(static)
         return self._plan_for(want, friction_asked(friction), static)
 
     def _plan_for(
@@ -211,7 +219,6 @@ class Compiled(Runnable[M]):
         self, samples: Samples, want: Iterable[str] | str, *, static: bool, **settings: Any
     ) -> Plan:
         """The plan for some outputs at samples: where no driver moves, that without inertia."""
-        check_static(static)
         return self.plan(want, static=static or samples.at_rest, **settings)
 
     def compile(self) -> M:
@@ -418,9 +425,7 @@ class Compiled(Runnable[M]):
         """The engine for n samples of designs: of itself the quicker one."""
         if engine == "auto":
             engine = "llvm" if self._chosen(plan, n) == "llvm" else "numpy"
-        if engine not in ("numpy", "llvm"):
-            wrong, valid = f'no engine "{engine}" for designs', "engines: auto, numpy, llvm"
-            raise refused("engine", wrong, valid=valid, code="unknown-engine")
+        among(("auto", "numpy", "llvm"), "engine", engine, "unknown-engine", "engine")
         precision = "complex128" if engine == "numpy" else ""
         bound: NumpyEngine | LlvmEngine = self._engine(plan, engine, precision)
         return bound

@@ -350,7 +350,7 @@ def test_error_of_an_early_group_does_not_blame_a_later_one():
 
 WRONG = [
     ({}, "limits", "the mechanism has 2 drivers"),
-    ({"driver": "crank"}, "crank", "there is no such driver"),
+    ({"driver": "crank"}, "crank", 'no driver "crank"'),
     ({"driver": "left"}, "right", "nothing says where this driver is held"),
     ({"driver": "left", "at": {"left": 1.0, "right": 1.0}}, "at[left]", "is the one that moves"),
     ({"driver": "left", "at": {"right": math.nan}}, "at[right]", "not a finite number"),

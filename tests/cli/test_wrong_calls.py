@@ -42,7 +42,7 @@ CALLS = {
     "trade RUIZ": [
         ("--question speed", "questions: run, simulate"),
         ("--budget soon", "is not a number"),
-        ("--budget 0s", "not one time above 0"),
+        ("--budget 0s", "budget: must be > 0, got 0"),
         ("--json --plot x.png", "only one of them"),
         ("--want *.p --want *.v --plot x.png", "give --want once"),
         ("--want crank.nothing", "no output has that name"),

@@ -60,8 +60,7 @@ def test_sizes_are_above_zero(size):
 
 def test_steps_are_fixed_of_textbook_methods_alone():
     message = said(rod(), "time=1", method=bm.FixedStep("dop853", 1e-3))
-    assert 'method: there is no method "dop853" of fixed steps' in message
-    assert "valid: rk4, euler_q" in message
+    assert 'method: no method "dop853". methods: rk4, euler_q.' in message
 
 
 @pytest.mark.parametrize(
@@ -213,7 +212,7 @@ def test_a_goal_with_a_wrong_number_is_told_what_it_takes(until):
 
 
 def test_wrong_kinds_of_arguments_are_refused_in_words():
-    with pytest.raises(RequestError, match='no method "None"'):
+    with pytest.raises(RequestError, match=r"method: got None\. give a name"):
         scenes.rod().simulate("time=1", method=None, start={"crank": (0.3, 0.0)})
     with pytest.raises(RequestError, match="cannot be called"):
         scenes.rod().simulate("time=1", progress=3, start={"crank": (0.3, 0.0)})

@@ -45,5 +45,5 @@ def test_a_film_is_of_the_poses_that_are_asked_for(tmp_path):
 
 def test_a_kind_that_there_is_not_is_refused(tmp_path):
     fourbar = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
-    with pytest.raises(RequestError, match="no kind of picture"):
+    with pytest.raises(RequestError, match='kind: no kind "oil"'):
         bm.write(fourbar, tmp_path / "it.png", kind="oil")

@@ -206,3 +206,17 @@ def test_a_length_that_makes_the_drive_what_it_shall_be_is_no_traceback():
     pendulum = bm.read(GRAPHS / "motions/pin_pendulum.json").compile()
     with pytest.raises(bm.BlockmechError, match="no value of it makes"):
         bm.design.available(pendulum, "crank.length", 1.0, at=[0.3])
+
+
+def test_bounds_are_read_with_units():
+    bed = bm.Graph.load("graphs/ruiz_fourbar.json").compile()
+    for bounds, message in (
+        ({"couple.moment": ("1 N", "2 kN m")}, '"1 N" has another kind of unit'),
+        ({"couple.moment": ("2 kN m", "1 N m")}, "lowest, then highest"),
+    ):
+        with pytest.raises(bm.RequestError, match=message):
+            bm.design.balance(bed, "couple.moment", at=["10deg", "50deg"], bounds=bounds)
+    best = bm.design.balance(
+        bed, "couple.moment", at=["10deg", "50deg"], bounds={"couple.moment": ("1 N m", "2 N m")}
+    )
+    assert best.at_bounds == ("couple.moment",)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.errors import among, listed, refused
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.typing import Array, Complex, Coordinates, Real
 
@@ -101,9 +101,8 @@ def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> Array:
     array([1.073348])
     """
     name = point if mechanism.names is None else f"link.{point}"
-    names = _known(mechanism, [f"{name}.v", f"{name}.a"], point)
-    run = _moving(mechanism, at, names)
-    v, a = (run[name] for name in names)
+    run = _moving(mechanism, at, [f"{name}.v", f"{name}.a"], point)
+    v, a = run[f"{name}.v"], run[f"{name}.a"]
     across = (np.conj(v) * a).imag
     with np.errstate(all="ignore"):
         straight = np.abs(across) <= ROUNDING * np.abs(v) * np.abs(a)
@@ -116,8 +115,8 @@ def _link(mechanism: Compiled, link: str, at: Coordinates) -> tuple[Complex, Com
     if link == FRAME:
         return 0j, 0j, 0.0
     name = link if mechanism.names is None else f"link.{link}"
-    names = _known(mechanism, [f"{name}.p", f"{name}.v", f"{name}.omega"], link)
-    run = _moving(mechanism, at, names)
+    names = [f"{name}.p", f"{name}.v", f"{name}.omega"]
+    run = _moving(mechanism, at, names, link)
     return run[names[0]], run[names[1]], run[names[2]]
 
 
@@ -127,19 +126,12 @@ def _rate(mechanism: Compiled, name: str, at: Coordinates) -> Real:
     wishes = [f"{name}.rate", f"{name}.omega", f"{name}.v"]
     wishes += [f"driver.{name}.rate", f"link.{name}.omega", f"link.{name}.v"] if document else []
     known = next((wish for wish in wishes if wish in outputs), wishes[-1])
-    (known,) = _known(mechanism, [known], name)
-    return np.abs(_moving(mechanism, at, [known])[known])
+    return np.abs(_moving(mechanism, at, [known], name)[known])
 
 
-def _moving(mechanism: Compiled, at: Coordinates, names: list[str]) -> Any:
+def _moving(mechanism: Compiled, at: Coordinates, names: list[str], where: str) -> Any:
+    among(mechanism.outputs, "output", names, "unknown-output", where)
     if len(mechanism.drivers) != 1:
         found = f"the mechanism has {len(mechanism.drivers)} drivers: {listed(mechanism.drivers)}"
         raise refused("at", found, valid="instantaneous ratios are of one driver")
     return mechanism.run(at=at, rates=1.0, accelerations=0.0, want=names)
-
-
-def _known(mechanism: Compiled, names: list[str], where: str) -> list[str]:
-    if missing := [name for name in names if name not in mechanism.outputs]:
-        remedy = close_match(missing[0], mechanism.outputs)
-        raise refused(where, f'no output "{missing[0]}"', remedy, code="unknown-output")
-    return names

@@ -51,7 +51,7 @@ def _range_of(mechanism: Compiled, law: OverRange | None) -> tuple[float, float]
     (driver,) = mechanism.drivers
     rotary = mechanism.structure.driver_joint(driver).rotary
     low, high = (0.0, 0.0) if law is None else sorted((float(law.start), float(law.end)))
-    if low == high and not rotary:
+    if not rotary and (low == high or law is None or "end" not in law.model_fields_set):
         raise no_range(driver, 'give its law of motion a start and end, in a file "from" and "to"')
     constant = isinstance(law, ConstantRate)
     turn = low == high or (constant and abs(high - low - TURN) <= ROUNDING * TURN)

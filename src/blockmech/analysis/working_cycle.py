@@ -13,7 +13,7 @@ from blockmech.analysis.scan import NODES, TURN, runs
 from blockmech.functions.roots import SCANNED, bisect
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.tolerances import ROUNDING
-from blockmech.model.laws_of_motion import AnyLaw
+from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
 from blockmech.typing import Arguments, Array, Data, Floats
@@ -136,7 +136,7 @@ def by_coordinate(
     settings: Arguments,
     low: float,
     high: float,
-    law: AnyLaw | None,
+    law: LawOfMotion | None,
     rates: Mapping[str, float] | None = None,
     n: int = 0,
 ) -> Cycle:

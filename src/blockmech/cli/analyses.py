@@ -164,18 +164,15 @@ def extremes(
 
 def _for_each_match(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[Any]:
     """What is asked of an output; of a pattern, of all that fit and have an answer."""
-    try:
+    if not any(sign in name for sign in "*?["):
         return [ask(name)]
-    except RequestError as error:
-        matches = mechanism.outputs.match([name]) if any(sign in name for sign in "*?[") else ()
-        if not matches:
-            raise
-        reports, problems = [], list(error.problems)
-        for match in matches:
-            try:
-                reports.append(ask(match))
-            except RequestError as refusal:
-                problems += refusal.problems
-        if not reports:
-            raise RequestError(problems) from None
-        return reports
+    reports: list[Any] = []
+    problems: list[Problem] = []
+    for match in mechanism.outputs.match([name]):
+        try:
+            reports.append(ask(match))
+        except RequestError as refusal:
+            problems += refusal.problems
+    if not reports:
+        raise RequestError(problems)
+    return reports

@@ -114,8 +114,7 @@ def balance(
     ends = {}
     for name, text in texts_by_name("--bounds", bounds, "spring.stiffness=0:5000"):
         low, _, high = text.partition(":")
-        where = f"--bounds {name}={text}"
-        ends[name] = number_in(where, low, ""), number_in(where, high, "")
+        ends[name] = _number_or_quantity(low), _number_or_quantity(high)
     targets = names_of(want) or None
 
     def ask(m: Mechanism) -> Any:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from blockmech.cli.terminal import say
-from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.errors import among, refused
 from blockmech.ground.files import writing
 from blockmech.testing.graph_files import gallery
 
@@ -25,9 +25,7 @@ def new(
     if name is None:
         say("\n".join(graphs) or "the gallery is empty")
         return
-    if name not in graphs:
-        valid = f"graphs there: {listed(graphs, 40)}"
-        raise refused(name, "no such graph in the gallery", close_match(name, graphs), valid)
+    among(graphs, "graph in the gallery", name)
     if file is None:
         raise refused(name, "no file to write is named", f"blockmech new {name} {name}.json")
     if os.path.exists(file) and not force:

@@ -7,8 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import row, starts
-from blockmech.cli.options import GraphFile, Poses, Static, at_most_one, names_of, option, switch
+from blockmech.cli.numbers import starts
+from blockmech.cli.options import (
+    AsJson,
+    GraphFile,
+    Poses,
+    Start,
+    Static,
+    Until,
+    at_most_one,
+    names_of,
+    number_of,
+    option,
+)
 from blockmech.cli.output import check_places, csv_place, fill_folder, write_answer
 from blockmech.cli.terminal import Interrupted, pour, progress_bar, reading, say
 from blockmech.ground.errors import refused
@@ -23,16 +34,15 @@ Wants = Annotated[
     list[str] | None,
     option("Outputs that matter; given more than once, requests are compared.", "A,B"),
 ]
-Budget = Annotated[str, option("Time for the whole.", "TIME")]
+Budget = Annotated[
+    float, option("Time for the whole, e.g. 30s.", "TIME", parser=number_of("budget", "s"))
+]
 Target = Annotated[float | None, option("Wanted error (1e-9).", "X")]
-Within = Annotated[str | None, option("Longest time of one run, e.g. 2ms.", "TIME")]
-Until = Annotated[str | None, option("Of simulate: standstill, time=2, turns=3 ...", "GOAL")]
-Start = Annotated[
-    list[str] | None,
-    option("Of simulate: where a driver starts, e.g. 60deg,-3deg/s.", "[DRIVER=]Q[,RATE]"),
+Within = Annotated[
+    float | None,
+    option("Longest time of one run, e.g. 2ms.", "TIME", parser=number_of("within", "s")),
 ]
 Friction = Annotated[str | None, option("Of simulate: one method of joint friction.", "METHOD")]
-Json = Annotated[bool, switch("json", "Print the trade as JSON.")]
 Csv = Annotated[str | None, option("Write the points (csv); - prints them.", "FILE")]
 Out = Annotated[str | None, option("Write trade.csv, trade.json and trade.png.", "DIR")]
 Plot = Annotated[str | None, option("Draw it (png, svg, pdf).", "FILE")]
@@ -45,14 +55,14 @@ def trade(
     poses: Poses,
     question: Question = "run",
     want: Wants = None,
-    budget: Budget = "30s",
+    budget: Budget = 30.0,
     target: Target = None,
     within: Within = None,
     until: Until = None,
     start: Start = None,
     friction: Friction = None,
     static: Static = False,
-    json: Json = False,
+    json: AsJson = False,
     csv: Csv = None,
     out: Out = None,
     plot: Plot = None,
@@ -77,15 +87,15 @@ def trade(
         "friction": friction,
         "static": static or None,
         "target": target,
-        "within": None if within is None else _seconds("--within", within),
+        "within": within,
     }
     arguments = {k: v for k, v in request.items() if v is not None}
-    seconds = _seconds("--budget", budget) / len(wants)
+    share = budget / len(wants)
     with progress_bar("measuring", still=True) as progress:
         trades: list[Trade] = []
         for names in wants:
             if not (trades and _interrupted(trades[-1])):
-                trades.append(mechanism.trade(question, names, seconds, say=progress, **arguments))  # type: ignore[arg-type]
+                trades.append(mechanism.trade(question, names, share, say=progress, **arguments))  # type: ignore[arg-type]
     if json:
         rows = [t.to_dict() for t in trades]
         say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
@@ -120,10 +130,3 @@ def _fill(measured: Trade, out: Path) -> list[Path]:
         return [picture]
 
     return fill_folder(out, numbers, FILES, draw)
-
-
-def _seconds(where: str, text: str) -> float:
-    numbers = row(f"{where} {text}", text, "s")
-    if len(numbers) != 1 or not numbers[0] > 0:
-        raise refused(f"{where} {text}", "not one time above 0", "write for example 30s")
-    return numbers[0]

@@ -28,11 +28,11 @@ from blockmech.ground.report import DEGREES, Facts, with_unit
 from blockmech.result.result import Result
 from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import chosen_numbers, sensitivity
-from blockmech.studies.family import remade
+from blockmech.studies.family import in_si_by_address, remade
 from blockmech.studies.objective import INFEASIBLE
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
-from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers, Quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -125,7 +125,7 @@ def balance(
     *,
     samples: int | None = None,
     times: Numbers | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
+    bounds: Mapping[str, tuple[Quantity, Quantity]] | None = None,
     friction: FrictionMethod | None = "none",
     static: bool | None = None,
 ) -> Balance:
@@ -191,7 +191,8 @@ def balance(
     unseen = [a for a, c in zip(chosen, np.abs(J).max(axis=0), strict=True) if not c > 0]
     if unseen:
         raise refused(unseen[0], f"none of {listed(outputs)} follows it", "leave it out")
-    ends = np.array([_bounds(mechanism, a, bounds or {}) for a in chosen])
+    limits = in_si_by_address(mechanism, bounds or {}, "bounds")
+    ends = np.array([_bounds(mechanism, a, limits) for a in chosen])
     u = np.clip(start, *ends.T) / sizes
     derivatives = least_squares(
         residual, u, lambda v: evaluated(v)[1], bounds=(ends[:, 0] / sizes, ends[:, 1] / sizes),
@@ -218,11 +219,11 @@ def _real(y: Any) -> Floats:
 
 
 def _bounds(
-    mechanism: Compiled, address: str, given: Mapping[str, tuple[float, float]]
+    mechanism: Compiled, address: str, limits: Mapping[str, tuple[float, float]]
 ) -> tuple[float, float]:
     """Lowest and highest value of a number: as asked, and not below zero where the file says so."""
-    if address in given:
-        low, high = given[address]
+    if address in limits:
+        low, high = limits[address]
         if not low < high:
             raise refused(f"bounds[{address}]", f"got ({low!r}, {high!r})", "lowest, then highest")
         return float(low), float(high)

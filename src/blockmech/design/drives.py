@@ -30,7 +30,7 @@ from blockmech.figures.paper import panelled, scaled_unit
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import listed, refused
+from blockmech.ground.errors import among, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.ground.units import number_in_si
@@ -256,9 +256,7 @@ def _driver(mechanism: Compiled, driver: str | None) -> str:
     """The driver that is meant. Raises `RequestError` where there is no such one."""
     drivers = mechanism.drivers
     actuated = drivers[0] if driver is None and len(drivers) == 1 else driver
-    if actuated is None or actuated not in drivers:
-        raise refused("driver", f"no driver {actuated!r}", f"drivers: {listed(drivers)}")
-    return actuated
+    return among(drivers, "driver", actuated, where="driver")[0]
 
 
 def _inputs(samples: Samples, plan: Plan) -> Record:

@@ -41,7 +41,7 @@ from blockmech.figures import palette as ink
 from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import BlockmechError, listed, refused
+from blockmech.ground.errors import BlockmechError, held, listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.ground.tolerances import ROUNDING
@@ -122,12 +122,9 @@ class Identification(Facts, Pictured):
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, address: str) -> float:
-        if address not in self.values:
-            message = (
-                "the data do not tell it" if address in self.not_apart else "it was not asked for"
-            )
-            raise refused(address, message, f"identified: {listed(self.values)}")
-        return self.values[address]
+        apart = address not in self.not_apart
+        message = "it was not asked for" if apart else "the data do not tell it"
+        return held(self.values, address, message, "identified")
 
     @property
     def not_apart(self) -> frozenset[str]:

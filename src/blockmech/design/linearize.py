@@ -37,7 +37,7 @@ from blockmech.figures.paper import legend_above, panelled, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import close_match, listed, needed, refused
+from blockmech.ground.errors import among, listed, needed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, places, with_unit
 from blockmech.ground.runnable import LazyMethod
@@ -350,11 +350,7 @@ def _signals(
     """States (n,) of all signal blocks, those that are not given at rest, and what to know."""
     state_numbers, x = states_of(mechanism), initial_states(mechanism, t)
     for name, number in values.items():
-        if name not in state_numbers:
-            remedy = close_match(name, [*state_numbers])
-            raise refused(
-                f"states[{name}]", "no state has that name", remedy, listed(state_numbers)
-            )
+        among(state_numbers, "state", name, where=f"states[{name}]")
         x[state_numbers[name]] = float(number)
     free = [i for n, i in state_numbers.items() if n not in values]
     k = len(motion[0])

@@ -25,7 +25,12 @@ from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import MOVING, STILL, put_in, rendered, suffix_of, write_figure
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import Problem, RequestError, as_names, close_match, listed, refused
+from blockmech.ground.errors import (
+    among,
+    as_names,
+    listed,
+    refused,
+)
 from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
 from blockmech.ground.runnable import Runnable
@@ -112,16 +117,12 @@ def draw(
 
     >>> figure = bm.draw.draw(mech, "pose.svg", at="30deg")
     """
-    otherwise = "leave kind= out" if kind else ""
     kind = kind or default_kind(path, at is not None or trace is not None)
-    if kind not in KINDS:
-        message, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
-        raise refused("kind", message, close_match(kind, KINDS), valid, "unknown-kind")
+    among(KINDS, "kind", kind, "unknown-kind", "kind")
     moving = kind == "animation"
     suffix = ""
     if path is not None:  # before anything is computed
-        valid_suffixes, subject_name = MOVING if moving else STILL, f"a{'n' * moving} {kind}"
-        suffix = suffix_of(path, subject_name, valid_suffixes, otherwise)
+        suffix = suffix_of(path, f"a{'n' * moving} {kind}", MOVING if moving else STILL)
     arguments = {"at": at, "trace": trace, "want": want, "degrees": degrees}
     requested = {"at": at is not None, "trace": trace is not None, "want": want != "*"}
     for name, is_requested in (requested | {"ax": moving and ax is not None}).items():
@@ -188,16 +189,10 @@ def animate(
     """
     if path is not None:
         suffix_of(path, "an animation", MOVING)  # before anything is computed
-    wrong: dict[str, tuple[object, str]] = {}
-    if not isinstance(frames, int) or not 2 <= frames <= 2000:
-        wrong["frames"] = frames, "a whole number from 2 to 2000"
-    if not isinstance(seconds, int | float) or not 0 < seconds < math.inf:
-        wrong["seconds"] = seconds, "a positive number of seconds"
-    if wrong:
-        raise RequestError(
-            Problem("bad-value", name, f"got {value!r}", f"valid: {valid}", "")
-            for name, (value, valid) in wrong.items()
-        )
+    if not 2 <= frames <= 2000:
+        raise refused("frames", f"got {frames!r}", "give a whole number from 2 to 2000")
+    if not 0 < seconds < math.inf:
+        raise refused("seconds", f"got {seconds!r}", "give a positive number of seconds")
     if isinstance(subject, Result):
         motion = moves_of_result(subject)
     else:

@@ -34,7 +34,6 @@ from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System
-from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.values import Vector
 from blockmech.passes.friction import input_joints
@@ -415,7 +414,6 @@ def bounced(system: System, request: SimulationRequest, move: Move) -> Motion:
     return Bounces(system, request, move).motion()
 
 
-@declared
 def impulses(mechanism: Compiled, impact: Impact) -> Data:
     """Impulses [N s] and [N m s] of an impact in every joint, by output name.
 

@@ -16,7 +16,7 @@ from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.ends import STANDSTILL, Budget
 from blockmech.dynamics.roles import Roles, RolesGiven, located, roles_of
 from blockmech.dynamics.source import Source
-from blockmech.ground.errors import RequestError, close_match, listed, refused
+from blockmech.ground.errors import RequestError, among, close_match, listed, refused
 from blockmech.ground.units import NoQuantity, in_si, number_in_si, quantity, unit_behind
 from blockmech.model.scene import Scene
 from blockmech.result.motion import Event, Motion, Still
@@ -256,9 +256,7 @@ def request_of(
     Raises `RequestError` for what cannot be.
     """
     name, step = method_of(method)
-    if engine not in ENGINES:
-        fault, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
-        raise refused("engine", fault, valid=valid, code="unknown-engine")
+    among(ENGINES, "engine", engine, "unknown-engine", "engine")
     output_times = times_of(times)
     goal = goal_of(until, output_times)
     events = watches_of(watch)
@@ -287,11 +285,7 @@ def method_of(method: MotionMethod) -> tuple[str, float | None]:
     Raises `RequestError` for a method that there is not.
     """
     name, step = (method.method, method.step) if isinstance(method, FixedStep) else (method, None)
-    valid = NAMES if step is None else FIXED
-    if name not in valid:
-        hint, fault = close_match(str(name), valid), f'there is no method "{name}"'
-        fault += "" if step is None else " of fixed steps"
-        raise refused("method", fault, hint, f"valid: {listed(valid)}", "method")
+    among(NAMES if step is None else FIXED, "method", name, "method", "method")
     return name, size_of("step", step)
 
 
@@ -338,9 +332,7 @@ def starts_of(
     if missing or unknown:
         fault = f"no start for: {listed(missing)}" if missing else f"unknown: {listed(unknown)}"
         example = START.replace("crank", next(iter(drivers)))
-        remedy = (
-            f"give start={example}, --start on the command line, or put it in the scene by start()"
-        )
+        remedy = f"give start={example}, on the command line --start, or call start() before"
         valid = f"drivers: {listed(drivers)}"
         raise refused(scene.address("initial"), fault, remedy, valid, "no-start")
     for d, pair in overridden.items():

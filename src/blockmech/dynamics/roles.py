@@ -24,7 +24,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.contacts import Constraints
-from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.errors import among, listed, refused
 from blockmech.ground.units import number_in_si
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Locked, Role, Scene
@@ -204,12 +204,8 @@ def _check_role(
     scene: Scene, drivers: Mapping[str, str], driver: str, role: str, where: str, last: float
 ) -> None:
     """Refuse a role that a driver cannot have."""
-    if driver not in drivers:
-        hint, valid = close_match(str(driver), drivers), f"drivers: {listed(drivers)}"
-        raise refused(where, f'no driver "{driver}"', hint, valid, "unknown-driver")
-    if role not in ROLES:
-        hint, valid = close_match(str(role), ROLES), f"roles: {listed(ROLES)}"
-        raise refused(where, f"there is no role {role!r}", hint, valid, "roles")
+    among(drivers, "driver", driver, "unknown-driver", where)
+    among(ROLES, "role", role, "roles", where)
     if role != PRESCRIBED:
         return
     law = scene.drive.get(driver)

@@ -35,7 +35,7 @@ from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
 from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import as_names, close_match, listed, refused
+from blockmech.ground.errors import among, as_names, listed, refused
 from blockmech.ground.values import is_count, is_number
 from blockmech.model.structure import JointRef
 from blockmech.passes.signals import STATE
@@ -170,10 +170,7 @@ class Stepper:
         return (float(q[0]), float(rate[0])) if q.size == 1 else (q, rate)
 
     def _feed(self, name: str, value: Real) -> None:
-        if name not in self._places:
-            valid = f"inputs: {listed(self.inputs) or 'none'}"
-            remedy = close_match(name, self.inputs) or 'add a block of the type "signal.input"'
-            raise refused(name, "the mechanism has no such input", remedy, valid)
+        among(self.inputs, "input", name, remedy='add a block of the type "signal.input"')
         try:
             numbers = np.broadcast_to(np.asarray(value, dtype=np.float64), self.copies)
         except (TypeError, ValueError):

@@ -20,7 +20,7 @@ from blockmech.dynamics.loads import largest_length
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import STOPS, Pairs, pairs_of
 from blockmech.functions.roots import SCANNED
-from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.ground.errors import Problem, RequestError, refused, unknown_name
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE
 from blockmech.typing import Real
@@ -73,10 +73,8 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
         if name in starts or several:
             stops_by_name[name] = between
         if name not in starts and not _is_coordinate(mechanism, name):
-            none, coordinates = f'no driver "{name}"', [n for n in mechanism.outputs if _ends_so(n)]
-            valid = f"drivers: {listed(starts)}; coordinates of pairs: {listed(coordinates, 8)}"
-            remedy = close_match(name, [*starts, *coordinates])
-            problems.append(Problem("unknown-driver", where, none, valid, remedy))
+            names = [*starts, *filter(_ends_so, mechanism.outputs)]
+            problems.append(unknown_name("unknown-driver", "driver", name, where, names))
         elif not low < high:
             order = f"the lowest must be below the highest, got {low:.9g} and {high:.9g}"
             problems.append(Problem("bad-value", where, order))

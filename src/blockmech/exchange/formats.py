@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
 from blockmech.exchange.drawing import Drawing
-from blockmech.ground.errors import close_match, listed, refused, shown
+from blockmech.ground.errors import among, refused, shown
 from blockmech.ground.files import writing
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.units import NoQuantity, quantity
@@ -148,10 +148,9 @@ class Formats(Generic[T], Mapping[str, T]):
 
     def named(self, name: str, where: str) -> T:
         """A format. Raises `RequestError` for a name that is none."""
-        if name in self:
-            return self[name]
-        valid = f"formats: {listed(self, 30)}"
-        raise refused(where, f'no format "{name}"', close_match(name, self), valid)
+        if name not in self:  # else those of other packages are not looked for
+            among(self, "format", name, where=where)
+        return self[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self._builtin, *self._outside))

@@ -16,11 +16,9 @@ from blockmech.exchange.parsing import wrong
 from blockmech.ground.errors import (
     FormatError,
     Problem,
-    close_match,
+    among,
     in_file,
-    listed,
     refused,
-    shown,
 )
 from blockmech.typing import Data
 
@@ -40,8 +38,7 @@ def imported(
     slide are on their lines, or if ``rounded`` beside them as they are drawn. Raises `FormatError`
     for what cannot be read, `RequestError` for units and formats that are none.
     """
-    if unit is not None and unit not in UNITS:
-        raise refused("unit", f"got {shown(unit)}", close_match(str(unit), UNITS), listed(UNITS))
+    among(UNITS, "unit", unit or (), where="unit")
     if pylinkage.is_live(source):
         return document(pylinkage.of_object(source), unit, rounded)
     text, name = _text(source)

@@ -8,7 +8,7 @@ from typing import Any
 
 from blockmech.exchange.formats import Order, writer_for
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import as_names, close_match, listed, refused
+from blockmech.ground.errors import among, as_names
 from blockmech.ground.files import AnyPath, refuse_spared
 from blockmech.ground.runnable import EVERYTHING, Runnable
 
@@ -52,10 +52,7 @@ def write(
     writer = writer_for(path, to)
     mechanism = subject.compile()
     settings = {k: v for k, v in options.items() if k not in (*POSES, *SETTINGS)}
-    if unknown := [name for name in settings if name not in writer.options]:
-        valid = f"options of this format: {listed(writer.options) or 'none'}"
-        remedy = close_match(unknown[0], writer.options)
-        raise refused(listed(unknown), "the format has no such option", remedy, valid)
+    among(writer.options, "option of this format", settings)
     order = Order(
         mechanism,
         as_names("want", want),

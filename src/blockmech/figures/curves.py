@@ -15,9 +15,9 @@ import numpy as np
 
 from blockmech.figures.palette import IN_DEGREES, MOST, PANELS
 from blockmech.figures.panels import Abscissa, Panel, draw_panels
-from blockmech.figures.paper import STILL, angle_scale, shown_name, suffix_of, write_figure
+from blockmech.figures.paper import angle_scale, shown_name, suffix_of, write_figure
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import as_names, refused
+from blockmech.ground.errors import among, as_names, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.units import shown_in
 from blockmech.model.laws_of_motion import OverRange
@@ -152,7 +152,7 @@ def plot(
 
     >>> figure = bm.draw.plot(result, want=["crank.drive"])
     """
-    suffix = "" if path is None else suffix_of(path, "a plot", STILL, "name outputs with want=")
+    suffix = "" if path is None else suffix_of(path)
     x_axis = abscissa(result, over, degrees)
     if want is None and not components and len(result) == len(result.mechanism.outputs):
         panels = tuple(p for group in pictures_of(result, degrees).values() for p in group)
@@ -275,9 +275,7 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) ->
     rows = by_unit(result, "q", degrees)
     moving = [d for row in rows.values() for d, q in row.items() if np.ptp(q) > 0] or drivers
     time = result.time if result.time is not None and np.isfinite(result.time).all() else None
-    if over not in ("auto", "coordinate", "time"):
-        valid = "valid: auto, coordinate, time"
-        raise refused("over", f"got {over!r}", valid=valid, code="bad-value")
+    among(("auto", "coordinate", "time"), "abscissa", over, "bad-value", "over")
     by_time = result.motion is not None or len(moving) != 1
     by_time |= any(d in laws and not isinstance(laws[d], OverRange) for d in drivers)
     if over == "time" or (over == "auto" and by_time and time is not None):

@@ -255,19 +255,13 @@ def write_figure(figure: Figure, path: AnyPath, suffix: str = ".png") -> Path:
     return Path(path)
 
 
-def suffix_of(
-    path: AnyPath, subject: str = "a plot", valid: Sequence[str] = STILL, otherwise: str = ""
-) -> str:
-    """The suffix of a picture's file; raises `RequestError` for one that is not valid.
-
-    ``otherwise`` says what to do where the suffix is not what is wrong.
-    """
+def suffix_of(path: AnyPath, subject: str = "a plot", valid: Sequence[str] = STILL) -> str:
+    """The suffix of a picture's file; raises `RequestError` for one that is not valid."""
     suffix = Path(path).suffix.lower()
     if suffix not in valid:
-        message = (
-            f'{subject} cannot be written as "{suffix}"' if suffix else "the name has no suffix"
-        )
+        message = f'{subject} cannot be written as "{suffix}"' if suffix else "it has no suffix"
         choices = f"suffixes for {subject}: {listed(valid)}"
-        remedy = f"choose one of them{otherwise and ', or '}{otherwise}"
+        remedy = "name outputs by want=" if subject == "a plot" else "leave kind= out"
+        remedy = f"choose one of them, or {remedy}"
         raise refused(str(path), message, remedy, choices, "unknown-suffix")
     return suffix

@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from blockmech.figures.palette import IN_DEGREES
-from blockmech.figures.paper import STILL, rendered, suffix_of, write_figure
+from blockmech.figures.paper import rendered, suffix_of, write_figure
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.files import AnyPath
@@ -37,7 +37,7 @@ class Pictured(Report):
         degrees unless said. Raises `RequestError` for another suffix, before anything is drawn,
         and where there is nothing to draw.
         """
-        suffix = "" if path is None else suffix_of(path, "a plot", STILL)
+        suffix = "" if path is None else suffix_of(path)
         figure = self.figure(degrees, ax)
         if path is not None:
             write_figure(figure, path, suffix)

@@ -132,15 +132,21 @@ def as_names(where: str, raw: Any) -> tuple[str, ...]:
 
 
 def among(
-    valid_names: Iterable[str], kind: str, requested: Iterable[str] | str, code: str = "bad-request"
+    valid_names: Iterable[str],
+    kind: str,
+    requested: Iterable[str] | str | None,
+    code: str = "bad-request",
+    where: str = "",
+    remedy: str = "",
 ) -> tuple[str, ...]:
-    """The names that a call gives, which are all known. Raises `RequestError` for others."""
-    names, choices = as_names(kind, requested), tuple(valid_names)
+    """The names that a call gives, which are all known. Raises `RequestError` for others.
+
+    ``where`` is the argument that gives them; ``remedy`` is what to do where none is near.
+    """
+    names, choices = as_names(where or kind, requested), tuple(valid_names)
     if unknown := [name for name in names if name not in choices]:
-        message = f"there is no such {kind}"
-        valid = f"{kind}s: {listed(choices, 16)}" if choices else ""
         raise RequestError(
-            Problem(code, name, message, valid, close_match(name, choices)) for name in unknown
+            unknown_name(code, kind, name, where or name, choices, remedy) for name in unknown
         )
     return names
 
@@ -277,7 +283,7 @@ SYNONYMS = {
         ("reactions forces", ("reaction",)),
         ("upper", ("high",)),
         ("dof degrees_of_freedom", ("mobility",)),
-        ("quick_return time_ratio", ("stroke",)),
+        ("quick_return time_ratio stroke", ("stroke", "extremes")),
         ("transmission_angle", ("extremes",)),
         ("add_marker", ("add_link",)),
         ("add_friction", ("add_joint",)),
@@ -287,10 +293,8 @@ SYNONYMS = {
         ("ground base world", ("frame",)),
         ("gas pressure", ("thrust",)),
         ("damper", ("spring",)),
-        ("film movie gif animation", ("animate", "draw")),
-        ("animate", ("draw",)),
-        ("stroke", ("extremes",)),
-        ("info show_info describe mobility", ("check",)),
+        ("film movie gif animation animate", ("animate", "draw")),
+        ("info show_info describe", ("check",)),
         ("unit units to degrees", ("deg",)),
         ("plot show picture plot_mechanism", ("plot", "draw")),
         ("max min maximum minimum range", ("extremes",)),
@@ -443,7 +447,7 @@ def unknown_name(
     ``there`` says in words where they are; ``remedy`` is what to do where none is near.
     """
     names = list(candidates)
-    valid = f"{kind}s{there}: {listed(names) or 'none'}"
+    valid = f"{kind}s{there}: {listed(names, 16) or 'none'}"
     remedy = close_match(name, names) or remedy
     return Problem(code, where, f'no {kind} "{name}"', valid, remedy)
 

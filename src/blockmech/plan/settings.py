@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from blockmech.friction.solvers import METHODS
 from blockmech.ground.errors import Problem, RequestError, listed, refused, shown
 from blockmech.ground.values import is_count, is_number
@@ -45,10 +43,3 @@ def check_chunk(chunk: int | None) -> None:
     if chunk is not None and not is_count(chunk):
         message = f"must be a whole number, at least 1 sample, got {chunk!r}"
         raise refused("chunk", message, code="bad-value")
-
-
-def check_static(static: object) -> None:
-    """Raise `RequestError` where ``static`` is neither on nor off."""
-    if not isinstance(static, bool | np.bool_):
-        message = f"must be True or False, got {static!r}"
-        raise refused("static", message, code="bad-value")

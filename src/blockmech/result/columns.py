@@ -140,10 +140,16 @@ def output_columns(result: Labelled, name: str) -> list[Column]:
     return [_column(result, part, unit, values, name) for part, values in _components(result, name)]
 
 
+def components(name: str, values: Array) -> dict[str, Array]:
+    """A column as columns of real numbers: those of a vector are two."""
+    vector = np.iscomplexobj(values)
+    return {f"{name}.x": values.real, f"{name}.y": values.imag} if vector else {name: values}
+
+
 def _components(result: Labelled, name: str) -> Iterator[tuple[str, Array]]:
     values, kind = result[name], result.output(name).kind
     if kind == "vector":
-        yield from ((f"{name}.x", values.real), (f"{name}.y", values.imag))
+        yield from components(name, values).items()
     elif kind == "matrix":
         drivers = result.mechanism.drivers
         for index in np.ndindex(values.shape[1:]):

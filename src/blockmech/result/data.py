@@ -14,7 +14,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed
 from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.report import as_json
-from blockmech.result.columns import Column, Labelled, columns
+from blockmech.result.columns import Column, Labelled, columns, components
 from blockmech.result.motion import Motion
 from blockmech.typing import Array, Data, Real
 
@@ -113,8 +113,8 @@ def to_xarray(result: Labelled) -> Any:
     units = {name: result.output(name).unit for name in rows}
     units |= {name: result._unit_of_driver(name) for name in drivers}
     for name in [name for name, x in rows.items() if np.iscomplexobj(x)]:
-        rows |= {f"{name}.x": rows[name].real, f"{name}.y": rows[name].imag}
-        units |= {f"{name}.x": units[name], f"{name}.y": units[name]}
+        parts = components(name, rows[name])
+        rows, units = rows | parts, units | dict.fromkeys(parts, units[name])
     coords = drivers | ({} if time is None else {"time": time})
     units |= {"time": "s"} if "time" in coords else {}
     dataset = xarray.Dataset(

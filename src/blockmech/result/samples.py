@@ -16,7 +16,7 @@ from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import Problem, RequestError, listed, refused
 from blockmech.ground.units import NoQuantity, UnitWarning, in_si, seem_degrees
 from blockmech.ground.values import is_count, is_number
-from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
+from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, OverRange
 from blockmech.model.scene import Scene
 from blockmech.typing import Coordinates, Floats, Numbers, Record
 
@@ -38,7 +38,7 @@ class Samples:
     n: int
     inputs: Record
     times: Floats | None = None
-    clock: ConstantRate | RateAcceleration | None = None
+    clock: OverRange | None = None
 
     @property
     def time(self) -> Floats | None:
@@ -168,6 +168,12 @@ def _of_many(
     laws = _laws(units, scene)
     if times is not None:
         return _by_time(scene, laws, _column("times", times, "s"))
+    for driver, law in laws.items():
+        endless = isinstance(law, OverRange) and "end" not in law.model_fields_set
+        if endless and units[driver] == "m":  # its default is a turn
+            where, message = scene.address("drive", driver), "its law does not say how far it goes"
+            remedy = 'give it a start and end, in a file "from" and "to", or name samples with at='
+            raise refused(where, message, remedy, code="no-range")
     n = DEFAULT_SAMPLES if samples is None else samples
     if not is_count(n):
         raise refused("samples", f"must be a positive whole number, got {n!r}", "")
@@ -206,7 +212,7 @@ def _by_coordinate(
         column = _stretched(driver, q[driver], n)
         law = scene.drive.get(driver)
         rate = acceleration = np.zeros(n)
-        if isinstance(law, ConstantRate | RateAcceleration):
+        if isinstance(law, OverRange):
             _, rate, acceleration = law.at_coordinates(column)
             if driver not in qd and len(units) == 1:
                 clock = law
@@ -229,7 +235,7 @@ def _by_time(scene: Scene, laws: Mapping[str, LawOfMotion], t: Floats) -> Sample
 
 
 def _by_range(scene: Scene, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
-    ranged = {d: x for d, x in laws.items() if isinstance(x, ConstantRate | RateAcceleration)}
+    ranged = {d: x for d, x in laws.items() if isinstance(x, OverRange)}
     if len(ranged) < len(laws):
         begin = max(x.begin() for x in laws.values())
         end = max(x.begin() + x.duration() for x in laws.values() if np.isfinite(x.duration()))
@@ -246,7 +252,7 @@ def _collected(
     n: int,
     motions: Mapping[str, tuple[Floats, Floats, Floats]],
     times: Floats | None = None,
-    clock: ConstantRate | RateAcceleration | None = None,
+    clock: OverRange | None = None,
 ) -> Samples:
     """Samples of coordinates, rates and accelerations by driver, in the drivers' order."""
     inputs = {}

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from blockmech.ground.errors import listed, refused
+from blockmech.ground.errors import among
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.typing import Data, Record
 
@@ -33,10 +33,7 @@ def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str,
     Raises `RequestError` where there is no such wire.
     """
     wires = wires_of(structure)
-    for name in names:
-        if name not in wires:
-            valid = f"wires: {listed(wires, 30)}"
-            raise refused(name, "there is no such wire", valid=valid, code="no-such-wire")
+    among(wires, "wire", names, "no-such-wire")
     read_of = {name: _outputs(structure, *wires[name]) for name in names or wires}
     every = {
         output: None for wire in read_of.values() for parts in wire.values() for output in parts

@@ -25,13 +25,23 @@ from blockmech.plan.plan import Plan
 from blockmech.result.result import Result
 from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import chosen_numbers
+from blockmech.studies.family import in_si_by_address
 from blockmech.studies.variation import (
     designed,
     is_written_out,
     of_links,
     planned_near,
 )
-from blockmech.typing import Arguments, Array, Complex, Coordinates, FrictionMethod, Numbers, Values
+from blockmech.typing import (
+    Arguments,
+    Array,
+    Complex,
+    Coordinates,
+    FrictionMethod,
+    Numbers,
+    Quantity,
+    Values,
+)
 
 PROVED = "proved"
 
@@ -127,7 +137,7 @@ def enclose(
     times: Numbers | None = None,
     rates: Coordinates | None = None,
     accelerations: Coordinates | None = None,
-    tolerance: Mapping[str, float] | None = None,
+    tolerance: Mapping[str, Quantity] | None = None,
     want: Iterable[str] | str = EVERYTHING,
     friction: FrictionMethod | None = None,
     static: bool = False,
@@ -163,7 +173,7 @@ def enclose(
     1 of 1 samples proved for exact numbers
     the mechanism closes for exact numbers: margin at least 0.3029
     """
-    widths = dict(tolerance or {})
+    widths = in_si_by_address(mechanism, tolerance or {}, "tolerance")
     problems = [
         Problem("bad-request", a, f"{x!r:.40} is no tolerance", "", "give a number above zero")
         for a, x in widths.items()

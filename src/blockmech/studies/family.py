@@ -44,16 +44,16 @@ def in_si_by_address(mechanism: Compiled, values: Mapping[str, Any], argument: s
 
     Raises `RequestError` for addresses of nothing and other units.
     """
-    rows = {a: [x] if isinstance(x, str) else x for a, x in values.items()}
-    texts = {a: getattr(x, "texts", x) for a, x in rows.items()}
-    texts = {a: x for a, x in texts.items() if type(x) in (list, tuple) and str in map(type, x)}
+    in_si_values = dict(values)
+    rows = {a: getattr(x, "texts", x) for a, x in values.items()}  # of a distribution its texts
+    addresses = {a: a for a, row in rows.items() if isinstance(row, str | list | tuple)}
     try:
-        for p, address in named(parameters(mechanism), {a: a for a in texts}).items():
-            row = in_si(texts[address], p.unit)
-            rows[address] = rows[address] if hasattr(rows[address], "texts") else row
+        for p, address in named(parameters(mechanism), addresses).items():
+            row = in_si(rows[address], p.unit)
+            in_si_values |= {} if hasattr(values[address], "texts") else {address: row}
     except NoQuantity as error:
         raise refused(f"{argument}.{address}", error.found, "", error.valid) from None
-    return rows
+    return in_si_values
 
 
 class Parameters(dict[str, Parameter]):

@@ -23,8 +23,8 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import (
     Problem,
     RequestError,
+    among,
     as_names,
-    close_match,
     listed,
     needed,
     refused,
@@ -84,7 +84,7 @@ class ProgramOfDesigns:
         return places
 
     def _values(self, parameters: Record, inputs: Record) -> Values:
-        _refuse_strangers("parameters", parameters, self.parameters)
+        among(self.parameters, "number", parameters, where="parameters")
         numbers = {**self.parameters, **parameters}
         at = {path: numbers[p.address] for p, paths in self._places.items() for path in paths}
         program = self._engine.program
@@ -121,7 +121,7 @@ class Function(ProgramOfDesigns):
 
         Raises `RequestError` for names that it does not have, and for inputs that are missing.
         """
-        _refuse_strangers("inputs", inputs, self.inputs)
+        among(self.inputs, "number", inputs, where="inputs")
         if missing := [name for name in self.inputs if name not in inputs]:
             raise refused("inputs", f"missing: {listed(missing)}", "give an array of each")
         xp, given = self._engine.xp, {n: inputs[address] for address, n in self._inputs.items()}
@@ -235,7 +235,7 @@ def function(
         for quantity, x in INPUTS.items()
     } | {TIME: "t"}
     names_of_inputs = as_sequence("inputs", inputs)
-    _refuse_strangers("inputs", names_of_inputs, of_inputs)
+    among(of_inputs, "number", names_of_inputs, where="inputs")
     rates: dict[str, float] = {}
     for i, driver in drivers:
         law = mechanism.scene.drive.get(driver)
@@ -294,17 +294,6 @@ def rates(
     efforts = [s.ask(reduction.drive_by_reduction, d) for d in drivers]
     program = s.program([*inertia, *efforts, *margins(s)])
     return Rates(mechanism, paths_of, alone, _engine(program, library, precision))
-
-
-def _refuse_strangers(where: str, requested: Iterable[str], valid_names: Iterable[str]) -> None:
-    """Raise `RequestError` for names that are not known, all at once."""
-    names = list(valid_names)
-    if wrong := [name for name in requested if name not in names]:
-        valid = f"there: {listed(names, 16) or 'none'}"
-        raise RequestError(
-            Problem("bad-request", f"{where}: {n}", "unknown name", valid, close_match(n, names))
-            for n in wrong
-        )
 
 
 def _places(mechanism: Compiled, patterns: Iterable[str]) -> tuple[Places, set[str]]:

@@ -27,7 +27,7 @@ from blockmech.dynamics.request import (
 from blockmech.dynamics.stops import stops_of
 from blockmech.dynamics.system import System
 from blockmech.engines.compiled_rates import CompiledRhs
-from blockmech.ground.errors import BlockmechError, close_match, listed, refused
+from blockmech.ground.errors import BlockmechError, among, listed, refused
 from blockmech.ground.tolerances import EQUAL
 from blockmech.model.parameters import Parameter
 from blockmech.plan.settings import friction_asked
@@ -122,11 +122,8 @@ class MotionRunner(Runner):
         """That of a request. Raises `RequestError` for what is unknown or does not fit."""
         m = family.mechanism
         arguments = [*inspect.signature(request_of).parameters][2:-1]  # the engine is the study's
-        for name in simulation:
-            if name not in arguments:
-                message, valid = "no such argument of a motion", f"arguments: {listed(arguments)}"
-                remedy = close_match(str(name), arguments) or "friction and outputs are the study's"
-                raise refused(f"simulate[{name}]", message, remedy, valid, "unknown-argument")
+        remedy = "friction and outputs are the study's"
+        among(arguments, "argument", simulation, "unknown-argument", "simulate", remedy)
         friction_asked(settings["friction"])
         request, starts = request_of(m.scene, m._coordinate_units, **simulation)
         stops_of(m, starts, simulation.get("stops"))

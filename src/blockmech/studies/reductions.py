@@ -138,12 +138,6 @@ def is_reduction(text: str) -> bool:
     return bool(TEXT.fullmatch(text.strip()))
 
 
-def components(name: str, values: Array) -> list[tuple[str, Array]]:
-    """A column as columns of real numbers: those of a vector are two."""
-    vector = np.iscomplexobj(values)
-    return [(f"{name}.x", values.real), (f"{name}.y", values.imag)] if vector else [(name, values)]
-
-
 def _finite(x: Real) -> Array:
     """An output with NaN for what is infinite; the sum tells quickly that nothing is."""
     return np.asarray(x if np.isfinite(np.sum(x)) else np.where(np.isfinite(x), x, np.nan))

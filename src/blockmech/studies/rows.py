@@ -19,8 +19,9 @@ import numpy as np
 
 from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath, cannot_write, folder, writing
+from blockmech.result.columns import components
 from blockmech.result.quality import WORDS
-from blockmech.studies.reductions import POSES, Wanted, components
+from blockmech.studies.reductions import POSES, Wanted
 from blockmech.studies.sampling import Designs
 from blockmech.typing import Array
 
@@ -133,7 +134,7 @@ class Parts:
             self.path(span).unlink(missing_ok=True)
         columns: list[tuple[str, Any, str | None]] = [(a, x, None) for a, x in vary.items()]
         for w in self.want:
-            parts = components(w.label, results.values[w.label])
+            parts = components(w.label, results.values[w.label]).items()
             columns += [(name, x, w.unit or None) for name, x in parts]
         status = arrow.DictionaryArray.from_arrays(arrow.array(results.word), list(REASONS))
         block = arrow.array(results.place.tolist(), arrow.string()).dictionary_encode()
@@ -182,7 +183,7 @@ class Parts:
 def _names_of(w: Wanted) -> list[str]:
     """Names of the columns of what is kept: two of a vector."""
     kind = complex if w.kind == "vector" else float
-    return [name for name, _ in components(w.label, np.empty(0, kind))]
+    return list(components(w.label, np.empty(0, kind)))
 
 
 def write_parquet(

@@ -30,7 +30,7 @@ from blockmech.ground.errors import (
 from blockmech.ground.tolerances import EQUAL
 from blockmech.model.parameters import Parameter
 from blockmech.plan.plan import Plan
-from blockmech.plan.settings import check_static, friction_asked
+from blockmech.plan.settings import friction_asked
 from blockmech.result.quality import NO_ASSEMBLY, Failures, at_most_one, failures
 from blockmech.result.samples import Samples, make_samples
 from blockmech.result.tables import counted
@@ -67,7 +67,6 @@ class Runner:
     @classmethod
     def of(cls, family: Family, want: Any, over: Arguments, settings: Arguments) -> Runner:
         """That of a request. Raises `RequestError` for what is unknown or does not fit."""
-        check_static(settings["static"])
         friction_asked(settings["friction"])
         m, runner = family.mechanism, cls(family, (), over, settings)
         return replace(

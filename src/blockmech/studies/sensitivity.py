@@ -19,11 +19,11 @@ from blockmech.ground.errors import held, listed
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, LINES, as_json, sections
 from blockmech.model.parameters import Parameter
-from blockmech.result.columns import Column, driver_columns
+from blockmech.result.columns import Column, components, driver_columns
 from blockmech.result.result import Result
 from blockmech.result.spreadsheet import CsvTable
 from blockmech.result.tables import aligned, counted, flag_lines
-from blockmech.studies.reductions import POSES, Wanted, components
+from blockmech.studies.reductions import POSES, Wanted
 from blockmech.typing import Arguments, Array, Data, Real
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         rows = (
             [name, self.unit_of(name), *(cells(k, output) for cells in where), *row]
             for output, both in self.ahead.items()
-            for name, derivatives in components(output, both)
+            for name, derivatives in components(output, both).items()
             for k, row in enumerate(derivatives.T.tolist())
         )
         return ["output", "unit", *(c.head for c in drivers), *(f"per {h}" for h in heads)], rows

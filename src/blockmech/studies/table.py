@@ -19,11 +19,11 @@ from blockmech.ground.errors import held, listed, needed, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.report import DEGREES, LINES
 from blockmech.model.parameters import Parameter
-from blockmech.result.columns import Column
+from blockmech.result.columns import Column, components
 from blockmech.result.data import dataframe, pint_unit
 from blockmech.result.spreadsheet import CsvTable
 from blockmech.result.tables import aligned, counted
-from blockmech.studies.reductions import POSES, Wanted, components
+from blockmech.studies.reductions import POSES, Wanted
 from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
 from blockmech.studies.sampling import Designs
 from blockmech.typing import Arguments, Array, Data, Real
@@ -147,7 +147,9 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
             values = self.found.values[w.label]
             if w.how == POSES:
                 continue
-            rows += [Column(name, w.unit, x, w.label) for name, x in components(w.label, values)]
+            rows += [
+                Column(name, w.unit, x, w.label) for name, x in components(w.label, values).items()
+            ]
         return rows
 
     def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:

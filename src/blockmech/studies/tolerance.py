@@ -225,14 +225,13 @@ def tolerance(
     number    deviation   share
     dyad.l_i  0.005774 m  100.0%
     """
-    distributions = in_si_by_address(mechanism, numbers, "numbers")
-    wrong = [a for a, law in distributions.items() if not isinstance(law, Distribution)]
-    if wrong or not distributions:
+    wrong = [a for a, law in numbers.items() if not isinstance(law, Distribution)]
+    if wrong or not numbers:
         remedy, addresses = "give e.g. bm.dist.Normal(6.0, 1e-4)", wrong or ["numbers"]
         raise RequestError(
             Problem("bad-request", a, "no distribution", "", remedy) for a in addresses
         )
-    parameters_of = named(parameters(mechanism), numbers)
+    parameters_of = named(parameters(mechanism), in_si_by_address(mechanism, numbers, "numbers"))
     laws = {p.address: law for p, law in parameters_of.items()}
     moved = {p.address: law.mean for p, law in parameters_of.items() if law.mean != p.value}
     centre = remade(mechanism, moved) if moved else mechanism

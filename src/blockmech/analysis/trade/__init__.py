@@ -19,7 +19,13 @@ from blockmech.analysis.trade.measure import (
 from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
 from blockmech.dynamics.request import Until
-from blockmech.ground.errors import Problem, RequestError, as_names, close_match, listed, refused
+from blockmech.ground.errors import (
+    Problem,
+    RequestError,
+    among,
+    as_names,
+    listed,
+)
 from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]
@@ -108,10 +114,7 @@ def _refuse_mistakes(
     question: str, limits: Mapping[str, float | None], names: Iterable[str]
 ) -> None:
     """Refuse an unknown question, limits that are none, and what a question does not take."""
-    if question not in REQUESTS:
-        message, valid = f'no question "{question}"', "questions: run, simulate"
-        hint = close_match(question, REQUESTS)
-        raise refused("question", message, hint, valid, "unknown-question")
+    among(REQUESTS, "question", question, "unknown-question", "question")
     problems = [
         Problem("bad-value", name, f"must be > 0, got {value}", "", "")
         for name, value in limits.items()

@@ -27,7 +27,7 @@ from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Planar, leaves
 from blockmech.exchange.c.statements import DOUBLE, FLOAT, Statements, language_c, literal
 from blockmech.exchange.c.tracing import ClosedTrace, status
-from blockmech.ground.errors import BlockmechError, as_names, listed, printable, refused
+from blockmech.ground.errors import BlockmechError, among, as_names, listed, printable, refused
 from blockmech.ground.names import numbered_name
 from blockmech.ground.plane import EPS
 from blockmech.ground.runnable import EVERYTHING
@@ -91,8 +91,7 @@ class CProgram:
         Raises `RequestError` for what C cannot say, e.g. a law that is a Python function, and
         without ``rates`` for what follows states.
         """
-        if real not in TOLERANCES:
-            raise refused("real", f"got {real!r}", valid=f"valid: {listed(TOLERANCES)}")
+        among(TOLERANCES, "precision", real, where="real")
         self.catalogue = catalogue = mechanism.outputs.extended(rates or ())
         names = catalogue.match([*as_names("want", want), *(output.name for output in rates or ())])
         of_runs = [n for n in names if catalogue[n].kind == "number"]

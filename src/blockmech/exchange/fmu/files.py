@@ -30,7 +30,7 @@ from blockmech.dynamics.request import refuse_no_inertia
 from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
 from blockmech.exchange.formats import Order, Writer, file_writer
-from blockmech.ground.errors import listed, printable, refused, shown
+from blockmech.ground.errors import among, listed, printable, refused
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.plan.plan import Output
 from blockmech.typing import Real
@@ -78,8 +78,7 @@ class Unit:
             raise refused("--to fmu", message, 'leave "motion" out, and give the unit the effort')
         mechanism._once(refuse_no_inertia)
         self.fmi = str(order.options.get("fmi", "2"))
-        if self.fmi not in PLATFORMS:
-            raise refused("fmi", f"got {shown(order.options['fmi'])}", valid="2 or 3")
+        among(PLATFORMS, "version", self.fmi, where="fmi")
         drivers = mechanism.drivers
         self.of = {d: mechanism._of_driver(d, "")[:-1] for d in drivers}
         many = len(drivers) > 1

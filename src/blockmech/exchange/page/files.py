@@ -27,7 +27,7 @@ from blockmech.exchange.formats import Order, Writer
 from blockmech.exchange.page.script import WEB, Script
 from blockmech.figures.curves import abscissa
 from blockmech.figures.palette import LINK_FILLS
-from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.errors import among
 from blockmech.ground.files import refuse_spared, writing
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.tolerances import BLUR
@@ -166,10 +166,7 @@ def _choose(text: str | None, offered: list[str]) -> list[str]:
     chosen = []
     for word in filter(None, map(str.strip, text.split(","))):
         name = re.sub(r"\W", "_", word, flags=re.ASCII).removeprefix("P_")
-        if name not in numbers:
-            remedy = close_match(name, numbers)
-            raise refused("slider", f"no number {word}", remedy, f"numbers: {listed(numbers, 60)}")
-        chosen.append(numbers[name])
+        chosen.append(numbers[among(numbers, "number", name, where="slider")[0]])
     return chosen
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
@@ -191,8 +191,10 @@ class Linkage(Document):
         [0.5+0j, 0.5+0j]
         """
         links = list(as_names(f"joints.{name}.links", links))
-        if (at is None) == (point is None):
+        alone = isinstance(at, list | tuple) and all(isinstance(x, float | int | str) for x in at)
+        if alone or (at is None) == (point is None):
             message = "its place is given twice" if point is not None else "it has no place"
+            message = "at= has a place for each link" if alone else message
             remedy = (
                 "give at=, a place in the frame of each link, or point=, the place in the world"
             )
@@ -251,21 +253,6 @@ class Linkage(Document):
         <Linkage arm: 1 moving links, 1 pairs, 1 driver; I(arm)>
         """
         self._add_model("driver", name, law or "", {"joint": joint, **keys})
-
-    @overload
-    def add_load(
-        self,
-        name: str,
-        load: Element,
-        *,
-        link: str | None = None,
-        links: Sequence[str] | None = None,
-        joint: str | None = None,
-        at: AnyPlace | Sequence[AnyPlace] | None = None,
-    ) -> None: ...
-
-    @overload
-    def add_load(self, name: str, load: str, **keys: Any) -> None: ...
 
     @declared
     def add_load(self, name: str, load: Element | str, **keys: Any) -> None:
