@@ -135,6 +135,7 @@ def test_a_model_says_how_it_is_changed():
         (lambda: MECHANISM.run(at=0.5).reactions, '["crank.A.reaction"]'),
         (lambda: MECHANISM.run(at=0.5).torque, '["crank.drive"]'),
         (lambda: MECHANISM.run(at=0.5).save, "write to_csv"),
+        (lambda: bm.Graph("empty").wire, "write connect"),
         (lambda: bm.load, "read"),
         (lambda: bm.Slider, "SlideDrive"),
     ],

@@ -306,6 +306,7 @@ SYNONYMS = {
         ("to_numpy to_array", ("to_npz",)),
         ("to_pandas df", ("to_dataframe",)),
         ("load open", ("read",)),
+        ("wire add_wire join attach", ("connect",)),
         ("dyad", ("RRR",)),
     )
     for term in terms.split()
