@@ -145,3 +145,19 @@ def test_a_study_of_what_follows_states_is_refused_as_a_run_is():
         with pytest.raises(RequestError) as refused:
             ask()
         assert refused.value.problems[0].code == "signal-states"
+
+
+def test_a_driver_inside_a_group_without_closed_form_is_a_sensor():
+    """Such a driver is no block of the graph, and its outputs have its name."""
+    linkage = bm.Linkage.load(JOINTS / "floating_drive_press.json")
+    linkage.add_signal("brake", "gain", k=-2.0)
+    linkage.add_load("brakes", "thrust", joint=linkage.drivers["cylinder"].joint, law=laws.Signal())
+    linkage.connect("driver.cylinder.rate", "brake.u")
+    linkage.connect("brake.y", "brakes.law")
+    graph = bm.Graph.from_json(linkage.decompose().graph.to_json())
+    assert graph.check() == []
+    (q,) = (law.start for law in graph.scene.drive.values())
+    rates = [0.0, 0.1, 0.3]
+    request = {"at": [q] * 3, "rates": rates, "static": True, "friction": "none"}
+    (drive,) = linkage.compile().run(**request, want="driver.cylinder.drive").values()
+    np.testing.assert_allclose(drive - drive[0], 2.0 * np.array(rates), rtol=1e-9)
