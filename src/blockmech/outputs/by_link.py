@@ -81,10 +81,8 @@ def outputs_by_link(
     def made(reading: Reading) -> Output:
         parts = [(of_blocks[name], sign) for name, sign in reading.parts]
         output = _sum(parts) if len(parts) > 1 or parts[0][1] < 0 else parts[0][0]
-        if reading.turn or reading.wrapped:
-            output = _rotated(output, reading.turn)
-        elif reading.shift:
-            output = _shifted(output, reading.shift)
+        if reading.turn or reading.wrapped or reading.shift:
+            output = _counted_from(output, reading)
         by, on = (link_names.get(link, link) for link in (output.by, output.on))
         if reading.between:
             by, on = (x or y for x, y in zip(reading.between, (by, on), strict=True))
@@ -251,22 +249,14 @@ def _signed(output: Output, x: Complex, sign: int) -> Complex:
     return x if sign > 0 else -x if output.kind == "vector" else 0.0 - x  # no -0
 
 
-def _rotated(angle: Output, turn: float) -> Output:
-    """The angle [rad] of a frame that stands at ``turn`` in the link's, between -pi and pi."""
+def _counted_from(output: Output, reading: Reading) -> Output:
+    """A length that counts more by a shift, or the angle of a turned frame between -pi and pi."""
 
     def read(*values: Nested) -> Real:
-        return wrapped(angle.read(*values) + turn)
+        x = output.read(*values) + (reading.turn or reading.shift)
+        return x if reading.shift else wrapped(x)
 
-    return angle._replace(read=read)
-
-
-def _shifted(length: Output, shift: float) -> Output:
-    """A length [m] that counts so much more."""
-
-    def read(*values: Nested) -> Real:
-        return length.read(*values) + shift
-
-    return length._replace(read=read)
+    return output._replace(read=read)
 
 
 def wrapped(angle: Real) -> Real:

@@ -315,8 +315,7 @@ class Diagram:
             raise GraphError(
                 Problem("wrong-value", path_text(("stops", name)), message, "", remedy)
             )
-        joint = self._joint(c)
-        turn = -joint.shift
+        turn = -(joint := self._joint(c)).shift
         if c.kind == "R":
             first, second = (self._seats[link].e for link in c.ends)
             turn = phase(second) - phase(first)
