@@ -47,7 +47,7 @@ def test_an_angle_may_be_in_degrees():
 
 
 def test_a_size_is_a_number():
-    assert "a number is meant" in said(rod(), "time=1", accuracy="small")
+    assert "is not a number above zero" in said(rod(), "time=1", accuracy="small")
     step = bm.FixedStep("rk4", "small")
     assert "'small' is not a number above zero" in said(rod(), "time=1", method=step)
 

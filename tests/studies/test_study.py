@@ -295,3 +295,13 @@ def test_a_study_of_another_mechanism_is_refused():
     study = ruiz().compile().study({"dyad.l_i": [6.0]}, want="max(crank.drive)", samples=5)
     with pytest.raises(bm.RequestError, match="another mechanism"):
         ruiz().compile().verify(study)
+
+
+def test_settings_of_a_motion_and_of_a_flywheel_are_read_with_units(fourbar):
+    start = {"crank": ("30 deg", "10 rpm")}
+    settings = {"accuracy": "0.001 deg", "budget": "10 s"}
+    motion = fourbar.simulate("time=10 ms", start=start, want="crank.q", **settings).motion
+    assert motion.t_end == 0.01
+    engine = mechanism("engine")
+    by_text = bm.design.flywheel(engine, speed="100 rad/s", fluctuation="2 %").inertia
+    assert by_text == bm.design.flywheel(engine, speed=100.0, fluctuation=0.02).inertia

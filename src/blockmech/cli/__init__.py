@@ -137,8 +137,7 @@ def _misuse(error: Any) -> str:
     before, names = "", []
     if hasattr(error, "option_name"):
         before = "--"
-        options = (option for x in context.command.params for option in x.opts)
-        names = [option.removeprefix("--") for option in options if option.startswith("--")]
+        names = [o[2:] for x in context.command.params for o in x.opts if o.startswith("--")]
     elif message.startswith("No such command"):
         names = context.command.list_commands(context)
     word = message.rpartition(" ")[2].strip("'-")

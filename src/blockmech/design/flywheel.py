@@ -122,7 +122,7 @@ def fluctuation_of(speeds: Floats, mean: float) -> float:
 
 
 @declared
-def flywheel(mechanism: Compiled, speed: Quantity, fluctuation: float) -> Flywheel:
+def flywheel(mechanism: Compiled, speed: Quantity, fluctuation: Quantity) -> Flywheel:
     """The flywheel on the only crank that keeps its speed within a fluctuation.
 
     The motor gives a constant moment. Rate-dependent loads are evaluated at the mean speed; joint
@@ -149,7 +149,8 @@ def flywheel(mechanism: Compiled, speed: Quantity, fluctuation: float) -> Flywhe
     mean = number_in_si(speed, "rad/s")
     if not mean > 0:
         raise refused("speed", f"got {speed!r}", "it is positive, in rad/s, deg/s or rpm")
-    if not 0 < fluctuation < 2:
+    allowed = number_in_si(fluctuation, "")
+    if not 0 < allowed < 2:
         raise refused("fluctuation", f"got {fluctuation!r}", "it is positive, and below 2")
     refuse_signals(mechanism)
     system = System(mechanism)
@@ -174,14 +175,14 @@ def flywheel(mechanism: Compiled, speed: Quantity, fluctuation: float) -> Flywhe
         raise refused("flywheel", "nothing has inertia, and no load works", "give links a mass")
     alone = turn.speeds(0.0, mean)
     without = fluctuation_of(alone, mean)
-    if without <= fluctuation:
+    if without <= allowed:
         return Flywheel(0.0, moment, without, without, mean, q, alone, alone)
 
     def beyond(log: float) -> float:
-        return min(fluctuation_of(turn.speeds(math.exp(log), mean), mean), 1e3) - fluctuation
+        return min(fluctuation_of(turn.speeds(math.exp(log), mean), mean), 1e3) - allowed
 
     guess = math.log(
-        (float(np.ptp(turn.energy)) + float(np.ptp(turn.J)) * mean**2) / (fluctuation * mean**2)
+        (float(np.ptp(turn.energy)) + float(np.ptp(turn.J)) * mean**2) / (allowed * mean**2)
     )
     inertia = math.exp(brentq(beyond, guess - 12, guess + 3, xtol=1e-13, rtol=8 * EPS))
     speeds = turn.speeds(inertia, mean)

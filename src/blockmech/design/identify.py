@@ -122,8 +122,7 @@ class Identification(Facts, Pictured):
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, address: str) -> float:
-        apart = address not in self.not_apart
-        message = "it was not asked for" if apart else "the data do not tell it"
+        message = ("it was not asked for", "the data do not tell it")[address in self.not_apart]
         return held(self.values, address, message, "identified")
 
     @property

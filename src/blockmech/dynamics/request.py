@@ -28,6 +28,7 @@ from blockmech.typing import (
     MotionName,
     Numbers,
     Progress,
+    Quantity,
     Real,
 )
 
@@ -241,7 +242,7 @@ def request_of(
     drivers: Mapping[str, str],
     until: str | Until | None = None,
     method: MotionMethod = "auto",
-    accuracy: float | None = None,
+    accuracy: Quantity | None = None,
     times: Numbers | None = None,
     start: Pairs | None = None,
     stops: Pairs | None = None,
@@ -365,8 +366,7 @@ def pairs_of(
     """
     if value is None:
         return None
-    for driver in list(units)[:1]:
-        example = example.replace("crank", driver)
+    example = example.replace("crank", next(iter(units), "crank"))
     if not isinstance(value, Mapping):
         raise refused(where, f"{value!r} names no driver", PAIRS.format(pairs=example))
     pairs = {}

@@ -57,6 +57,7 @@ from blockmech.typing import (
     MotionMethod,
     Numbers,
     Progress,
+    Quantity,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def simulate(
     until: str | Until | None = None,
     *,
     method: MotionMethod = "auto",
-    accuracy: float | None = None,
+    accuracy: Quantity | None = None,
     times: Numbers | None = None,
     start: Pairs | None = None,
     stops: Pairs | None = None,
@@ -82,7 +83,7 @@ def simulate(
     want: Iterable[str] | str = ("*.q", "*.rate"),
     friction: FrictionMethod | None = None,
     engine: EngineName = "auto",
-    budget: float | None = None,
+    budget: Quantity | None = None,
     progress: Progress | None = None,
 ) -> SimulationResult[M]:
     """Simulate the motion of a mechanism from its start until a condition or event ends it.

@@ -44,7 +44,7 @@ from blockmech.plan.settings import friction_asked
 from blockmech.result.samples import Samples
 from blockmech.signals.contract import HELD
 from blockmech.signals.sources import Input
-from blockmech.typing import EngineName, Floats, FrictionMethod, Indices, Real
+from blockmech.typing import EngineName, Floats, FrictionMethod, Indices, Quantity, Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -235,7 +235,7 @@ def stepper(
     stops: Pairs | None = None,
     roles: RolesGiven | None = None,
     friction: FrictionMethod | None = None,
-    accuracy: float | None = None,
+    accuracy: Quantity | None = None,
     engine: EngineName = "auto",
 ) -> Stepper:
     """Copies of a mechanism that a controller of yours advances step by step.

@@ -370,8 +370,6 @@ class MissingAttributeError(AttributeError):
     def __str__(self) -> str:
         owner, name = self.owner, self.attribute
         message = f"{type(owner).__name__!r} object has no attribute {name!r}"
-        if name.startswith("_"):
-            return message
         homes = {"{}": type(owner), **owner._homes, **EVERYWHERE, "blockmech.{}": "blockmech"}
         entries = list(owner) if isinstance(owner, Mapping) else []
         entry = next((f': write ["{x}"]' for x in _matches(name, entries)), "")

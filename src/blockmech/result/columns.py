@@ -148,17 +148,14 @@ def components(name: str, values: Array) -> dict[str, Array]:
 
 def _components(result: Labelled, name: str) -> Iterator[tuple[str, Array]]:
     values, kind = result[name], result.output(name).kind
-    if kind == "vector":
-        yield from components(name, values).items()
-    elif kind == "matrix":
+    if kind == "matrix":
         drivers = result.mechanism.drivers
         for index in np.ndindex(values.shape[1:]):
             entry = ".".join(drivers[i] for i in index)
             yield f"{name}.{entry}", values[:, *index]
-    elif kind == "number":
-        yield name, np.full(result.n, float(values))
     else:
-        yield name, values
+        column = np.full(result.n, float(values)) if kind == "number" else values
+        yield from components(name, column).items()
 
 
 def _column(result: Labelled, name: str, unit: str, values: Real, output: str) -> Column:

@@ -168,9 +168,8 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
 def _positions(positions: Any, maximum: int | None) -> Floats:
     """Rows (n, 3) of x, y [m], angle [rad]. Raises `RequestError` for others."""
     try:
-        rows = np.array(
-            [[in_si(x, unit) for x, unit in zip(p, POSE, strict=True)] for p in positions], float
-        )
+        table = [[in_si(x, unit) for x, unit in zip(p, POSE, strict=True)] for p in positions]
+        rows = np.array(table, float)
     except NoQuantity as error:
         raise refused("positions", error.found, "", error.valid) from None
     except (TypeError, ValueError):
