@@ -14,7 +14,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import blockmech as bm
+from blockmech.dynamics.charts import home_chart
 from blockmech.dynamics.request import Watch
+from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.dynamics.honesty import mechanism as massive
 from tests.dynamics.one_chart import in_one_chart
 from tests.independent.released import document, five_bar, four_bar, link, pin, truth
@@ -168,6 +170,29 @@ def test_a_crank_counts_as_its_block_says_in_all_charts(falling, direction, offs
     assert len(rests) == 4
     for rest in rests:
         assert min(abs(math.remainder(rest - q, math.tau)) for q in angles) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_pairs_of_blocks_count_alike_in_all_charts(seed):
+    """Slides inside of dyads counted from elsewhere: states were handed over to other poses."""
+    case = random_mechanism(Seeded(seed), Options(drivers=(1, 1), groups=(2, 3)))
+    mechanism = case.graph.compile()
+    q = np.ravel(case.request["at"][mechanism.drivers[0]])[:1]
+    home = home_chart(mechanism, q)
+    document = bm.Linkage.from_data(home.home.to_data()).compile()
+
+    def coordinates(mech, want):
+        at = {mech.drivers[0]: q}
+        return mech.run(at, rates=dict.fromkeys(at, 0.0), want=[*want])
+
+    pairs = {f"{ref}.coordinate": joint for ref, joint in home.names.of_joints.items()}
+    of_blocks = coordinates(mechanism, pairs)
+    of_links = coordinates(document, [f"{joint}.coordinate" for joint in pairs.values()])
+    for output, joint in pairs.items():
+        off = of_links[f"{joint}.coordinate"] - of_blocks[output]
+        if home.layout.pairs[joint.removeprefix("joint.")].kind == "R":
+            off = np.angle(np.exp(1j * off))
+        assert np.abs(off).max() < 1e-11 * home.layout.size, output
 
 
 def test_welded_links_pass_dead_centres_as_the_link_that_they_are(falling):

@@ -6,7 +6,6 @@ there, until no end leads anywhere new.
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,8 +19,7 @@ from blockmech.dynamics.charts import Chart, home_chart
 from blockmech.dynamics.request import Pairs
 from blockmech.dynamics.system import System
 from blockmech.ground.errors import BlockmechError
-from blockmech.ground.tolerances import BLUR, HALVINGS
-from blockmech.model.joints.layout import Poses
+from blockmech.ground.tolerances import HALVINGS
 from blockmech.model.structure import COORDINATE
 from blockmech.typing import Floats
 
@@ -95,19 +93,10 @@ def equilibria_through_charts(line: Line) -> Equilibria:
             queue.append((on, next_pieces))
             for e in equilibria_of_one(on.line):
                 pose = on.chart.poses(e.q)
-                if not e.stop and not any(_alike(pose, earlier, home) for earlier in poses):
+                if not e.stop and not any(home.alike(pose, earlier) for earlier in poses):
                     poses.append(pose)
                     equilibria += _said(e, on.chart, home, line)
     return replace(answer, found=tuple(sorted(equilibria, key=lambda e: e.q[0])))
-
-
-def _alike(first: Poses, second: Poses, home: Chart) -> bool:
-    """Whether two poses are one, to what rounding and a root leave."""
-    return all(
-        abs(first[link].o - second[link].o) <= BLUR * home.layout.size
-        and abs(cmath.rect(1.0, first[link].theta) - cmath.rect(1.0, second[link].theta)) <= BLUR
-        for link in first
-    )
 
 
 def _said(e: Equilibrium, chart: Chart, home: Chart, line: Line) -> Iterator[Equilibrium]:

@@ -33,6 +33,7 @@ from blockmech.dynamics.pair_stops import Counted, PairStops, stopped_pairs
 from blockmech.dynamics.request import Pairs, Start
 from blockmech.ground.errors import GraphError
 from blockmech.ground.names import free_name
+from blockmech.ground.tolerances import BLUR
 from blockmech.ground.values import Marker
 from blockmech.model.graph import Graph
 from blockmech.model.joints.blocks import SaidByLinks
@@ -159,15 +160,26 @@ class Chart:
         self, q: Floats, fixed: Sequence[str], states: Callable[[Sequence[str]], Pairs]
     ) -> tuple[Chart, Pairs] | None:
         """The chart that leads better at coordinates (k,), of which ``states`` tells its start."""
-        T, without = self.tangent(q), set[str]()
+        T, poses, without = self.tangent(q), self.poses(q), set[str]()
         threshold = BETTER * self.volume(T, self.joints)
         while self.volume(T, joints := self.largest(T, fixed, without)) > threshold:
             starts = states(joints)
             try:
-                return self.led_by(starts, self.poses(q)), starts
+                chart = self.led_by(starts, poses)
+                if self.alike(poses, chart.poses(np.array([starts[x][0] for x in chart.joints]))):
+                    return chart, starts
             except GraphError:  # where poses tell no mode, or nothing follows from these joints
-                without.add(joints[-1])
+                pass
+            without.add(joints[-1])
         return None
+
+    def alike(self, first: Poses, second: Poses) -> bool:
+        """Whether two poses are one, to what rounding and a root leave."""
+        return all(
+            abs(first[link].o - second[link].o) <= BLUR * self.layout.size
+            and abs(cmath.exp(1j * (first[link].theta - second[link].theta)) - 1) <= BLUR
+            for link in first
+        )
 
     def states(self, q: Floats, qd: Floats) -> dict[str, tuple[float, float]]:
         """Joint -> coordinate [rad or m] and rate, of all that may lead."""

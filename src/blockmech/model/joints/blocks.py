@@ -1,8 +1,8 @@
 """Blocks said again as links and joints: the same links in the same poses, joined alike.
 
-Links keep the frames of their blocks, and a driven pair counts as its driver does: a guide's place
-is where it counts from, and a pin that counts from another direction than its link's x axis has a
-datum, a link without mass that is welded to that link in this direction.
+Links keep the frames of their blocks, and pairs count as they do there, driven ones as drivers do:
+a guide's place is where its block measures from, and a pin that counts from another direction than
+its link's x axis has a datum, a link without mass that is welded to that link in this direction.
 """
 
 from __future__ import annotations
@@ -131,11 +131,20 @@ class SaidByLinks:
             first, second = (self.poses[link][1] for link in ends)
             zero = math.remainder(q - cmath.phase(second / first), math.tau)
             return zero if abs(zero) > ROUNDED * (1 + abs(q)) else 0.0
-        point, guide, direction = guide_spots(self.s, ref)
+        point, guide, direction = self._guide(ref)
         at = {spot.link: self._in_world(spot) for spot in (guide, point)}
         first, second = (at[link] for link in ends)
         zero = q - dot(direction * self.poses[guide.link][1], second - first)
         return zero if abs(zero) > ROUNDED * (abs(first) + abs(second)) else 0.0
+
+    def _guide(self, ref: JointRef) -> tuple[Spot, Spot, complex]:
+        """See `guide_spots`; the guide's spot is that from which the block measures along it."""
+        point, guide, direction = guide_spots(self.s, ref)
+        if guide.link.block == ref.block:
+            measured = self.s.blocks[ref.block].slider_place(ref.name, guide.link.link)
+            along = dot(direction, measured - guide.at)
+            guide = guide._replace(at=guide.at + along * direction)
+        return point, guide, direction
 
     def _in_world(self, spot: Spot) -> complex:
         o, e = self.poses[spot.link]
@@ -207,7 +216,7 @@ class SaidByLinks:
                     names[0], at[0] = self._datum(ref), at[0] * cmath.rect(1.0, zero)
                 data: Form = {"type": "R", "links": names, "at": [*map(xy, at)]}
             else:
-                point, guide, direction = guide_spots(self.s, ref)
+                point, guide, direction = self._guide(ref)
                 axis, slider = direction * self.poses[guide.link][1], both.index(point.link)
                 foot = guide.at + direction * (-zero if slider else zero)
                 points = {guide.link: foot, point.link: point.at}
