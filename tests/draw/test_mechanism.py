@@ -284,3 +284,9 @@ def test_a_tile_is_a_square_that_holds_the_mechanism_without_words(build):
     run = mechanism.run(want="*.*.p")  # a guide's marker of the frame may lie far off
     z = np.concatenate([run[name] for name in run if not name.startswith("frame.")])
     assert ((left < z.real) & (z.real < right) & (low < z.imag) & (z.imag < high)).all()
+
+
+def test_a_tile_of_a_single_point_has_a_size():
+    mechanism = bm.Graph.load(GRAPHS / "motions" / "sticking_slider.json").compile()
+    (axes,) = draw_tile(mechanism).axes
+    assert np.ptp(axes.get_xlim()) > 0.0

@@ -137,7 +137,8 @@ def draw_tile(mechanism: Compiled, at: Coordinates | None = None) -> Any:
     points = points_of(picture.stage.sketch, picture.stage.motion, {})
     low = complex(points.real.min(), points.imag.min())
     high = complex(points.real.max(), points.imag.max())
-    half, middle = max((high - low).real, (high - low).imag) * ROOM / 2, (low + high) / 2
+    span = max((high - low).real, (high - low).imag) or 1.0  # of a single point any will do
+    half, middle = span * ROOM / 2, (low + high) / 2
     axes.set(xlim=(middle.real - half, middle.real + half))
     axes.set(ylim=(middle.imag - half, middle.imag + half))
     return figure
