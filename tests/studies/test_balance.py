@@ -138,7 +138,7 @@ def test_a_gear_of_the_least_rms():
 def test_limits_of_a_motor_are_judged(tmp_path):
     mech = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").compile()
     demand = bm.design.motor(
-        mech, samples=91, limits={"rms": 8000.0, "peak": 9000.0, "speed": 20.0}
+        mech, samples=91, limits={"rms": "8 kN m", "peak": 9000.0, "speed": 20.0}
     )
     assert not demand.fits
     assert demand.margins["speed"] == pytest.approx(0.5)

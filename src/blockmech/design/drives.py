@@ -124,9 +124,9 @@ def motor(
     rates: Coordinates | None = None,
     accelerations: Coordinates | None = None,
     ratio: float | None = None,
-    inertia: float = 0.0,
-    efficiency: float = 1.0,
-    limits: Mapping[str, float] | None = None,
+    inertia: Quantity = 0.0,
+    efficiency: Quantity = 1.0,
+    limits: Mapping[str, Quantity] | None = None,
     friction: FrictionMethod | None = None,
 ) -> MotorDemand:
     """Requirements of a motor: rms and peak moment, speed, and gear ratio.
@@ -149,12 +149,16 @@ def motor(
     ratio 1: rms 6231.52 N m, peak 18552.9 N m, 10 rad/s, 185529 W
     """
     actuated = _driver(mechanism, driver)
-    bounds = dict(limits or {})
-    invalid = [n for n, x in bounds.items() if n not in ("rms", "peak", "speed") or not x > 0]
+    joint = mechanism.structure.driver_joint(actuated)
+    units = dict.fromkeys(("rms", "peak"), joint.effort_unit)
+    units["speed"] = f"{joint.coordinate_unit}/s"
+    bounds = {n: number_in_si(x, units.get(n, "")) for n, x in (limits or {}).items()}
+    rotor_inertia, share = number_in_si(inertia, "kg m2", "kg"), number_in_si(efficiency)
+    invalid = [n for n, x in bounds.items() if n not in units or not x > 0]
     if (
         invalid
-        or not 0 < efficiency <= 1
-        or not inertia >= 0
+        or not 0 < share <= 1
+        or not rotor_inertia >= 0
         or (ratio is not None and not ratio > 0)
     ):
         valid = "limits: rms, peak, speed > 0; 0 < efficiency <= 1, inertia >= 0, ratio > 0"
@@ -163,8 +167,8 @@ def motor(
     run = mechanism.run(at, samples=samples, times=times, rates=rates, accelerations=accelerations,
                         want=names, friction=friction)  # fmt: skip
     effort, rate, acceleration = (np.asarray(run[n], float) for n in names)
-    loss = np.where(effort * rate > 0, 1 / efficiency, efficiency)
-    load, rotor = effort * loss, inertia * acceleration
+    loss = np.where(effort * rate > 0, 1 / share, share)
+    load, rotor = effort * loss, rotor_inertia * acceleration
     if ratio is None:
         turning = float(np.mean(rotor**2))
         ratio = (float(np.mean(load**2)) / turning) ** 0.25 if turning > 0 else 1.0

@@ -26,7 +26,8 @@ from blockmech.ground.errors import (
     as_names,
     listed,
 )
-from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers
+from blockmech.ground.units import number_in_si
+from blockmech.typing import Arguments, Coordinates, FrictionMethod, Numbers, Quantity
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]
 
@@ -35,16 +36,17 @@ REQUESTS = {
     "simulate": ("until", "times", "start", "friction"),
 }
 BUDGET = 30.0  # [s]
+UNITS = {"budget": ("s",), "target": ("rad", "m", ""), "within": ("s",)}
 
 
 def trade(
     mechanism: Any,
     question: Literal["run", "simulate"] = "run",
     want: Iterable[str] | str | None = None,
-    budget: float = BUDGET,
+    budget: Quantity = BUDGET,
     *,
-    target: float | None = None,
-    within: float | None = None,
+    target: Quantity | None = None,
+    within: Quantity | None = None,
     say: Callable[[str, int, int], None] | None = None,
     at: Coordinates | None = None,
     samples: int | None = None,
@@ -89,9 +91,12 @@ def trade(
     settings |= {"accelerations": accelerations, "static": static, "until": until}
     settings |= {"start": start, "friction": friction}
     request = {name: x for name, x in settings.items() if x is not None}
-    _refuse_mistakes(question, {"budget": budget, "target": target, "within": within}, request)
+    sizes = {"budget": budget, "target": target, "within": within}
+    limits = {n: number_in_si(x, *UNITS[n]) for n, x in sizes.items() if x is not None}
+    wrong = {n: sizes[n] for n, x in limits.items() if not 0 < x < math.inf}
+    _refuse_mistakes(question, wrong, request)
     names = None if want is None else as_names("want", want)
-    clock, report = Clock(budget), say or (lambda *_: None)
+    clock, report = Clock(limits["budget"]), say or (lambda *_: None)
     report("reference", 0, 0)
     trial: Question
     if question == "run":
@@ -103,22 +108,19 @@ def trade(
     if trial.reference.floor < USELESS:
         points, skipped = measured(trial, clock, report)
     else:
-        why = f"the budget of {budget:g} s is too small for a reference and its check"
+        why = f"the budget of {clock.budget:g} s is too small for a reference and its check"
         points, skipped = (), (Skipped("all settings", trial.notes[-1] if trial.notes else why),)
     asked = (trial.asked, trial.MEASURE, trial.COUNTED, trial.reference)
-    limits = (target, within, clock.spent)
-    return Trade(mechanism.name, *asked, points, skipped, trial.notes, *limits)
+    about = (limits.get("target"), limits.get("within"), clock.spent)
+    return Trade(mechanism.name, *asked, points, skipped, trial.notes, *about)
 
 
-def _refuse_mistakes(
-    question: str, limits: Mapping[str, float | None], names: Iterable[str]
-) -> None:
-    """Refuse an unknown question, limits that are none, and what a question does not take."""
+def _refuse_mistakes(question: str, limits: Mapping[str, object], names: Iterable[str]) -> None:
+    """Refuse an unknown question, ``limits`` that are none, and what a question does not take."""
     among(REQUESTS, "question", question, "unknown-question", "question")
     problems = [
         Problem("bad-value", name, f"must be > 0, got {value}", "", "")
         for name, value in limits.items()
-        if value is not None and not 0 < value < math.inf
     ]
     valid = f"it takes: {listed(REQUESTS[question])}"
     for name in (name for name in names if name not in REQUESTS[question]):
