@@ -366,7 +366,7 @@ def test_hostile_files_are_one_message(name, tmp_path, capsys):
 
 
 def test_wrong_calls_say_what_is_valid(tmp_path):
-    with pytest.raises(RequestError, match=r'unit: got "parsec".*mm'):
+    with pytest.raises(RequestError, match=r'no unit "parsec".*mm'):
         bm.read(drawings.PMKS_PLUS["4bar"], unit="parsec")
     with pytest.raises(RequestError, match=r'no format "lnk".*linkage'):
         bm.read(drawings.PMKS_PLUS["4bar"], format="lnk")

@@ -131,12 +131,12 @@ def test_a_design_without_a_motion_is_a_row_with_its_reason():
     [
         ({"want": "motion.t_end", "simulate": {"untl": "standstill"}}, 'did you mean "until"'),
         ({"want": "motion.t_end", "simulate": {"until": "swing"}}, "no stopping condition"),
-        ({"want": "motion.t_end", "simulate": {"method": "verlet"}}, "there is no method"),
+        ({"want": "motion.t_end", "simulate": {"method": "verlet"}}, 'no method "verlet"'),
         ({"want": "motion.t_ends", "simulate": FALL}, "motion.t_ends"),
         ({"want": "at(crank.q, 1.0)", "simulate": FALL}, "no reduction"),
         ({"want": "settling(crank.q, 2)", "simulate": FALL}, "between 0 and 1"),
         ({"want": "motion.t_end", "simulate": FALL, "samples": 10}, "samples"),
-        ({"want": "motion.t_end", "simulate": {**FALL, "want": "crank.q"}}, "no such argument"),
+        ({"want": "motion.t_end", "simulate": {**FALL, "want": "crank.q"}}, 'no argument "want"'),
         ({"want": "motion.t_end", "simulate": FALL, "engine": "numpy"}, "no engine"),
     ],
 )

@@ -54,7 +54,7 @@ def by_differences(mech, derivatives, request, ways):
             forward, backward = (precise.run(sample, side) for side in sides)
             for name in want:
                 output = mech.outputs[name]
-                if output.read.__name__ == "_same":
+                if output.read.__name__ == "_identity":
                     (i,) = precise.plan.layout[name]
                     columns[name].append(complex((forward[i] - backward[i]) / (2 * STEP)))
     return {name: np.array(column) for name, column in columns.items() if column}

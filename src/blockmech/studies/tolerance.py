@@ -225,8 +225,9 @@ def tolerance(
     number    deviation   share
     dyad.l_i  0.005774 m  100.0%
     """
-    wrong = [a for a, law in numbers.items() if not isinstance(law, Distribution)]
-    if wrong or not numbers:
+    distributions = numbers if isinstance(numbers, Mapping) else {}
+    wrong = [a for a, law in distributions.items() if not isinstance(law, Distribution)]
+    if wrong or not distributions:
         remedy, addresses = "give e.g. bm.dist.Normal(6.0, 1e-4)", wrong or ["numbers"]
         raise RequestError(
             Problem("bad-request", a, "no distribution", "", remedy) for a in addresses
