@@ -172,7 +172,8 @@ def test_every_public_class_is_documented_as_its_own(name):
 
 # ---- examples that run -------------------------------------------------------------------
 
-WITH_EXAMPLES = [m for m, path in MODULES.items() if ">>>" in path.read_text(encoding="utf-8")]
+EXAMPLE = re.compile(r"^ *>>> ", re.MULTILINE)
+WITH_EXAMPLES = [m for m, path in MODULES.items() if EXAMPLE.search(path.read_text("utf-8"))]
 
 
 @pytest.mark.parametrize("module", WITH_EXAMPLES)

@@ -32,7 +32,7 @@ NOISE = 1e-9  # outputs this much smaller than others of their unit are zero up 
 def reference(name: str):
     """The turned mechanism in the widest numbers, friction by 60 successive approximations."""
     mech = mechanism(name)
-    samples = make_samples(mech.drivers, mech.scene, samples=SAMPLES)
+    samples = make_samples(mech._coordinate_units, mech.scene, samples=SAMPLES)
     settings = {"want": WANT, "static": False, "friction": bm.friction.Successive(iterations=60)}
     rotated = rotated_run(mech, samples, "clongdouble", settings)
     unsure = {f.sample for f in rotated.quality.flags}

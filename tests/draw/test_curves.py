@@ -130,7 +130,7 @@ def test_time_that_is_not_known_cannot_be_the_abscissa():
     g.scene = g.scene.model_copy(update={"drive": {}})
     with pytest.raises(bm.RequestError, match="no-time"):
         abscissa(g.run(at=[0.0, 1.0]), over="time")
-    with pytest.raises(bm.RequestError, match="valid: auto, coordinate, time"):
+    with pytest.raises(bm.RequestError, match="abscissas: auto, coordinate, time"):
         abscissa(g.run(at=[0.0, 1.0]), over="angle")
 
 

@@ -172,7 +172,7 @@ def test_auto_leaves_a_path_that_costs_more_than_steps(monkeypatch, name, start,
 
 
 def test_engines_of_motions_are_told_by_name():
-    with pytest.raises(bm.RequestError, match='no engine "numpy" of motions'):
+    with pytest.raises(bm.RequestError, match='no engine "numpy"'):
         mechanism("watt_sixbar").simulate("time=1", engine="numpy")
 
 

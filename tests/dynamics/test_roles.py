@@ -417,7 +417,7 @@ MISTAKES = {
     "role": (
         {"watch": [bm.Watch("w", lambda *_: 1.0, then={"b": "loked"})]},
         SINE,
-        "no role 'loked'",
+        'no role "loked"',
     ),
 }
 

@@ -252,7 +252,7 @@ def test_without_a_compiler_the_sources_are_all(tmp_path, monkeypatch):
 
 
 def test_a_version_that_does_not_exist_is_refused(tmp_path):
-    with pytest.raises(bm.RequestError, match=r'fmi: got "1".*2 or 3'):
+    with pytest.raises(bm.RequestError, match=r'no version "1".*2, 3'):
         bm.write(mechanism("watt_sixbar"), tmp_path / "m.fmu", fmi="1")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
@@ -253,6 +253,21 @@ class Linkage(Document):
         <Linkage arm: 1 moving links, 1 pairs, 1 driver; I(arm)>
         """
         self._add_model("driver", name, law or "", {"joint": joint, **keys})
+
+    @overload
+    def add_load(
+        self,
+        name: str,
+        load: Element,
+        *,
+        link: str | None = None,
+        links: Sequence[str] | None = None,
+        joint: str | None = None,
+        at: AnyPlace | Sequence[AnyPlace] | None = None,
+    ) -> None: ...
+
+    @overload
+    def add_load(self, name: str, load: str, **keys: Any) -> None: ...
 
     @declared
     def add_load(self, name: str, load: Element | str, **keys: Any) -> None:
