@@ -97,7 +97,7 @@ class LegOutputs:
 
     def read(self, name: str) -> Any:
         """Values (n,) of one of the user's outputs."""
-        driver, coordinate = coordinates_of_drivers(self.of).get(name, ("", None))
+        driver, coordinate = self.of._once(coordinates_of_drivers).get(name, ("", None))
         if coordinate is not None:
             return coordinate.of_joint(self._of_driver(self.of._of_driver(driver, "q")))
         if (source := self.names.get(name)) is None:
