@@ -1,6 +1,7 @@
 """The API of the studio, without a browser: acts, refusals, guard, jobs, two windows."""
 
 import json
+import socket
 import time
 
 import numpy as np
@@ -78,6 +79,16 @@ def test_what_every_answer_says_to_the_browser(client):
 )
 def test_nothing_else_is_served(client, path):
     assert client.get(path).status_code == 404
+
+
+def test_no_answer_waits_until_its_headers_are_acknowledged():
+    """A connection sends at once what it has; a browser acknowledges after 40 ms."""
+    from blockmech.editor.server import bound
+
+    with bound(0) as listener, socket.create_connection(listener.getsockname()):
+        connection, _ = listener.accept()
+        with connection:
+            assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 @pytest.mark.parametrize("body", [b"{", b"[]", b"\xff"])
