@@ -22,18 +22,23 @@ VERSIONS = ("blockmech", "numpy", "scipy", *PEERS, "numba", "llvmlite")
 class Row:
     """One measured task.
 
-    seconds, yardstick : of one run or one configuration [s]
+    figure, yardstick : of one run or one configuration, in `unit`
     against : what the yardstick is
     goal : largest wanted ratio, or None
     error : measured error of the timed answer, or None
     """
 
     task: str
-    seconds: float
+    figure: float
     yardstick: float
     against: str
     goal: float | None = None
     error: float | None = None
+    unit: str = "s"
+
+    def text(self, figure: float) -> str:
+        """A figure with its unit."""
+        return micro(figure) if self.unit == "s" else f"{figure:.3g} {self.unit}"
 
 
 ROWS: list[Row] = []
@@ -43,15 +48,15 @@ NOTES: list[str] = []
 def table() -> str:
     """The rows as Markdown."""
     lines = [
-        "| task | time | yardstick | time | ratio | goal | error |",
+        "| task | figure | yardstick | its figure | ratio | goal | error |",
         "|---|---|---|---|---|---|---|",
     ]
     for r in ROWS:
         goal = "" if r.goal is None else f"{r.goal:g}"
         error = "" if r.error is None else f"{r.error:.1e}"
         lines.append(
-            f"| {r.task} | {micro(r.seconds)} | {r.against} | {micro(r.yardstick)} "
-            f"| {r.seconds / r.yardstick:.3g} | {goal} | {error} |"
+            f"| {r.task} | {r.text(r.figure)} | {r.against} | {r.text(r.yardstick)} "
+            f"| {r.figure / r.yardstick:.3g} | {goal} | {error} |"
         )
     return "\n".join(lines)
 
