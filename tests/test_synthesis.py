@@ -220,3 +220,20 @@ def test_every_candidate_is_a_file(tmp_path):
     for path, design in zip(paths, designs, strict=True):
         run = bm.Graph.load(path).run(at=design.at, want="dyad.P.p")
         assert np.abs(run["dyad.P.p"] - POINTS) == pytest.approx(design.errors, abs=1e-9)
+
+
+def test_points_and_angles_are_texts_with_units():
+    inch = path_generator([["0 in", 0.0], ["1 in", "0.2in"], ["2 in", 0.0]], starts=64, count=1)
+    metres = path_generator([[0.0, 0.0], [0.0254, 0.00508], [0.0508, 0.0]], starts=64, count=1)
+    assert inch[0].graph.to_json() == metres[0].graph.to_json()
+    degrees = function_generator(["0deg", "45deg", "90deg"], [0.0, "9deg", "36deg"], starts=64)
+    radians = function_generator(
+        np.radians([0.0, 45.0, 90.0]), np.radians([0.0, 9.0, 36.0]), starts=64
+    )
+    assert degrees[0].graph.to_json() == radians[0].graph.to_json()
+    rows = [(0, 0, "0deg"), (1, "50cm", "10deg"), (2, 1.5, "40deg")]
+    texts = three_positions(rows, [("0mm", "0mm"), ("500mm", 0.0)])
+    si = [(0, 0, 0.0), (1, 0.5, np.radians(10.0)), (2, 1.5, np.radians(40.0))]
+    assert texts.graph.to_json() == three_positions(si, [0, 0.5]).graph.to_json()
+    with pytest.raises(bm.RequestError, match=r"points: .*parsec"):
+        path_generator([["0 in", 0.0], ["1 parsec", 0.0], ["2 in", 0.0]])

@@ -78,6 +78,9 @@ Numbers: TypeAlias = float | str | Sequence[float | str] | NDArray[Any]
 Coordinates: TypeAlias = Numbers | Mapping[str, Numbers]
 """Numbers for the only driver, or for each driver by its name."""
 
+Points: TypeAlias = Sequence[complex] | Sequence[Sequence[float | str]] | NDArray[Any]
+"""Points (n,): complex numbers [m], or rows x, y, in metres or as texts with units."""
+
 Quantity: TypeAlias = float | str
 """A number in SI, or a text with its unit: "300rpm", "50 mm"."""
 

@@ -14,8 +14,6 @@ Linkages, 1964, ch. 10.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from blockmech.ground.arguments import declared
@@ -23,15 +21,15 @@ from blockmech.ground.errors import refused
 from blockmech.ground.progress import with_bar
 from blockmech.synthesis.designs import Design, Synthesis, fourbar, proposed
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point
-from blockmech.synthesis.search import STARTS, Task, monotonic
-from blockmech.typing import Array, Floats, Progress
+from blockmech.synthesis.search import STARTS, Task, monotonic, numbers_in_si
+from blockmech.typing import Floats, Numbers, Progress
 
 
 @with_bar
 @declared
 def function_generator(
-    inputs: Sequence[float] | Array,
-    outputs: Sequence[float] | Array,
+    inputs: Numbers,
+    outputs: Numbers,
     *,
     count: int = 5,
     starts: int = STARTS,
@@ -58,12 +56,10 @@ def function_generator(
     >>> found[0].output
     'dyad.j.angle'
     """
-    try:
-        psi = np.asarray(outputs, float)
-    except (TypeError, ValueError):
-        psi = np.empty(0)
-    if psi.ndim != 1 or len(psi) < 3 or not np.isfinite(psi).all() or not np.ptp(psi) > 0:
-        raise refused("outputs", f"got {outputs!r:.60}", "give three angles or more")
+    remedy = "give three angles or more"
+    psi = numbers_in_si("outputs", outputs, remedy, "rad")
+    if psi.ndim != 1 or len(psi) < 3 or not np.ptp(psi) > 0:
+        raise refused("outputs", f"got {outputs!r:.60}", remedy)
     phi = monotonic("inputs", inputs, len(psi))
     task = Task(swings=psi, angles=phi)
     name = "function_generator"

@@ -41,7 +41,7 @@ from blockmech.studies.variation import Variation
 from blockmech.synthesis.designs import Design
 from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar, size_of
 from blockmech.synthesis.structures import Structure, blank, structures
-from blockmech.typing import Array, Data, Floats, Progress, Vectors
+from blockmech.typing import Array, Data, Floats, Numbers, Points, Progress, Vectors
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
@@ -330,8 +330,8 @@ class Candidates(Facts, Report, Sequence[Candidate]):
 @with_bar
 @declared
 def path_over_structures(
-    points: Sequence[complex] | Sequence[Sequence[float]] | Array,
-    angles: Sequence[float] | Array | None = None,
+    points: Points,
+    angles: Numbers | None = None,
     *,
     links: Iterable[int] = (4, 6),
     starts: int = STARTS,

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from blockmech.ground.arguments import declared
 from blockmech.ground.progress import with_bar
 from blockmech.synthesis.designs import Synthesis, design_of_path, proposed
 from blockmech.synthesis.search import STARTS, Task, path_of
-from blockmech.typing import Array, Progress
+from blockmech.typing import Numbers, Points, Progress
 
 
 @with_bar
 @declared
 def path_generator(
-    points: Sequence[complex] | Sequence[Sequence[float]] | Array,
-    angles: Sequence[float] | Array | None = None,
+    points: Points,
+    angles: Numbers | None = None,
     *,
     count: int = 5,
     starts: int = STARTS,
@@ -28,8 +26,8 @@ def path_generator(
 
     Parameters
     ----------
-    points : (n,) complex [m], or (n, 2), in the order in which they are passed; where the last
-        is the first, the crank makes a full turn
+    points : (n,) complex [m], or (n, 2), numbers or texts such as "80mm", in the order in which
+        they are passed; where the last is the first, the crank makes a full turn
     angles : (n,) [rad] that the crank turns to at them, counted from any start; by default the
         timing is free
     count : designs that are returned

@@ -28,7 +28,6 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.progress import with_bar
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT
-from blockmech.ground.units import NoQuantity, in_si
 from blockmech.ground.values import POSE
 from blockmech.synthesis.designs import (
     ALIKE,
@@ -39,8 +38,8 @@ from blockmech.synthesis.designs import (
     proposed,
 )
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point, coupler_point
-from blockmech.synthesis.search import STARTS, Task
-from blockmech.typing import Array, Floats, Progress, Vectors
+from blockmech.synthesis.search import STARTS, Task, numbers_in_si, points_of
+from blockmech.typing import Array, Floats, Points, Progress, Vectors
 
 TRIED = 32  # conditions that are drawn where positions are lacking
 CLOSE = DOUBLE_ROOT  # relative: misfit of a pin's conditions, and two pins that are one
@@ -129,13 +128,14 @@ def _near(rows: Floats, name: str, count: int, seed: int, progress: Progress | N
 
 
 @declared
-def three_positions(positions: Any, moving: Any, *, name: str = "three_positions") -> Design:
+def three_positions(positions: Any, moving: Points, *, name: str = "three_positions") -> Design:
     """The four-bar whose coupler passes three positions with two pins that are chosen.
 
     Parameters
     ----------
     positions : three of (x, y, angle) [m, rad] of the coupler's own axes
-    moving : two points [m], complex, in the coupler's axes: its pins to crank and rocker
+    moving : two points in the coupler's axes, its pins to crank and rocker: complex [m], or rows
+        x, y, numbers or texts such as "80mm"
 
     Returns
     -------
@@ -149,9 +149,10 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
     <Design: dyad.P.p: largest miss 1.11022e-16, least margin 0.104, at 0, -0.761013, -1.52203 rad>
     """
     rows = _positions(positions, 3)
-    pins = np.asarray(moving, complex)
+    remedy = "give two points of the coupler"
+    pins = points_of("moving", moving, remedy)
     if pins.shape != (2,) or not abs(pins[1] - pins[0]) > 0:
-        raise refused("moving", f"got {moving!r:.60}", "give two points of the coupler")
+        raise refused("moving", f"got {moving!r:.60}", remedy)
     origin, turn = rows[:, 0] + 1j * rows[:, 1], np.exp(1j * rows[:, 2])
     centres = [_centre(origin + turn * w) for w in pins]
     for which, z in zip(("crank", "rocker"), centres, strict=True):
@@ -167,16 +168,9 @@ def three_positions(positions: Any, moving: Any, *, name: str = "three_positions
 
 def _positions(positions: Any, maximum: int | None) -> Floats:
     """Rows (n, 3) of x, y [m], angle [rad]. Raises `RequestError` for others."""
-    try:
-        table = [[in_si(x, unit) for x, unit in zip(p, POSE, strict=True)] for p in positions]
-        rows = np.array(table, float)
-    except NoQuantity as error:
-        raise refused("positions", error.found, "", error.valid) from None
-    except (TypeError, ValueError):
-        rows = np.empty(0)
-    shaped = rows.ndim == 2 and rows.shape[1] == 3 and np.isfinite(rows).all()
-    if not shaped or len(rows) < 3 or len(rows) > (maximum or len(rows)):
-        remedy = f"give 3{'' if maximum else ' or more'} rows x, y, angle"
+    remedy = f"give 3{'' if maximum else ' or more'} rows x, y, angle"
+    rows = numbers_in_si("positions", positions, remedy, *POSE)
+    if rows.ndim != 2 or not 3 <= len(rows) <= (maximum or len(rows)):
         raise refused("positions", f"got {positions!r:.60}", remedy)
     if not _size(rows) > 0:
         raise refused("positions", "they are all the same", "give positions that differ")

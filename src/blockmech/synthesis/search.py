@@ -16,16 +16,16 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from blockmech.ground.errors import refused
+from blockmech.ground.units import NoQuantity, in_si
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point, margin, pose
-from blockmech.typing import Array, Floats, Progress, Vectors
+from blockmech.typing import Array, Floats, Numbers, Points, Progress, Vectors
 
 STARTS = 2**14  # shapes that are tried
 REFINED = 256  # of them are refined
@@ -261,29 +261,47 @@ def _timing(task: Task, draw: Floats) -> Floats:
     return np.asarray((direction * part)[:, None] * math.tau * along / along[-1] + 0.0)  # no -0
 
 
-def monotonic(name: str, angles: Sequence[float] | Array, n: int) -> Floats:
-    """Angles (n,) that rise or fall. Raises `RequestError` for others."""
+def numbers_in_si(name: str, values: object, remedy: str, *units: str) -> Array:
+    """Numbers, or rows of one for each unit, texts with units among them, in SI.
+
+    Raises `RequestError` for what is none, with what to give.
+    """
     try:
-        theta = np.asarray(angles, float)
+        rows: Any = values.tolist() if isinstance(values, np.ndarray) else values
+        if len(units) > 1:
+            rows = [[in_si(x, unit) for x, unit in zip(row, units, strict=True)] for row in rows]
+        array = np.asarray(in_si(rows, *units[:1]))
+        if np.isfinite(array).all():
+            return array
+    except NoQuantity as error:
+        raise refused(name, error.found, remedy, error.valid) from None
     except (TypeError, ValueError):
-        theta = np.empty(0)
+        pass
+    raise refused(name, f"got {values!r:.60}", remedy)
+
+
+def monotonic(name: str, angles: Numbers, n: int) -> Floats:
+    """Angles (n,) that rise or fall. Raises `RequestError` for others."""
+    remedy = "one for each position, rising or falling"
+    theta = numbers_in_si(name, angles, remedy, "rad")
     steps = np.diff(theta, axis=0) if theta.ndim else theta
     if theta.shape != (n,) or not ((steps > 0).all() or (steps < 0).all()):
-        raise refused(name, f"got {angles!r:.60}", "one for each position, rising or falling")
+        raise refused(name, f"got {angles!r:.60}", remedy)
     return theta
 
 
-def path_of(
-    points: object, angles: Sequence[float] | Array | None
-) -> tuple[Vectors, Floats | None]:
+def points_of(name: str, points: object, remedy: str) -> Vectors:
+    """Points (n,) of complex numbers or rows x, y [m]. Raises `RequestError` for what is none."""
+    P = numbers_in_si(name, points, remedy, "m")
+    P = P[:, 0] + 1j * P[:, 1] if P.ndim == 2 and P.shape[1] == 2 else P.astype(complex)
+    if P.ndim != 1:
+        raise refused(name, f"got {points!r:.60}", remedy)
+    return P
+
+
+def path_of(points: Points, angles: Numbers | None) -> tuple[Vectors, Floats | None]:
     """Points and angles of a request. Raises `RequestError` for what is none."""
-    try:
-        P = np.asarray(points)
-        P = P[:, 0] + 1j * P[:, 1] if P.ndim == 2 and P.shape[1] == 2 else P.astype(complex)
-    except (TypeError, ValueError, IndexError):
-        raise refused(
-            "points", f"got {points!r:.60}", "give complex numbers, or rows x, y"
-        ) from None
-    if P.ndim != 1 or len(P) < 3 or not np.isfinite(P).all() or not np.ptp(np.abs(P - P[0])) > 0:
+    P = points_of("points", points, "give complex numbers, or rows x, y")
+    if len(P) < 3 or not np.ptp(np.abs(P - P[0])) > 0:
         raise refused("points", f"got {points!r:.60}", "give three points or more")
     return P, None if angles is None else monotonic("angles", angles, len(P))
