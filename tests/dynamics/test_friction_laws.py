@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import blockmech as bm
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.pair_program import pair_program
+from blockmech.dynamics.programs import pair_program
 from blockmech.dynamics.system import System
 from blockmech.plan.settings import friction_asked
 from tests import machines

@@ -22,6 +22,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.charts import Chart, home_chart
 from blockmech.dynamics.contacts import SETTLED
+from blockmech.dynamics.ends import RunEnd
 from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.legs import Leg
@@ -36,7 +37,6 @@ from blockmech.dynamics.request import (
     start_of,
 )
 from blockmech.dynamics.roles import FREE
-from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.solvers import STEPPERS
 from blockmech.dynamics.time import TimeIntegration, repeats
 from blockmech.dynamics.turns import TurnsInTime

@@ -2,8 +2,11 @@
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
+
+from blockmech.result.motion import Status
 
 STANDSTILL: Final = "standstill"
 REST: Final = "rest"
@@ -35,6 +38,21 @@ SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a s
 STOPPED = INTERRUPTED, BUDGET  # by who asked
 LEAVES_CHART: Final = "other joints lead better"
 CHART_ENDS = (DEAD_CENTRE, IMPOSSIBLE, NO_STEP, LEAVES_CHART)  # others may lead beyond
+
+
+class RunEnd(NamedTuple):
+    """Why a run is over.
+
+    end : its name, see above
+    remaining_time : [s] to a singular place that the run stops short of
+    note, facts : what else is known of it
+    """
+
+    end: str
+    status: Status = "ended"
+    remaining_time: float = 0.0
+    note: str = ""
+    facts: Mapping[str, float] = {}
 
 
 class TooMany(Exception):

@@ -12,13 +12,12 @@ import numpy as np
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import SETTLED
-from blockmech.dynamics.equation import Equation, typical_motion
+from blockmech.dynamics.equation import Equation, classify_obstacle, typical_motion
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.forcing import ELSEWHERE, GIVE, no_steady
 from blockmech.dynamics.periodic import FLOWS, FixedPoint, fixed_point
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.run import INTEGRATORS
-from blockmech.dynamics.singular import classify_obstacle
 from blockmech.dynamics.time import TimeIntegration, integrate
 from blockmech.ground.errors import RequestError
 from blockmech.ground.plane import EPS

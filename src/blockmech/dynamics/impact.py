@@ -26,11 +26,12 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.blow import Before, Blow, blow, impact_of
 from blockmech.dynamics.contacts import SETTLED, Constraints, constrained, free_of, rate_along
+from blockmech.dynamics.ends import RunEnd
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.pair_program import GIVEN
 from blockmech.dynamics.pair_stops import PairStops, stopped_pairs
+from blockmech.dynamics.programs import GIVEN
 from blockmech.dynamics.request import SimulationRequest, Start, Until
-from blockmech.dynamics.run import Run, RunEnd
+from blockmech.dynamics.run import Run
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System

@@ -13,11 +13,11 @@ from dataclasses import InitVar, dataclass, field
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.ends import RunEnd
+from blockmech.dynamics.equation import AHEAD, Equation, classify_obstacle
 from blockmech.dynamics.estimate import FLOOR
 from blockmech.dynamics.events import PARTS, EventDetector, EventHit, until_terminal
-from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run, RunEnd
-from blockmech.dynamics.singular import AHEAD, classify_obstacle
+from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run
 from blockmech.dynamics.solvers import NO_PLAN, STEPPERS, AcceptedSteps, AdaptiveSolver, Solver
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS

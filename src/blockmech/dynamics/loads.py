@@ -19,12 +19,12 @@ from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.loads.functions import Function
-from blockmech.model.structure import JointRef, Structure
-from blockmech.passes.forward import argument, coordinate_of, link_velocity, marker_velocity
+from blockmech.model.structure import Structure
+from blockmech.passes.forward import argument, coordinate_of
 from blockmech.passes.homotopy import followed, path_of, schedule
-from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
+from blockmech.passes.loads import kernel_on
 from blockmech.plan.plan import Schedule
-from blockmech.plan.values import Value, hyp
+from blockmech.plan.values import Value
 from blockmech.signals.functions import Python
 from blockmech.typing import Real
 
@@ -195,25 +195,3 @@ def next_time_kink(structure: Structure, t: float) -> float:
         if law is not None and law.variables() == ("time",):
             times.append(law.next_kink(t))
     return min(times, default=math.inf)
-
-
-# -- size ----------------------------------------------------------------------------------
-
-
-def load_size(s: Schedule, driver: str) -> Value:
-    """The sum of the magnitudes of the contributions to the effort on a driver."""
-    structure, terms = s.structure, list[Value]()
-    for link in structure.links:
-        for force in s.ask(weight_on, link).forces if link != structure.frame_link else ():
-            size_of = hyp(force) * hyp(s.ask(cm_velocity, link, driver))
-            terms.append(s.line(size_of, f"{link}_size"))
-    for name, element in structure.elements.items():
-        for terminal, declared in element.terminals.items():
-            ref = JointRef(name, terminal)
-            marker, term = structure.holds[ref], s.ask(terminal_term, ref)
-            if declared.kind == "point":
-                size_of = hyp(term) * hyp(s.ask(marker_velocity, marker, driver))
-            else:
-                size_of = abs(term * s.ask(link_velocity, marker.on, driver).scalar)
-            terms.append(s.line(size_of, f"{ref}_size"))
-    return s.sum(terms, "size")

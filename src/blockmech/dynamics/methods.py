@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +18,10 @@ from blockmech.dynamics.estimate import TARGET, spread
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.method_table import METHODS, Method
 from blockmech.dynamics.path import integrate_by_quadrature
+from blockmech.dynamics.programs import felt
 from blockmech.dynamics.request import WATCH, SimulationRequest
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
-from blockmech.dynamics.signals import felt
 from blockmech.dynamics.system import System
 from blockmech.dynamics.textbook import in_fixed_steps
 from blockmech.dynamics.time import integrate
@@ -32,23 +32,27 @@ from blockmech.typing import Floats
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
 
-def move(system: System, request: SimulationRequest) -> Motion:
-    """The motion of the drivers from a start until something ends it.
+def move(
+    system: System,
+    request: SimulationRequest,
+    search: Callable[[System, SimulationRequest], Motion] | None = None,
+) -> Motion:
+    """The motion of the drivers from a start until something ends it; ``search`` a steady state.
 
     Raises `RequestError` for a method or goal that does not exist or does not fit the loads.
     """
     check(system, request)
-    steady, auto = request.until.goal == "steady", request.method == "auto"
+    auto = request.method == "auto"
     try:
         motion = unmoved(system, request)
         if motion is None:
-            run = steady_motion if steady else automatic if auto else by_name
+            run = search or (automatic if auto else by_name)
             motion = run(system, request if auto else replace(request, why="asked for"))
         elif not motion.x_end:
             motion = replace(motion, x_end=system.signals.initial)
         motion = _with_misfit(system, motion)
     except KeyboardInterrupt:  # before there was anything but the start
-        notes = ("interrupted before a steady state was found",) if steady else ()
+        notes = ("interrupted before a steady state was found",) if search else ()
         return replace(request.standing, status="ended", end=ends.INTERRUPTED, notes=notes)
     except ends.BudgetSpent:
         notes = (system.budget.advice,)
@@ -205,13 +209,6 @@ def _push(system: System, request: SimulationRequest, row: Floats, drift: float)
 
 
 # -- running -------------------------------------------------------------------------------
-
-
-def steady_motion(system: System, request: SimulationRequest) -> Motion:
-    """What the motion settles to: a search of its own, which few ask for."""
-    from blockmech.dynamics import steady
-
-    return steady.steady_motion(system, request)
 
 
 def by_name(system: System, request: SimulationRequest) -> Motion:

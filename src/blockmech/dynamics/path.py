@@ -24,6 +24,8 @@ from numpy.polynomial.chebyshev import chebval
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.compiled_path import PathCode
+from blockmech.dynamics.ends import RunEnd
+from blockmech.dynamics.equation import time_left
 from blockmech.dynamics.estimate import (
     PARTED,
     ROUNDING,
@@ -53,8 +55,7 @@ from blockmech.dynamics.path_mesh import PIECES, Course, PathMesh, Piece
 from blockmech.dynamics.place_data import RESOLVED
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
-from blockmech.dynamics.run import Run, RunEnd
-from blockmech.dynamics.singular import time_left
+from blockmech.dynamics.run import Run
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart, second_run
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Motion, Still

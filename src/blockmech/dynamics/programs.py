@@ -2,21 +2,33 @@
 
 One driver at many states, all drivers at one state, and the sizes of their loads: each is what
 passes leave of a structure in its scene where nothing else is asked for, without joint friction.
+Behind them stands what signal blocks, and friction laws with a state, add.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics import loads
+from blockmech.dynamics.friction import PairProgram
 from blockmech.dynamics.source import FRICTIONLESS, Source, margins
 from blockmech.engines.llvm import SingleEvaluator
+from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import AdaptiveEvaluator
-from blockmech.passes import friction, reduction, signals
+from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.model.structure import JointRef
+from blockmech.passes import forces, forward, friction, pairs, reduction, signals
+from blockmech.passes.forward import link_velocity, marker_velocity
 from blockmech.passes.homotopy import schedule
+from blockmech.passes.loads import cm_velocity, terminal_term, weight_on
+from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.values import Value, hyp
+from blockmech.signals.contract import Signal
 from blockmech.typing import Floats
 
 
@@ -26,7 +38,7 @@ class Sample(NamedTuple):
     J: Floats  # [kg m2 or kg]
     tau: Floats  # [N m or N] all loads at (q, q', t)
     margin: Floats  # [-]
-    size: Floats | None = None  # [N m or N] see `loads.load_size`, where tau is made of loads
+    size: Floats | None = None  # [N m or N] see `load_size`, where tau is made of loads
 
     @property
     def possible(self) -> NDArray[np.bool_]:
@@ -57,14 +69,14 @@ def reduced(compiled: Source) -> AdaptiveEvaluator:
     s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     (driver,) = compiled.structure.drivers
     values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
-    return AdaptiveEvaluator(s.program([*values, loads.load_size(s, driver), *margins(s)]))
+    return AdaptiveEvaluator(s.program([*values, load_size(s, driver), *margins(s)]))
 
 
 def load_sizes(compiled: Source) -> AdaptiveEvaluator:
     """The sizes of the loads on all drivers."""
     s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     return AdaptiveEvaluator(
-        s.program([loads.load_size(s, driver) for driver in compiled.structure.drivers])
+        s.program([load_size(s, driver) for driver in compiled.structure.drivers])
     )
 
 
@@ -95,3 +107,165 @@ def load_inputs(compiled: Source) -> tuple[str, ...]:
     s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     loads = [s.ask(reduction.reduced_load, k) for k in compiled.structure.drivers]
     return s.program(loads).inputs
+
+
+def load_size(s: Schedule, driver: str) -> Value:
+    """The sum of the magnitudes of the contributions to the effort on a driver."""
+    structure, terms = s.structure, list[Value]()
+    for link in structure.links:
+        for force in s.ask(weight_on, link).forces if link != structure.frame_link else ():
+            size_of = hyp(force) * hyp(s.ask(cm_velocity, link, driver))
+            terms.append(s.line(size_of, f"{link}_size"))
+    for name, element in structure.elements.items():
+        for terminal, declared in element.terminals.items():
+            ref = JointRef(name, terminal)
+            marker, term = structure.holds[ref], s.ask(terminal_term, ref)
+            if declared.kind == "point":
+                size_of = hyp(term) * hyp(s.ask(marker_velocity, marker, driver))
+            else:
+                size_of = abs(term * s.ask(link_velocity, marker.on, driver).scalar)
+            terms.append(s.line(size_of, f"{ref}_size"))
+    return s.sum(terms, "size")
+
+
+# -- signals --------------------------------------------------------------------------------
+
+
+class SignalProgram(NamedTuple):
+    """What signal blocks, and friction laws with a state, add to the programs of a system.
+
+    The rates of all states stand in the program of the equation of motion, then the values of
+    which a change of sign is a kink.
+
+    Attributes
+    ----------
+    blocks : the signal blocks
+    initial : states where a motion starts
+    sizes : of states: 1, of friction laws the deflection in steady slip
+    names : inputs of the states
+    kinks : number of those values
+    update : states that discrete blocks switch to at an instant; None without any
+    updated : block and place of the state of each of its values
+    """
+
+    blocks: Mapping[str, Signal] = {}
+    initial: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
+    names: tuple[str, ...] = ()
+    kinks: int = 0
+    update: SingleEvaluator | None = None
+    updated: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def values(self) -> int:
+        """How many values they add."""
+        return len(self.initial) + self.kinks
+
+    def next_time(self, t: float) -> float:
+        """The first instant of a discrete block, or kink in time, after a time [s]."""
+        times = [x for b in self.blocks.values() for x in (b.next_kink(t), b.instant(t, True))]
+        return min(times, default=math.inf)
+
+
+NO_SIGNALS = SignalProgram()
+
+
+def felt(compiled: Source) -> tuple[str, ...]:
+    """Addresses of sensors that follow the friction of joints at once, as reactions do."""
+    addresses, structure = [], compiled.structure
+    for address, rule in structure.sensors.items():
+        s = schedule(structure, compiled.scene, Friction(friction.GIVEN))
+        inputs = s.program([rule(s)]).inputs
+        if any(name.startswith("friction_") for name in inputs):
+            addresses.append(address)
+    return tuple(addresses)
+
+
+def program_with_deflections(compiled: Source) -> SignalProgram:
+    """The same, and the states of friction laws."""
+    program = compiled._once(signal_program)
+    structure, initial = compiled.structure, compiled.structure.initial_states
+    laws = [structure.friction_law(ref) for ref in structure.remembering]
+    bent = (abs(float(law.steady_kernel()(1.0, law.parameters()))) for law in laws)
+    changes = {"initial": initial, "names": names_of(initial), "sizes": (*program.sizes, *bent)}
+    return SignalProgram(**{**program._asdict(), **changes})
+
+
+def names_of(initial: Sequence[float]) -> tuple[str, ...]:
+    """Inputs of some states."""
+    return tuple(f"{signals.STATE}{i}" for i in range(len(initial)))
+
+
+def signal_program(compiled: Source) -> SignalProgram:
+    """What the signal blocks of a mechanism add."""
+    structure, s = compiled.structure, schedule(compiled.structure, compiled.scene, FRICTIONLESS)
+    updated = s.ask(signals.updated)
+    initial = structure.initial_states
+    initial = initial[: len(initial) - len(structure.remembering)]
+    return SignalProgram(
+        structure.signals,
+        initial,
+        (1.0,) * len(initial),
+        names_of(initial),
+        len(signals.kinks(schedule(structure, compiled.scene, FRICTIONLESS))),
+        SingleEvaluator(s.program(updated.values())) if updated else None,
+        tuple((ref.block, structure.states[ref]) for ref in updated),
+    )
+
+
+# -- joint friction ----------------------------------------------------------------------
+
+
+GIVEN = Friction(friction.GIVEN)
+
+
+def pair_program(compiled: Source, pushed: tuple[JointRef, ...] = ()) -> PairProgram | None:
+    """The force pass of a mechanism with its friction laws; None where none can act.
+
+    ``pushed`` : pairs along whose coordinates stops may push
+    """
+    structure = compiled.structure
+    friction_method = replace(GIVEN, pushed=pushed)  # a push loads pairs that nothing else does
+    s = schedule(structure, compiled.scene, friction_method)
+    joints = s.ask(friction.input_joints)
+    if not joints:
+        return None
+    values = [s.ask(forces.drive, driver) for driver in structure.drivers]
+    for ref in joints:
+        pair = s.ask(forces.reaction, ref)
+        assert pair is not None  # such a block is active
+        values.append(pairs.statics(s, ref).measure(s, ref, pair))
+    values += [s.ask(forward.slip, ref) for ref in joints]
+    rise = [s.ask(forward.slip_acceleration, ref) for ref in joints]
+    program = s.program([*values, *rise, *margins(s)])
+    apart = schedule(structure, compiled.scene, friction_method)
+    rules = friction.terms, friction.terms_at_rest
+    law_terms = [x for rule in rules for x in terms(apart, joints, rule)]
+    laws = [structure.friction_law(ref) for ref in joints]
+    rates = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
+    return PairProgram(
+        tuple(map(structure.pair_name, joints)),
+        tuple(pairs.statics(s, ref).edges for ref in joints),
+        program,
+        apart.program(law_terms),
+        s.program([*values, *margins(s), *rates, *terms(s, joints, friction.terms)]),
+        tuple(law.remembers for law in laws),
+        tuple(map(structure.separates, joints)),
+        steepest(laws),
+        any(law.drags for law in laws),
+        NumpyEngine(program),
+        SingleEvaluator(program),
+    )
+
+
+def steepest(laws: Sequence[FrictionLaw]) -> tuple[float, ...]:
+    """Largest slopes of friction over the load where a law is not linear in it; 0 of the others."""
+    if not any(law.reads_load for law in laws):
+        return ()
+    return tuple(float(law.parameters().steepest) if law.reads_load else 0.0 for law in laws)
+
+
+def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., Value]) -> list[Value]:
+    """Factors (m,) and drags (m,) of pairs by a rule that asks their laws."""
+    laws = [s.ask(rule, ref) for ref in joints]
+    return [getattr(law, part) for part in FrictionTerms._fields for law in laws]

@@ -31,7 +31,7 @@ from blockmech.typing import Complex, Data, Edges, Planars, Real, Reals
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import PairFriction
-    from blockmech.dynamics.signals import SignalProgram
+    from blockmech.dynamics.programs import SignalProgram
     from blockmech.plan.plan import Program
 
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound

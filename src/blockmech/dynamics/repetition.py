@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.ends import RunEnd
 from blockmech.dynamics.panel_nodes import AT_ONCE
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.track import FEW, RepeatedSegment
 from blockmech.functions.series import tail
 from blockmech.typing import Floats

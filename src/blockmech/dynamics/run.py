@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.ends import RunEnd
 from blockmech.result.motion import Event, Motion, Status
 from blockmech.typing import Real
 
@@ -27,21 +27,6 @@ INTEGRATORS = ("dop853", "radau")  # in time
 EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 GUESSED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
 HOPELESS = 8  # times as many as allowed, by that guess: no other run is made
-
-
-class RunEnd(NamedTuple):
-    """Why a run is over.
-
-    end : its name, see `ends`
-    remaining_time : [s] to a singular place that the run stops short of
-    note, facts : what else is known of it
-    """
-
-    end: str
-    status: Status = "ended"
-    remaining_time: float = 0.0
-    note: str = ""
-    facts: Mapping[str, float] = {}
 
 
 @dataclass

@@ -139,7 +139,12 @@ def simulate(
     refuse_memory(mechanism, starts)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
-    motion = bounced(system, request, move) if request.stops else move(system, request)
+    search = None
+    if request.until.goal == "steady":
+        from blockmech.dynamics.steady import steady_motion  # few ask for it
+
+        search = steady_motion
+    motion = bounced(system, request, move) if request.stops else move(system, request, search)
     if motion.end in ends.CHART_ENDS:
         from blockmech.dynamics.atlas import beyond_dead_centres  # few motions need it
 

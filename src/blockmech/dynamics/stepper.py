@@ -18,8 +18,8 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Constraints
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.friction_along import friction_along
 from blockmech.dynamics.layout import StateLayout
+from blockmech.dynamics.motion_outputs import friction_along
 from blockmech.dynamics.request import (
     Pairs,
     SimulationRequest,

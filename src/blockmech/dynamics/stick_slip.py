@@ -15,11 +15,11 @@ import numpy as np
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import SETTLED, STILL
+from blockmech.dynamics.ends import RunEnd
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import PARTS, PER_SWING, EventFunction, friction_rules
 from blockmech.dynamics.friction import Instant, Sides
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.sticking import JointFriction, Settled
 from blockmech.dynamics.system import System
 from blockmech.ground.plane import EPS

@@ -26,25 +26,23 @@ import numpy as np
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Constraints, constrained
 from blockmech.dynamics.friction import smallest
-from blockmech.dynamics.pair_program import pair_program
 from blockmech.dynamics.pair_stops import Counted, PairStops
 from blockmech.dynamics.programs import (
+    NO_SIGNALS,
     Sample,
     ScalarTerms,
+    SignalProgram,
     Terms,
     equation,
     equation_with_deflections,
     load_inputs,
     load_sizes,
-    reduced,
-)
-from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.signals import (
-    NO_SIGNALS,
-    SignalProgram,
+    pair_program,
     program_with_deflections,
+    reduced,
     signal_program,
 )
+from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.source import Source
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.engines.cost import Routes, account

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.equation import scales
+from blockmech.dynamics.blow import jolt_of
+from blockmech.dynamics.ends import RunEnd
+from blockmech.dynamics.equation import PAST, scales, time_left
 from blockmech.dynamics.estimate import (
     FINER,
     FLOOR,
@@ -36,12 +38,9 @@ from blockmech.dynamics.events import (
     turned,
 )
 from blockmech.dynamics.integration import Integration
-from blockmech.dynamics.jolt import jolt_of
 from blockmech.dynamics.layout import TimeTrack
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.run import RunEnd
-from blockmech.dynamics.singular import PAST, time_left
 from blockmech.dynamics.solvers import STEPPERS
 from blockmech.dynamics.stick_slip import Now, StickSlip, Transition
 from blockmech.dynamics.turns import TurnsInTime

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from blockmech.dynamics.run import RunEnd
+from blockmech.dynamics.ends import RunEnd
 
 
 @dataclass
