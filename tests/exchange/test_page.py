@@ -11,8 +11,8 @@ import blockmech as bm
 from blockmech.builders import opened
 from blockmech.editor.revision import Revision
 from blockmech.editor.sharing import link_of, packed
-from blockmech.exchange.page.files import MODULES, _module
-from blockmech.exchange.page.script import Script, numbers
+from blockmech.exchange.page.files import bundle
+from blockmech.exchange.page.script import WEB, Script, numbers
 from tests.studio.conftest import ARGUMENTS, chromium, driver
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
@@ -102,10 +102,10 @@ def test_a_browser_has_the_numbers_of_python(page, tmp_path, name, want):
     result = Result(mechanism, script.plan, samples, values, "", {"friction": "newton"})
     expected = np.array(script.answers(result))
     page.goto("about:blank")
-    page.add_script_tag(content="".join(map(_module, MODULES[:-1])))
+    page.add_script_tag(content=bundle(WEB / "program.js"))
     found = page.evaluate(
         """([text, p, rows, n]) => {
-            const own = new program.Program(text, p.length, rows[0].length, n);
+            const own = new $program.Program(text, p.length, rows[0].length, n);
             const out = new Float64Array(n);
             return rows.map((u) => (own.run(p, u, out), Array.from(out, String)));
         }""",

@@ -55,6 +55,7 @@ def diagram_of(now: Revision) -> Data:
         "blocks": laid.blocks(content, {at.partition(".")[0] for at in wrong}),
         "wires": [laid.wire(k, wire.ends) for k, wire in enumerate(content.wires)],
         "editable": editable,
+        "kinds": kinds() if editable else [],
         "row": ROW * PIXELS,
         "pixels": PIXELS,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 
 from blockmech.builders import opened
@@ -19,4 +20,5 @@ def picture_of(name: str) -> bytes:
 @cache
 def title_of(name: str) -> str:
     """What a mechanism of the gallery is, in a line."""
-    return opened(gallery()[name]).title
+    title: str = json.loads(gallery()[name].read_text("utf-8")).get("title", "")
+    return title

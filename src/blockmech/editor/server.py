@@ -9,7 +9,9 @@ import secrets
 import socket
 import traceback
 from collections.abc import AsyncIterator, Callable, Mapping
+from functools import cache
 from pathlib import Path
+from string import Template
 from threading import Thread
 from typing import Any
 
@@ -20,26 +22,25 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
 
-import blockmech
 from blockmech.builders import Linkage, Opened, opened
 from blockmech.editor.acts import acted
 from blockmech.editor.analyses import ANALYSES
 from blockmech.editor.curves import curves, vectors, wire_text
-from blockmech.editor.diagram import diagram_of, kinds
+from blockmech.editor.diagram import diagram_of
 from blockmech.editor.exports import formats
 from blockmech.editor.fields import CHOICES, Units
 from blockmech.editor.forms import form_of
 from blockmech.editor.gallery import title_of
 from blockmech.editor.guard import HOST, Guard
 from blockmech.editor.jobs import Job, Jobs
-from blockmech.editor.live import live, module
+from blockmech.editor.live import live, module, remember
 from blockmech.editor.revision import Question, Revision
 from blockmech.editor.sharing import link_of, packed
 from blockmech.editor.sheets import Desk, Sheet, files_of
 from blockmech.editor.sketching import posed
-from blockmech.editor.state import View, state_of
+from blockmech.editor.state import View, drives_of, names_of, state_of
 from blockmech.editor.turn import poses_of
-from blockmech.exchange.page.script import WEB as SHARED
+from blockmech.exchange.page.files import bundle, embeddable
 from blockmech.ground.errors import BlockmechError, Problem, refused
 from blockmech.model.diagram import Wire
 from blockmech.testing.graph_files import gallery
@@ -63,7 +64,7 @@ class OpenSheet:
 
     CHANGES = ("edit", "undo", "redo", "save")
     QUESTIONS = (
-        *("state", "preview", "live", "fields", "diagram"),
+        *("state", "preview", "live", "names", "fields", "diagram"),
         *("wire", "curves", "vectors", "link"),
     )
 
@@ -120,11 +121,11 @@ class OpenSheet:
     def state(self, body: Body) -> Answer:
         """All that the page shows, with curves where something moves."""
         view = self.view(body)
-        data = {**self.sheet.data(), **state_of(view)}
+        data = {**self.sheet.data(), **state_of(view), "names": []}
         if view.motion is not None:
-            body = {**body, "names": body.get("names") or data["drives"]}
+            data["names"] = self.question(body).names or drives_of(view.motion)
             try:
-                data["curves"] = self.curves(body)
+                data["curves"] = self.curves({**body, "names": data["names"]})
             except BlockmechError as error:
                 data["curves"] = {"panels": [], "margins": [], "said": str(error), "along": None}
         return data
@@ -147,6 +148,10 @@ class OpenSheet:
     def _view_of(self, form: Answer) -> View:
         document = self.sheet.read(form)
         return View(Revision(self.sheet.now.number, document.to_data(), document))
+
+    def names(self, body: Body) -> Answer:
+        """What can be chosen of the mechanism."""
+        return names_of(self.view(body))
 
     def fields(self, body: Body) -> Answer:
         """The form of a part."""
@@ -204,7 +209,6 @@ class Studio:
         sheet, job = "/api/documents/{id}", "/api/jobs/{job}"
         return [
             Route("/", self.page),
-            Route("/api/about", self.about),
             Route("/api/files", self.files),
             Route("/api/documents", self.create, methods=["POST"]),
             Route(sheet, self.ask, methods=["GET", "POST"]),
@@ -221,20 +225,16 @@ class Studio:
     # -- the page and what it offers -----------------------------------------------------------
 
     async def page(self, _: Request) -> Response:
-        """The page."""
-        return Response((WEB / "index.html").read_bytes(), media_type="text/html", headers=FRESH)
-
-    async def about(self, _: Request) -> Response:
-        """Kinds of blocks, formats, units, analyses."""
-        return JSONResponse(
-            {
-                "version": blockmech.__version__,
-                "kinds": kinds(),
-                "formats": formats(),
-                "units": CHOICES,
-                "analyses": {name: about for name, (about, _) in ANALYSES.items()},
-            }
+        """The page, with its script's address, formats, units and analyses."""
+        about = {
+            "formats": formats(),
+            "units": CHOICES,
+            "analyses": {name: about for name, (about, _) in ANALYSES.items()},
+        }
+        page = Template((WEB / "index.html").read_text("utf-8")).substitute(
+            script=remember(_script()), about=embeddable(about)
         )
+        return Response(page, media_type="text/html", headers=FRESH)
 
     async def files(self, _: Request) -> Response:
         """The first page: files of the folder, sheets that are not saved, the gallery."""
@@ -420,8 +420,7 @@ def application(desk: Desk, token: str, port: int, framed: bool = False) -> Guar
     """The server's application, behind its guard."""
     studio = Studio(desk)
     app = Starlette(routes=studio.routes(), exception_handlers=dict.fromkeys(ERRORS, _refusal))
-    app.mount("/studio/web", StaticFiles(directory=WEB))
-    app.mount("/exchange/page/web", StaticFiles(directory=SHARED))  # as on disk, for imports
+    app.mount("/web", StaticFiles(directory=WEB))
     app.state.studio = studio
     return Guard(app, token, port, framed)
 
@@ -477,12 +476,19 @@ def started(
     return run
 
 
+@cache
+def _script() -> str:
+    """The page's modules as one, so that they come at once."""
+    return bundle(WEB / "main.js")
+
+
 def _prepare() -> None:
     """Import and cache what a first sheet needs, and keep the garbage collector from it.
 
     Modules and schemas live until the end; each search of them took longer than opening a
     four-bar.
     """
+    _script()
     for name in ("joints/ruiz_fourbar", "ruiz_fourbar"):
         sheet = OpenSheet(Sheet(opened(gallery()[name])))
         for question in (sheet.state, sheet.live, sheet.diagram, sheet.fields):

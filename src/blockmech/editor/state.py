@@ -68,8 +68,7 @@ class View:
 
 def state_of(view: View) -> Data:
     """All that the page shows of a revision but answers."""
-    now, mechanism = view.now, cast(Any, view.now.mechanism)
-    numbers = {} if mechanism is None else mechanism.parameters()
+    now = view.now
     return {
         "revision": now.number,
         "name": now.form["name"],
@@ -77,10 +76,17 @@ def state_of(view: View) -> Data:
         "problems": [problem.to_dict() for problem in now.problems],
         "status": status_of(now),
         "empty": now.empty,
-        "outputs": [] if view.motion is None else list(view.motion.mechanism.outputs),
-        "drives": drives_of(view.motion),
-        "parameters": [name for name, x in numbers.items() if x.value],
         **view.data,
+    }
+
+
+def names_of(view: View) -> Data:
+    """The outputs and the numbers that can be chosen."""
+    mechanism = cast(Any, view.now.mechanism)
+    numbers = {} if mechanism is None else mechanism.parameters()
+    return {
+        "outputs": [] if view.motion is None else list(view.motion.mechanism.outputs),
+        "parameters": [name for name, x in numbers.items() if x.value],
     }
 
 
@@ -95,10 +101,8 @@ def status_of(now: Revision) -> str:
     return now.formation.replace("->", "→")
 
 
-def drives_of(motion: Motion | None) -> list[str]:
+def drives_of(motion: Motion) -> list[str]:
     """What moves the drivers: the outputs that are shown where none are chosen."""
-    if motion is None:
-        return []
     m = motion.mechanism
     drives = (m._of_driver(d, "drive") for d in m.drivers)
     return [name for name in drives if name in m.outputs]

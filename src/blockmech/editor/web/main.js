@@ -15,7 +15,12 @@ import { sheetView } from "./view/sheet.js";
 
 const page = /** @type {HTMLElement} */ (document.getElementById("sheet"));
 const front = /** @type {HTMLElement} */ (document.getElementById("gallery"));
-const about = await ask("about");
+const about = JSON.parse(/** @type {HTMLElement} */ (document.getElementById("about")).textContent ?? "");
+
+follow(["id"], ({ id }) => {
+  [page.hidden, front.hidden] = [!id, Boolean(id)];
+  if (id) front.replaceChildren();
+});
 
 // -- the bar -------------------------------------------------------------------------------------
 
@@ -95,7 +100,7 @@ const halves = { Drawing: document.createElement("div"), Blocks: document.create
 for (const half of Object.values(halves)) half.className = "half";
 const views = tabs(left, halves, (name) => set({ view: name === "Blocks" ? "blocks" : "drawing" }));
 const drawing = sheetView(halves.Drawing);
-const diagram = diagramView(halves.Blocks, about.kinds);
+const diagram = diagramView(halves.Blocks);
 follow(["view"], ({ view }) => views.show(view === "blocks" ? "Blocks" : "Drawing"));
 
 // -- what moves ------------------------------------------------------------------------------------
@@ -256,8 +261,6 @@ function go(to) {
   route();
 }
 
-const leave = () => { page.hidden = false; front.hidden = true; front.replaceChildren(); };
-
 function route() {
   const id = new URLSearchParams(location.search).get("sheet");
   return opened(() => (location.hash.startsWith("#doc=") ? open({ link: location.hash }) : id ? reopen(id) : Promise.reject(null)));
@@ -267,19 +270,17 @@ function route() {
 async function opened(act) {
   try {
     await act();
-    leave();
   } catch (error) {
     if (error !== null && !(error instanceof Refused)) throw error;
-    if (error && !page.hidden) return say(error.words, true);
-    [page.hidden, front.hidden] = [true, false];
+    if (error && store.id) return say(error.words, true);
     set({ id: "", sheet: null, playing: false });
-    await galleryView(front, leave);
+    await galleryView(front);
     if (error) element(front, "p", "wrong", error.words).setAttribute("role", "alert");
   }
-  document.documentElement.dataset.ready = "yes";
+  requestAnimationFrame(() => (document.documentElement.dataset.ready = "yes")); // once it is drawn
 }
 
 addEventListener("popstate", route);
 addEventListener("hashchange", route);
 addEventListener("beforeunload", (event) => { if (store.sheet && !store.sheet.saved) event.preventDefault(); });
-await route();
+route();

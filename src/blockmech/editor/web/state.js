@@ -29,7 +29,7 @@ import { Refused, ask, kernel, stream } from "./api.js";
 /**
  * @typedef {{revision: number, name: string, title: string, file: string, saved: boolean, undoable: string,
  *   redoable: string, problems: {where: string, found: string, remedy?: string, code: string}[], status: string,
- *   empty: boolean, outputs: string[], drives: string[], parameters: string[], kind: "joints" | "blocks",
+ *   empty: boolean, names: string[], kind: "joints" | "blocks",
  *   drawing: Drawing | null, motion: Motion | null, said: string, curves?: Curves}} Sheet
  */
 
@@ -95,6 +95,9 @@ export const asked = () => ({
   moved: store.moved, held: store.held,
 });
 
+/** The same of a sheet that was not looked at yet. */
+const fresh = () => ({ ...asked(), names: [], moved: "", held: {} });
+
 /** Say something, below the drawing and to screen readers. @param {string} said @param {boolean} wrong */
 export const say = (said, wrong = false) => set(wrong ? { alert: said, said: "" } : { said, alert: "" });
 
@@ -103,20 +106,20 @@ let window_events = null;
 
 /** Show a sheet. @param {object} what the document that is asked for, e.g. {example: "pump"} */
 export async function open(what) {
-  const { id, ...sheet } = await ask("documents", { ...what, ...asked(), names: [] });
+  const { id, ...sheet } = await ask("documents", { ...what, ...fresh() });
   await show(id, sheet, true);
   history.pushState(null, "", `?sheet=${id}`);
 }
 
 /** Show a sheet that the server has. @param {string} id */
 export async function reopen(id) {
-  await show(id, await ask(`documents/${id}`, asked()), true);
+  await show(id, await ask(`documents/${id}`, fresh()), true);
 }
 
 /** @param {string} id @param {Sheet} sheet @param {boolean} first */
 async function show(id, sheet, first) {
   if (first) {
-    set({ id, tool: sheet.empty ? "Link" : "", chosen: [], link: "", part: [], pose: null, q: null, playing: false, names: sheet.drives, moved: "", held: {} });
+    set({ id, tool: sheet.empty ? "Link" : "", chosen: [], link: "", part: [], pose: null, q: null, playing: false, moved: "", held: {} });
     set({ view: sheet.kind === "joints" || sheet.motion ? "drawing" : "blocks", live: null });
     window_events?.close();
     const isNews = (/** @type {number} */ revision) => store.id === id && store.sheet && revision > store.sheet.revision && !busy;
@@ -131,10 +134,9 @@ async function show(id, sheet, first) {
 
 /** What the server answered to a change. @param {Sheet} sheet */
 async function take(sheet) {
-  const names = store.names.filter((name) => sheet.outputs.includes(name));
   set({
     sheet, motion: sheet.motion, simulated: false, curves: sheet.curves ?? null,
-    names: names.length ? names : sheet.drives,
+    names: sheet.names,
     chosen: store.chosen.filter((name) => store.view === "blocks" || sheet.drawing?.pins.some((pin) => pin.name === name)),
     ...(sheet.kind === "joints" ? { pose: null, q: null } : {}),
   });

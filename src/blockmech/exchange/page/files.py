@@ -40,7 +40,7 @@ from blockmech.typing import Array, Data, Vectors
 FRAMES = 181  # poses of the range
 SECONDS = 3.0  # that they are played
 FEW = 3  # sliders where none are asked for
-MODULES = ("numbers", "geometry", "quantity", "curve", "dom", "panel", "program", "viewer")
+IMPORT = re.compile(r'^import \{(.*)\} from "([./\w]+)\.js";$', re.M)
 
 
 class Link(NamedTuple):
@@ -63,14 +63,12 @@ def write_page(order: Order, path: Path) -> list[Path]:
     contents = contents_of(order)
     document = order.mechanism.document.to_json() if order.mechanism.document else ""
     link = Link(document, f"{path.stem}.json", contents)._asdict()
-    script = "".join(['"use strict";\n', *map(_module, MODULES)])
+    script = bundle(WEB / "viewer.js")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    # JSON that ends no script element, and that JavaScript reads as it is.
-    text = json.dumps(link, allow_nan=False, ensure_ascii=True)
     page = Template((WEB / "viewer.html").read_text("utf-8")).substitute(
         title=html.escape(contents["title"]),
         hash=digest,
-        contents=text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"),
+        contents=embeddable(link),
         script=script,
     )
     refuse_spared(path)
@@ -133,15 +131,34 @@ def _column(values: Array) -> Any:
     return [float(x) for x in values]
 
 
-def _module(name: str) -> str:
-    """A module of the page as a function that returns its exports."""
-    text = (WEB / f"{name}.js").read_text("utf-8")
-    text = re.sub(r'^import \{(.*)\} from "\./(\w+)\.js";$', r"const {\1} = \2;", text, flags=re.M)
-    exported = re.findall(r"^export (?:const|function|class) (\w+)", text, re.M)
+def embeddable(data: Data) -> str:
+    """JSON that ends no script element, and that JavaScript reads as it is."""
+    text = json.dumps(data, allow_nan=False, ensure_ascii=True)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def bundle(entry: Path) -> str:
+    """A module with all that it imports as one text, each a function that returns its exports."""
+    modules: dict[str, str] = {}
+
+    def add(path: Path) -> None:
+        text = path.read_text("utf-8")
+        for _, name in IMPORT.findall(text):
+            if Path(name).name not in modules:
+                add(path.parent / f"{name}.js")
+        modules[path.stem] = _module(path.stem, text)
+
+    add(entry)
+    return "".join(['"use strict";\n', *modules.values()])
+
+
+def _module(name: str, text: str) -> str:
+    text = IMPORT.sub(lambda match: f"const {{{match[1]}}} = ${Path(match[2]).name};", text)
+    exported = re.findall(r"^export (?:async )?(?:const|function|class) (\w+)", text, re.M)
     listed_last = re.search(r"^export (\{.*\});\n", text, re.M)
     exports = listed_last[1] if listed_last else f"{{ {', '.join(exported)} }}"
     body = re.sub(r"^export (?:\{.*\};\n)?", "", text, flags=re.M)
-    return f"const {name} = (() => {{\n{body}return {exports};\n}})();\n"
+    return f"const ${name} = (() => {{\n{body}return {exports};\n}})();\n"
 
 
 def requested_outputs(order: Order) -> tuple[str, ...]:

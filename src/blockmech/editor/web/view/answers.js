@@ -63,6 +63,13 @@ export function answersView(parent, about) {
   said.setAttribute("role", "status");
   stopButton(row);
   const tell = (/** @type {string} */ text) => { said.textContent = text; said.title = text; };
+  let [of, names] = ["", Promise.resolve({ outputs: /** @type {string[]} */ ([]), parameters: /** @type {string[]} */ ([]) })];
+  /** What can be chosen of the sheet: asked for when somebody is about to. */
+  const known = () => {
+    const now = `${store.id} ${store.sheet?.revision} ${store.moved} ${JSON.stringify(store.held)}`;
+    if (store.sheet && now !== of) [of, names] = [now, ask(`documents/${store.id}/names`, asked())];
+    return names;
+  };
 
   // -- curves ----------------------------------------------------------------------------------
   const choices = element(pages.Curves, "div", "choices");
@@ -79,17 +86,17 @@ export function answersView(parent, about) {
   const drawn = element(pages.Curves, "div", "plots");
   const note = element(pages.Curves, "p", "note");
   const margins = element(pages.Margins, "div", "plots");
-  find.input.addEventListener("change", () => {
+  find.input.addEventListener("change", async () => {
     const name = find.input.value;
-    if (!store.sheet?.outputs.includes(name)) return;
+    if (!(await known()).outputs.includes(name)) return;
     find.input.value = "";
     set({ names: [...new Set([...store.names, name])] });
     recompute();
   });
-  find.input.addEventListener("input", () => {
-    const word = find.input.value.toLowerCase();
+  find.input.addEventListener("input", async () => {
+    const [word, { outputs }] = [find.input.value.toLowerCase(), await known()];
     list.replaceChildren();
-    for (const name of (store.sheet?.outputs ?? []).filter((n) => n.toLowerCase().includes(word)).slice(0, 24)) element(list, "option").value = name;
+    for (const name of outputs.filter((n) => n.toLowerCase().includes(word)).slice(0, 24)) element(list, "option").value = name;
   });
   friction.input.addEventListener("change", () => { set({ friction: friction.input.value }); recompute(); });
   accuracy.input.addEventListener("change", () => { set({ accuracy: accuracy.input.value }); recompute(); });
@@ -158,10 +165,12 @@ export function answersView(parent, about) {
       if (answer.picture) picture(image, answer.picture, `${name}, as a picture`);
     }, (now) => { tell(now); if (now && now !== `${name} ...`) text.textContent = now; });
   }, words);
-  follow(["sheet"], ({ sheet }) => {
-    const names = sheet?.parameters ?? [];
-    options(number.input, [["", ""], ...names.map((n) => /** @type {[string, string]} */ ([n, n]))], names.includes(number.input.value) ? number.input.value : "");
-  });
+  const renew = async () => {
+    const { parameters } = await known();
+    options(number.input, ["", ...parameters].map((n) => [n, n]), parameters.includes(number.input.value) ? number.input.value : "");
+  };
+  for (const sign of ["pointerenter", "focusin"]) parent.addEventListener(sign, renew);
+  follow(["sheet"], () => { if (parent.matches(":hover, :focus-within")) renew(); });
 
   // -- synthesis -------------------------------------------------------------------------------
   element(pages.Synthesis, "p", "note", "Draw what is wanted with links and joints, three or more of a kind: points of a path (a click each with the tool Link, in their order), or positions of a body (a lone link each).");

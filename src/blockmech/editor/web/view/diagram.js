@@ -19,8 +19,8 @@ const FAR = 4; // px by which a pointer has moved before it drags
 const EDGE = 14; // px around all that is shown
 const KINDS = "application/blockmech"; // what the palette gives to a drag
 
-/** @param {HTMLElement} parent @param {[string, string, string, string][]} kinds */
-export function diagramView(parent, kinds) {
+/** @param {HTMLElement} parent */
+export function diagramView(parent) {
   const palette = element(parent, "div", "palette");
   const area = element(parent, "div", "canvas diagram");
   const svg = put(area, "svg", { tabindex: 0, role: "application", "aria-label": "block diagram" });
@@ -265,13 +265,13 @@ export function diagramView(parent, kinds) {
   // -- palette, keys, and what the server says -----------------------------------------------
 
   const add = (/** @type {string} */ kind, /** @type {number[] | null} */ where) => edit({ act: "add", kind, at: where, places: places() });
-  for (const [kind, family, words, why] of kinds) {
+  const offer = (/** @type {[string, string, string, string]} */ [kind, family, words, why]) => {
     const chip = button(palette, words, () => add(kind, null), why || kind);
     Object.assign(chip, { className: family, draggable: true, disabled: Boolean(why) });
     chip.setAttribute("aria-label", `Add ${words}`);
     chip.dataset.kind = kind;
     chip.addEventListener("dragstart", (event) => event.dataTransfer?.setData(KINDS, kind));
-  }
+  };
   svg.addEventListener("dragover", (event) => event.preventDefault());
   svg.addEventListener("drop", (event) => {
     event.preventDefault();
@@ -324,6 +324,7 @@ export function diagramView(parent, kinds) {
     if (now !== drawnSheet) return;
     shown = made;
     palette.hidden = !shown.editable;
+    if (!palette.firstChild) made.kinds.forEach(offer);
     const own = `${id} ${shown.blocks.map((one) => one.id).join()}`;
     const [low, high] = [canvas({ x: 0, y: 0 }), canvas({ x: area.clientWidth, y: area.clientHeight })];
     const inside = shown.blocks.every((b) => b.x >= low.x && b.y >= low.y && b.x + b.width <= high.x && b.y + b.height <= high.y);

@@ -4,12 +4,12 @@ import { Refused, ask } from "../api.js";
 import { open, reopen } from "../state.js";
 import { button, element } from "../../../exchange/page/web/dom.js";
 
-/** @param {HTMLElement} parent @param {() => void} opened */
-export async function galleryView(parent, opened) {
+/** @param {HTMLElement} parent */
+export async function galleryView(parent) {
   parent.replaceChildren();
   const alert = element(parent, "p", "wrong");
   alert.setAttribute("role", "alert");
-  const to = (/** @type {Promise<void>} */ act) => act.then(opened, (error) => {
+  const to = (/** @type {Promise<void>} */ act) => act.catch((error) => {
     if (!(error instanceof Refused)) throw error;
     alert.textContent = error.words;
   });

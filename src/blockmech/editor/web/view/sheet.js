@@ -64,6 +64,7 @@ export function sheetView(parent) {
   let at = {}; // poses of links as drawn now
   let known = ""; // the sheet that was drawn last
   let few = false; // whether it had no pin
+  let pathless = false; // whether its paths are to come, which are to be seen too
   const tracing = new Tracing(over, () => ({ view, svg, step: grid() }), draw);
 
   const drawing = () => ghost?.drawing ?? store.sheet?.drawing ?? null;
@@ -241,8 +242,9 @@ export function sheetView(parent) {
     if (!width || !store.sheet) return;
     at = drag?.base ?? (ghost?.live && store.motion ? { ...posedAll(), ...ghost.live.poses(store.q ?? store.motion.home) } : poses());
     const now = `${store.id} ${ours()}`;
-    if (!view.scale || now !== known || (few && pins().length && small()) || (!drag && !store.playing && !pins().every(inside) && store.pose === null)) fit();
-    [known, few] = [now, !pins().length];
+    if (now !== known) pathless = Boolean(store.motion);
+    if (!view.scale || now !== known || (pathless && store.live) || (few && pins().length && small()) || (!drag && !store.playing && !pins().every(inside) && store.pose === null)) fit();
+    [known, few, pathless] = [now, !pins().length, pathless && !store.live && !drag];
     svg.replaceChildren();
     room = new Room();
     for (const one of pins()) { const { x, y } = shown(one); room.taken.push([x - 8, y - 8, 16, 16]); }
@@ -736,7 +738,7 @@ export function sheetView(parent) {
   svg.addEventListener("pointerup", finish);
   svg.addEventListener("pointercancel", () => { release(); draw(); });
   svg.addEventListener("wheel", (event) => {
-    view = zoomed(view, Math.exp(-event.deltaY / 500), pixelIn(svg, event));
+    [view, pathless] = [zoomed(view, Math.exp(-event.deltaY / 500), pixelIn(svg, event)), false];
     draw();
     event.preventDefault();
   }, { passive: false });
