@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
 from types import FunctionType
@@ -42,19 +42,25 @@ def _identity(value: Any) -> Iterator[Any]:
         raise _Foreign
     yield f"{kind.__module__}.{kind.__qualname__}"
     if isinstance(value, FunctionType):
-        code = value.__code__
-        yield from (code.co_firstlineno, code.co_code)  # two lambdas of a line have one name
-        cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        contents = (*cells, value.__defaults__, value.__kwdefaults__)
-        yield [tuple(_identity(x)) for x in contents]
+        yield _contents(value)
     elif isinstance(value, tuple):
-        yield [tuple(_identity(x)) for x in value]
+        yield tuple([tuple(_identity(x)) for x in value])
     elif hasattr(value, "answer"):  # no kernel: it answers in numbers of this shape
         yield value.answer
     elif isinstance(value, bool | int | float | complex | str | None):
         yield value
     elif not isinstance(value, type):
         raise _Foreign
+
+
+@lru_cache(1024)
+def _contents(function: FunctionType) -> tuple[Any, ...]:
+    """The code of a function and what it holds: two lambdas of a line have one name."""
+    code = function.__code__
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    contents = (*cells, function.__defaults__, function.__kwdefaults__)
+    identities = tuple([tuple(_identity(x)) for x in contents])
+    return code.co_firstlineno, code.co_code, identities
 
 
 def _kind(value: Any) -> Any:

@@ -7,7 +7,7 @@ mobility 3n - 2p, or 3n - sum (3 - f) with f degrees of freedom of each pair.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -18,6 +18,7 @@ from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.friction.laws.coulomb import Coulomb
 from blockmech.ground.errors import GraphError, Problem, listed
+from blockmech.ground.forms import form_of
 from blockmech.ground.names import split_address
 from blockmech.ground.values import Link, Marker
 from blockmech.loads.contract import Element
@@ -118,8 +119,7 @@ class Structure:
     couplings : the relations between drivers in name order
     signals : the signal blocks, each after those that it reads at once
     signal_wires : input of a signal block, or law of an element -> address of what it reads
-    sensors : address of what signals read of the mechanism -> the rule that answers it; see
-        `blockmech.outputs.sensors`
+    sensors : address of what signals read -> rule that answers it; see `blockmech.outputs.sensors`
     """
 
     frame: str
@@ -133,6 +133,12 @@ class Structure:
     signals: Mapping[str, Signal] = field(default_factory=dict)
     signal_wires: Mapping[JointRef, str] = field(default_factory=dict)
     sensors: Record = field(default_factory=dict)
+
+    @cached_property
+    def form(self) -> Hashable | None:
+        """What it is but for its numbers; None where more than their form decides on a plan."""
+        by_numbers = self.followed or self.signals or self.signal_wires  # which rules hold
+        return None if by_numbers else form_of(self)
 
     @cached_property
     def remembering(self) -> tuple[JointRef, ...]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from blockmech.blocks.contract import Joint
 from blockmech.ground.errors import RequestError, as_names, listed
+from blockmech.ground.forms import form_of
 from blockmech.ground.garbage import uncollected
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
@@ -38,6 +39,7 @@ from blockmech.passes import (
     signals,
 )
 from blockmech.plan.plan import REPORTS, STAGES, Friction, Output, Plan, Reader, Schedule
+from blockmech.plan.recipes import program_of
 from blockmech.plan.values import NOUGHT, ONE, UNIT, ZERO, Value, angle, minimum, planar
 from blockmech.result.quality import at_most_one
 from blockmech.signals.contract import Signal
@@ -349,7 +351,7 @@ class Catalogue(Mapping[str, Output]):
         self.by_owner: ByOwner[Any] = ByOwner(outputs_of(structure))
         self._made: dict[str, Output] = {}  # those that were asked for, and parts of vectors
         self._more: dict[str, Output] = {}
-        self._of_document = None
+        self._of_document, self._form = None, form_of([names])
         if names is not None:
             self._of_document = outputs_by_link(structure, names, self.by_owner)
             self.by_owner = ByOwner(readings(structure, names, self.by_owner), narrow=True)
@@ -382,6 +384,7 @@ class Catalogue(Mapping[str, Output]):
         """The catalogue with more outputs behind its own."""
         catalogue = copy.copy(self)
         catalogue._more = {**self._more, **{output.name: output for output in extra}}
+        catalogue._form = None  # what they ask is not known
         return catalogue
 
     def match(self, want: Iterable[str]) -> tuple[str, ...]:
@@ -418,12 +421,16 @@ class Catalogue(Mapping[str, Output]):
     ) -> Plan:
         """The plan for some outputs: rules are asked in name order, once each."""
         names = self.match(want)
+        question = self._form and (names, how, static, quality, self._form)
+        make = partial(self._schedule, scene, names, how, static, quality)
         with uncollected():
-            return self._plan(scene, names, how, static, quality)
+            program, plan = program_of(self.structure, scene, question, make)
+        return plan(program=program)
 
-    def _plan(
+    def _schedule(
         self, scene: Scene, names: tuple[str, ...], how: Friction, static: bool, quality: bool
-    ) -> Plan:
+    ) -> tuple[Schedule, Iterable[Value], Callable[..., Plan]]:
+        """The schedule of a plan, what its program returns, and the plan but for that."""
         schedule = homotopy.schedule(self.structure, scene, how, static)
         values: dict[str, int] = {}  # the same value under two names is returned once
 
@@ -439,8 +446,8 @@ class Catalogue(Mapping[str, Output]):
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
         )
         steps = schedule.lines, schedule.calls
-        program = schedule.program(map(Value, values))
-        return Plan(names, tuple(entries), steps, program, layout, reports)
+        plan = partial(Plan, names, tuple(entries), steps, layout=layout, reports=reports)
+        return schedule, map(Value, values), plan
 
 
 Report: TypeAlias = tuple[str, Hashable, tuple[Value, ...]]

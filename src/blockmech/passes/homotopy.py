@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Hashable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -38,7 +39,7 @@ from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.passes.tracking import GroupPose, Tracker
+from blockmech.passes.tracking import GroupPose, Tracker, cubics, predicted, slopes
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value, tuple_of
 from blockmech.typing import Floats, Values
@@ -53,6 +54,7 @@ FAR = 50.0  # times the reach at home: a slide on its way to infinity is given u
 BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
 MOST = 5000  # steps of a line, and knots on one side of home
 LAYING = threading.RLock()  # knots are laid by one thread at a time: they grow from each other
+RETAINED = 64  # paths, of some 100 kB each
 MODES = 12  # turns of the driver on which a group may be in another mode each
 
 
@@ -71,12 +73,30 @@ def guess(s: Schedule, block: str) -> Value:
 
 
 def path_of(structure: Structure, block: str) -> Path:
-    """The path of a general group; made once for a structure, so knots are laid once."""
+    """The path of a general group: one for all mechanisms that move it alike, with its knots."""
     with LAYING:
         if block not in structure.paths:
-            structure.paths[block] = Path(structure, block)
+            structure.paths[block] = _shared(Path(structure, block))
         path: Path = structure.paths[block]
         return path
+
+
+def _shared(path: Path) -> Path:
+    """The path, or that of a mechanism before in which the same group moves alike."""
+    structure, tracker = path.structure, path.tracker
+    if structure.form is None:
+        return path
+    groups = map(structure.blocks.__getitem__, tracker.groups)
+    homes = [group.home for group in groups if isinstance(group, GeneralGroup)]
+    numbers = tuple(tracker.program.parameters.values())
+    key = structure.form, path.block, numbers, repr(homes)
+    first = _PATHS[key] = _PATHS.pop(key, path)
+    if len(_PATHS) > RETAINED:
+        del _PATHS[next(iter(_PATHS))]
+    return first
+
+
+_PATHS: dict[Hashable, Path] = {}  # those asked for last
 
 
 def followed(structure: Structure) -> tuple[str, ...]:
@@ -173,6 +193,10 @@ class Path:
         upstream = path_of(self.structure, name)
         links, _ = upstream(tuple(self.home[self.drivers.index(d)] for d in upstream.drivers))
         return [(float(x), float(y), float(c), float(s)) for x, y, c, s in links]
+
+    def of(self, structure: Structure) -> Path:
+        """That of the same group in another mechanism."""
+        return path_of(structure, self.block)
 
     @property
     def answer(self) -> Values:
@@ -277,17 +301,6 @@ def growth(room: Floats) -> Floats:
     return np.clip(0.7 * room, 0.25, 4.0)
 
 
-def predicted(frames: Floats, rate: Floats, step: Floats) -> Floats:
-    """Frames after a step with constant rates."""
-    moved = np.empty_like(frames)
-    moved[..., :2] = frames[..., :2] + step[:, None, None] * rate[..., :2]
-    turn = step[:, None] * rate[..., 2]
-    c, s = np.cos(turn), np.sin(turn)
-    moved[..., 2] = c * frames[..., 2] - s * frames[..., 3]
-    moved[..., 3] = s * frames[..., 2] + c * frames[..., 3]
-    return moved
-
-
 def strides(rate: Floats) -> Floats:
     """Share of the line (n,) in which no link turns further than a stride."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -312,7 +325,7 @@ class ContinuationNodes:
         self.rotary = path.structure.driver_joint(path.drivers[0]).rotary
         frames, unit_rate = path.at_home.frames, np.ones((1, 1))
         start = path.tracker.at(path.home[None, :], unit_rate, frames, single=True)[0]
-        unit = 1.0 if self.rotary else path.group.parameters().size
+        unit = 1.0 if self.rotary else path.group.characteristic_length()
         self.sides = {sense: _Side(path, sense, start, unit) for sense in (1, -1)}
 
     def follow(self, q: Floats, single: bool) -> tuple[Floats, Floats]:
@@ -473,21 +486,3 @@ class _Table(NamedTuple):
         for row in self.rows[1:]:
             total = total * x + row[k]
         return total
-
-
-def slopes(frames: Floats, rates: Floats) -> Floats:
-    """Rates (k, m, 4) of frames, from those of origins and angles."""
-    slope = np.empty_like(frames)
-    slope[..., :2] = rates[..., :2]
-    slope[..., 2] = -frames[..., 3] * rates[..., 2]
-    slope[..., 3] = frames[..., 2] * rates[..., 2]
-    return slope
-
-
-def cubics(knots: Floats, y: Floats, slope: Floats) -> Floats:
-    """Coefficients (4, k - 1, ...) of Hermite's cubics, the highest power first."""
-    h = np.diff(knots)[:, None, None]
-    a, b = y[:-1], y[1:]
-    s, t = slope[:-1], slope[1:]
-    rise = (b - a) / h
-    return np.stack([(s + t - 2 * rise) / h**2, (3 * rise - 2 * s - t) / h, s, a])

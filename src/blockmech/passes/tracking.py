@@ -21,6 +21,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import LinkRef, Structure
 from blockmech.passes.forward import link_position, link_velocity, position
 from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.recipes import program_of
 from blockmech.plan.values import UNIT, Value, tuple_of
 from blockmech.typing import Floats
 
@@ -60,6 +61,35 @@ class GroupPose(NamedTuple):
         return GroupPose(*map(np.concatenate, zip(*poses, strict=True)))
 
 
+def predicted(frames: Floats, rate: Floats, step: Floats) -> Floats:
+    """Frames after a step with constant rates."""
+    moved = np.empty_like(frames)
+    moved[..., :2] = frames[..., :2] + step[:, None, None] * rate[..., :2]
+    turn = step[:, None] * rate[..., 2]
+    c, s = np.cos(turn), np.sin(turn)
+    moved[..., 2] = c * frames[..., 2] - s * frames[..., 3]
+    moved[..., 3] = s * frames[..., 2] + c * frames[..., 3]
+    return moved
+
+
+def slopes(frames: Floats, rates: Floats) -> Floats:
+    """Rates (k, m, 4) of frames, from those of origins and angles."""
+    slope = np.empty_like(frames)
+    slope[..., :2] = rates[..., :2]
+    slope[..., 2] = -frames[..., 3] * rates[..., 2]
+    slope[..., 3] = frames[..., 2] * rates[..., 2]
+    return slope
+
+
+def cubics(knots: Floats, y: Floats, slope: Floats) -> Floats:
+    """Coefficients (4, k - 1, ...) of Hermite's cubics, the highest power first."""
+    h = np.diff(knots)[:, None, None]
+    a, b = y[:-1], y[1:]
+    s, t = slope[:-1], slope[1:]
+    rise = (b - a) / h
+    return np.stack([(s + t - 2 * rise) / h**2, (3 * rise - 2 * s - t) / h, s, a])
+
+
 class Tracker:
     """The program of one step: from guessed places to places, rates, J, and how Newton went."""
 
@@ -68,22 +98,28 @@ class Tracker:
     ) -> None:
         self.groups = groups
         links = [LinkRef(n, k) for n in self.groups for k in structure.blocks[n].link_names]
-        s = Schedule(structure, Scene(), Friction("none"), guess=_guessed_frames)
-        rules = link_position, link_velocity
-        outputs = [x for link in links for rule in rules for x in s.ask(rule, link)]
-        for name in self.groups:
-            pose = s.ask(position, name)
-            outputs += [pose.first, pose.J]
-        self.program = s.program(outputs)
+        scene, question = Scene(), (Tracker, tuple(groups))
+
+        def make() -> tuple[Schedule, list[Value], list[list[str]]]:
+            s = Schedule(structure, scene, Friction("none"), guess=_guessed_frames)
+            rules = link_position, link_velocity
+            outputs = [x for link in links for rule in rules for x in s.ask(rule, link)]
+            for name in groups:
+                pose = s.ask(position, name)
+                outputs += [pose.first, pose.J]
+            return s, outputs, [_unknowns(s, link) for link in links]
+
+        self.program, unknowns = program_of(structure, scene, question, make)
         self.links = links
-        sizes = [structure.blocks[link.block].parameters().size for link in links]
-        self.weights = np.array([[1 / x, 1 / x, 1.0, 1.0] for x in sizes])
+        sizes = {name: structure.blocks[name].characteristic_length() for name in self.groups}
+        weights = {name: [1 / x, 1 / x, 1.0, 1.0] for name, x in sizes.items()}
+        self.weights = np.array([weights[link.block] for link in links])
         indices = {f"q_{structure.drivers.index(d)}": ("q", (k,)) for k, d in enumerate(drivers)}
         indices |= {
             f"qd_{structure.drivers.index(d)}": ("line", (k,)) for k, d in enumerate(drivers)
         }
-        for j, link in enumerate(links):
-            for i, name in enumerate(_unknowns(s, link)):
+        for j, names in enumerate(unknowns):
+            for i, name in enumerate(names):
                 indices[name] = "frames", (j, i)  # type: ignore[assignment]
         self._indices = [indices[name] for name in self.program.inputs]
         self._single = ScalarEngine(self.program)

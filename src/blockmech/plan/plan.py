@@ -17,7 +17,7 @@ import copy
 import functools
 import re
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import CodeType
 from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
@@ -147,6 +147,14 @@ class Program:
         """
         return tuple(formula(structure, scene) for formula in self.formulas.values())
 
+    def of(self, structure: Structure, scene: Scene) -> Program:
+        """The program of another mechanism of the same form."""
+        values = zip(self.formulas, self.values(structure, scene), strict=True)
+        functions = {  # what is no kernel knows its mechanism
+            name: f.of(structure) if hasattr(f, "of") else f for name, f in self.functions.items()
+        }
+        return replace(self, parameters=dict(values), functions=functions)
+
     @cached_property
     def code(self) -> CodeType:
         """The source compiled, once for all engines and all mechanisms of one structure."""
@@ -188,6 +196,7 @@ class Schedule:
         self.functions: dict[str, Kernel] = {}
         self._function_names: dict[Kernel, str] = {}
         self.formulas: dict[str, Formula] = {}
+        self.computed: list[Formula] = []  # by which rules decided something
         self.inputs: set[str] = set()
         self.angles: set[str] = set()
         self.unit_load: UnitLoad | None = None
@@ -311,7 +320,8 @@ class Schedule:
         return self._slots[key]
 
     def planned(self, formula: Formula) -> Any:
-        """A parameter of the planned design: rules leave out what is zero there."""
+        """A number of the planned design that a rule computes: what is zero there is left out."""
+        self.computed.append(formula)
         return formula(self.structure, self.scene)
 
     def input(self, quantity: str, driver: str) -> Value:
@@ -343,17 +353,10 @@ class Schedule:
             head.append(f"    {', '.join(self.formulas)}, = P")
         result = f"    return ({', '.join(names)}{',' if names else ''})"
         source = "\n".join([*head, *body, result]) + "\n"
-        parameters = {name: self.planned(formula) for name, formula in self.formulas.items()}
-        return Program(
-            source,
-            inputs,
-            frozenset(self.angles),
-            dict(self.functions),
-            dict(self.formulas),
-            parameters,
-            names,
-            self.kernel_calls,
-        )
+        functions, formulas = dict(self.functions), dict(self.formulas)
+        angles, calls = frozenset(self.angles), self.kernel_calls
+        program = Program(source, inputs, angles, functions, formulas, {}, names, calls)
+        return program.of(self.structure, self.scene)
 
     def _add(self, text: str, name: str) -> Value:
         value = self._fresh(name)

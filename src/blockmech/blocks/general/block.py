@@ -15,7 +15,7 @@ from abc import abstractmethod
 from collections import namedtuple
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import Discriminator, Tag, ValidationInfo, field_validator, model_validator
@@ -63,6 +63,12 @@ if TYPE_CHECKING:
 
 PairType = Literal["R", "P"]
 SUPPORTS = "the supports"  # how counting and its messages call all earlier links
+
+
+@cache
+def _numbers(*names: str) -> type[Any]:
+    """The record of a group's numbers: groups of one structure share it."""
+    return namedtuple("GeneralGroupNumbers", names)
 
 
 class MayBeDriven(StrictModel):
@@ -280,7 +286,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
             for s, marker in enumerate(pair.sides.values()):
                 numbers[f"at{k}_{s}"] = marker.at.z
                 numbers[f"u{k}_{s}"] = marker.direction
-        return namedtuple("GeneralGroupNumbers", tuple(numbers))(**numbers)
+        return _numbers(*numbers)(**numbers)
 
     def largest_length(self) -> float:
         """The largest distance [m] of a pair or marker from its link's origin, or of origins."""

@@ -35,9 +35,6 @@ from blockmech.typing import (
     Values,
 )
 
-Entries = dict[int, Real]
-"""Entries of one row of the Jacobian: column -> number."""
-
 
 class PairPlan(NamedTuple):
     """Where a pair's data are: numbers of links, inputs and parameters.
@@ -104,9 +101,10 @@ def ends(pair: PairPlan, links: tuple[LinkPosition, ...], outer: Values, p: Para
         a = Side(reading.p, reading.p, reading.u)
     else:
         a = Side(outer[pair.outer], outer[pair.outer], b.u)
-    t = (planar(1.0, 0.0), planar(0.0, 1.0))
     if pair.prismatic:
         t = (imul(a.u, 1.0), a.u)[: 1 + pair.driven]
+    else:
+        t = planar(1.0, 0.0), planar(0.0, 1.0)
     return Ends(a, b, b.P - a.P, t)
 
 
@@ -118,21 +116,28 @@ def residuals(pair: PairPlan, at: Ends, q: tuple[Real, ...], k: Real) -> list[Re
         gaps[1] = gaps[1] - q[pair.drive]
     elif pair.driven:
         u = u * expi(q[pair.drive])
-    return [x * k for x in gaps] + [angle(u, at.b.u)] * pair.turns
+    gaps = [x * k for x in gaps]
+    return [*gaps, angle(u, at.b.u)] if pair.turns else gaps
 
 
-def rows(pair: PairPlan, at: Ends, k: Real) -> list[Entries]:
+def rows(pair: PairPlan, at: Ends, columns: int, k: Real) -> list[list[Real]]:
     """Rows of the Jacobian; the columns of link j are 3j (x), 3j + 1 (y), 3j + 2 (angle)."""
     i, j = 3 * pair.earlier, 3 * pair.later
     reach = at.a.r + at.d if pair.prismatic else at.a.r  # a guide turns with its link
-    entries: list[Entries] = []
+    filled: list[list[Real]] = []
     for t in at.t:
-        row = {j: t.real, j + 1: t.imag, j + 2: cross(at.b.r, t) * k}
-        if pair.earlier >= 0:
-            row |= {i: -t.real, i + 1: -t.imag, i + 2: -cross(reach, t) * k}
-        entries.append(row)
-    turned: Entries = {j + 2: 1.0} | ({i + 2: -1.0} if pair.earlier >= 0 else {})
-    return entries + [turned] * pair.turns
+        row: list[Real] = [0.0] * columns
+        row[j], row[j + 1], row[j + 2] = t.real, t.imag, cross(at.b.r, t) * k
+        if i >= 0:
+            row[i], row[i + 1], row[i + 2] = -t.real, -t.imag, -cross(reach, t) * k
+        filled.append(row)
+    if pair.turns:
+        row = [0.0] * columns
+        row[j + 2] = 1.0
+        if i >= 0:
+            row[i + 2] = -1.0
+        filled.append(row)
+    return filled
 
 
 def _right(

@@ -115,7 +115,7 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         rounding = EPS * reach  # of the places
         good = where(largest(open_by) <= CLOSED * rounding, 1.0 + 0.0 * rounding, NAN)
         pose = tuple(LinkPosition(mul(o, good), mul(unit(e), good)) for o, e in pose)
-        at, _ = conditions(plans, pose, supports, q, p)
+        at = tuple(ends(pair, pose, supports, p) for pair in plans)
         return Pose(pose, at, jacobian(plans, at, links, p), first, guess[1])
 
     def velocity(pose: Pose, *arguments: Any) -> Velocity:
@@ -220,13 +220,9 @@ def stepped(pose: Links, step: tuple[Real, ...], size: Real) -> tuple[Links, Rea
 
 def jacobian(plans: Plans, at: tuple[Ends, ...], links: int, p: Parameters) -> Array:
     """The matrix of all conditions."""
-    filled = []
+    filled: list[list[Real]] = []
     for pair, sides in zip(plans, at, strict=True):
-        for entries in rows(pair, sides, 1 / p.size):
-            row = [0.0] * (3 * links)
-            for column, x in entries.items():
-                row[column] = x
-            filled.append(row)
+        filled += rows(pair, sides, 3 * links, 1 / p.size)
     return matrix(filled)
 
 

@@ -19,7 +19,8 @@ from blockmech.engines.trace import Trace, maximum, minimum, where
 from blockmech.friction.continuation import Outcome
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import ROUNDING
-from blockmech.passes.homotopy import BEFORE, MODES, Path, cubics, slopes
+from blockmech.passes.homotopy import BEFORE, MODES, Path
+from blockmech.passes.tracking import cubics, slopes
 from blockmech.plan.plan import Plan, Program
 from blockmech.result.quality import (
     CHANGE_POINT,
