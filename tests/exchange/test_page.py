@@ -167,6 +167,44 @@ def test_a_page_moves_and_a_number_is_changed(page, tmp_path):
     page.get_by_role("button", name="Pause").click()
 
 
+def test_a_page_has_the_links_names_and_loads_of_the_drawing(page, tmp_path):
+    """The slider-crank of the README: links between their own pins, a force along -x."""
+    m = bm.Linkage("slider_crank")
+    for link in ("crank", "rod", "piston"):
+        m.add_link(link)
+    m.add_joint("O", "R", ["frame", "crank"], point=(0, 0))
+    m.add_joint("A", "R", ["crank", "rod"], point=(0.03, 0.04))
+    m.add_joint("B", "R", ["rod", "piston"], point=(0.228, 0))
+    m.add_joint("cylinder", "P", ["frame", "piston"], point=(0.228, 0))
+    m.add_driver("motor", "O", bm.motion.ConstantRate(rate=150.0))
+    m.add_load("gas", "force", link="piston", at=(0.228, 0), force=(-2000, 0))
+    m.add_load("brake", "couple", link="crank", moment=-3.0)
+    path = tmp_path / "page.html"
+    bm.write(m, path, want=["driver.motor.drive"])
+    page.goto(path.as_uri())
+    page.locator("html[data-ready]").wait_for(state="attached")
+    names = page.locator(".canvas text").all_text_contents()
+    assert set(names) == {"O", "A", "B, cylinder, piston", "crank", "rod", "gas", "brake"}
+    a, b, o = sorted(  # pixels of the pins, from the top
+        page.locator(".dot").evaluate_all(
+            "pins => pins.map((x) => x.getCTM()).map(({ e, f }) => [e, f])"
+        ),
+        key=lambda z: (z[1], -z[0]),
+    )
+    bars = page.locator("polygon.link").evaluate_all(
+        "links => links.map((x) => [...x.points].map((z) => [z.x, z.y]))"
+    )
+    assert [sorted(bar) for bar in bars[:2]] == [
+        [pytest.approx(z, abs=0.2) for z in sorted(ends)] for ends in ([o, a], [a, b])
+    ]
+    brake, gas = page.locator("path.force").evaluate_all(
+        "forces => forces.map((x) => x.getCTM()).map(({ a, d, e }) => ({ a, d, e }))"
+    )
+    assert (gas["a"], gas["e"]) == pytest.approx((-1, b[0]), abs=0.2)  # it points to the left
+    assert brake["d"] == -1  # it turns to the right
+    assert page.get_by_label("at crank A x [m]", exact=True).input_value() == "0.03"
+
+
 def test_a_page_opens_the_link_of_another_mechanism_without_eval(page, tmp_path):
     path = written(tmp_path, "slider_crank")
     text = path.read_text("utf-8")

@@ -103,10 +103,7 @@ class Motion:
         return {name: self._effort(name) for name in self.structure.elements}
 
     def _effort(self, element: str) -> tuple[Vectors, ...] | None:
-        names = [
-            f"{JointRef(element, name)}.{'force' if terminal.kind == 'point' else 'couple'}"
-            for name, terminal in self.structure.elements[element].terminals.items()
-        ]
+        names = effort_names(self.structure, element)
         try:
             outputs = self.result._inside(*names)
         except RequestError:
@@ -123,6 +120,14 @@ class Motion:
         axes = np.array([*self.axis.values()])
         apart = [origins[:, -1] - origins[:, 0], size * (axes[:, -1] - axes[:, 0])]
         return bool(np.abs(apart).max() <= BLUR * size)
+
+
+def effort_names(structure: Structure, element: str) -> list[str]:
+    """The outputs that are an element's force or couple at each of its terminals."""
+    return [
+        f"{JointRef(element, name)}.{'force' if terminal.kind == 'point' else 'couple'}"
+        for name, terminal in structure.elements[element].terminals.items()
+    ]
 
 
 def moves(mechanism: Compiled, at: Coordinates | None = None, samples: int | None = None) -> Motion:

@@ -9,20 +9,25 @@ page works out itself. Rails, wheels and blocks lie in the frames of their links
 from __future__ import annotations
 
 import base64
+import functools
 import hashlib
 import html
+import itertools
 import json
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.draw.motion import moves
-from blockmech.draw.sketch import sketch_of
-from blockmech.exchange.c.program import poses
+from blockmech.compiled import Compiled
+from blockmech.draw.boxes import graph_of
+from blockmech.draw.motion import Motion, effort_names, moves
+from blockmech.draw.sketch import Sketch, sketch_of
+from blockmech.exchange.c.program import identifier, poses
 from blockmech.exchange.formats import Order, Writer
 from blockmech.exchange.page.script import WEB, Script
 from blockmech.figures.curves import abscissa
@@ -31,7 +36,8 @@ from blockmech.ground.errors import among
 from blockmech.ground.files import refuse_spared, writing
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.tolerances import BLUR
-from blockmech.model.spots import marker_place
+from blockmech.model.parameters import parameters_of
+from blockmech.model.spots import Spot, marker_place
 from blockmech.model.structure import LinkRef
 from blockmech.result.quality import WORDS
 from blockmech.result.samples import Samples
@@ -81,12 +87,20 @@ def contents_of(order: Order) -> Data:
     """Programs, numbers, samples and shapes, as `viewer.js` reads them."""
     mechanism, samples = order.mechanism, samples_of(order)
     curves = Script(mechanism, requested_outputs(order), **order.settings)
-    drawing = Script(mechanism._of_blocks, ["*.angle", "*.p"])
+    motion = moves(mechanism)
+    sketch = sketch_of(motion)
+    efforts = {
+        load.name: effort_names(mechanism.structure, load.name)
+        for load in sketch.loads
+        if load.kind != "spring" and motion.efforts[load.name] is not None
+    }
+    want = ["*.angle", "*.p", *itertools.chain.from_iterable(efforts.values())]
+    drawing = Script(mechanism._of_blocks, want)
     numbers = [m.name for m in curves.parameters if not m.is_array]
     offered = [x for x in numbers if not (x.startswith("size_") or x.endswith("_branch"))]
     axis = abscissa(mechanism._answer(samples, (), {"friction": None, "static": False}))
     return {
-        **_picture(drawing),
+        **_picture(drawing, motion, sketch, efforts),
         "title": getattr(mechanism.document, "title", "") or mechanism.name,
         "n": samples.n,
         "curves": _part(curves),
@@ -102,15 +116,32 @@ def contents_of(order: Order) -> Data:
 
 def _part(script: Script) -> Data:
     """A program with its numbers."""
+    units, names = _units(script.mechanism), script.mechanism.names
+    links = {identifier(str(x)): name for x, name in names.of_links.items()} if names else {}
+
+    def label(name: str) -> str:
+        """A number with the document's names of links, and its unit."""
+        text = functools.reduce(lambda text, link: text.replace(*link), links.items(), name)
+        unit = units.get(name) or units.get(name.partition("_")[0])
+        return text.removeprefix("P_").replace("_", " ") + (f" [{unit}]" if unit else "")
+
     return {
         "program": script.compact(),
         "parameters": [
-            {"name": m.name, "unit": _unit(m.comment), "numbers": m.numbers}
+            {"name": m.name, "label": label(m.name), "numbers": m.numbers}
             for m in script.parameters
         ],
         "inputs": [m.name for m in script.inputs],
         "outputs": [{"name": n, "unit": _unit(m.comment)} for n, m in script.outputs.items()],
     }
+
+
+def _units(mechanism: Compiled) -> dict[str, str]:
+    """Units of a block's numbers by their names in C, of others by the first word."""
+    numbers = parameters_of(graph_of(mechanism).sections()).values()
+    units = {f"P_{identifier(p.address)}": p.unit for p in numbers}
+    letters = {"at": "m", mechanism.structure.frame: "m", "gravity": "m/s2"}
+    return units | letters | {"m": "kg", "J": "kg m2"}
 
 
 def _unit(comment: str) -> str:
@@ -187,11 +218,11 @@ def _choose(text: str | None, offered: list[str]) -> list[str]:
     return chosen
 
 
-def _picture(drawing: Script) -> Data:
+def _picture(
+    drawing: Script, motion: Motion, sketch: Sketch, efforts: Mapping[str, list[str]]
+) -> Data:
     """What is drawn: places are outputs of the drawing, or lie in the frame of a link."""
-    at = {name: i for i, name in enumerate(drawing.outputs)}
-    motion = moves(drawing.mechanism)
-    sketch, s = sketch_of(motion), motion.structure
+    at, s = {name: i for i, name in enumerate(drawing.outputs)}, motion.structure
     motion = motion.only(motion.feasible)
     markers = [m for block in (s.frame, *s.blocks) for m in s.markers(block)]
     markers_at = {
@@ -215,22 +246,33 @@ def _picture(drawing: Script) -> Data:
         marker = output(positions) if pinned else None
         return {"link": frame(link), "at": [z.real, z.imag]} if marker is None else marker
 
+    def arrow(spot: Spot, effort: str, couple: bool) -> Data:
+        """A force at its place, or a couple amid its link."""
+        position = end(*(middles.get(spot.link, spot) if couple else spot))
+        return {"at": position, "value": at[effort if couple else f"{effort}.x"], "couple": couple}
+
+    middles = {body.link: body.middle for body in sketch.bodies}
+    sliders = [x for x in sketch.sliders if not x.inside]
+    spots = [(name, pin.spot) for pin in sketch.pins for name in pin.names]
+    spots += [(x.name, x.point) for x in sketch.sliders]
+    spots += [(body.name, body.middle) for body in sketch.bodies if body.name]
+    names: dict[str, Data] = {}  # those of one place beside each other
+    for name, spot in spots:
+        position = end(*spot)
+        names.setdefault(json.dumps(position), {"at": position, "names": []})["names"].append(name)
     return {
-        "pins": [
-            {"at": output(pins[pin.names]), "name": ", ".join(pin.names), "ground": pin.grounded}
-            for pin in sketch.pins
-        ],
+        "names": list(names.values()),
+        "pins": [{"at": output(pins[x.names]), "ground": x.grounded} for x in sketch.pins],
         "bodies": [
             {
                 "ends": [end(body.link, z) for z in body.outline],
-                "fill": LINK_FILLS[i % len(LINK_FILLS)],
+                "fill": LINK_FILLS[(body.number - 1) % len(LINK_FILLS)],
             }
-            for i, body in enumerate(sketch.bodies)
+            for body in sketch.bodies
         ],
         "rails": [
             {"link": frame(x.guide.link), "ends": [_pair(x.end(k)) for k in (0, 1)]}
-            for x in sketch.sliders
-            if not x.inside
+            for x in sliders
         ],
         "blocks": [
             {
@@ -238,16 +280,23 @@ def _picture(drawing: Script) -> Data:
                 "link": frame(x.guide.link),
                 "turn": math.atan2(x.direction.imag, x.direction.real),
             }
-            for x in sketch.sliders
-            if not x.inside
+            for x in sliders
         ],
         "wheels": [
             {"link": frame(wheel.link), "points": [_pair(z) for z in wheel.points]}
             for wheel in sketch.wheels
         ],
         "loads": [
-            {"name": load.name, "ends": [end(*spot) for spot in load.spots]}
-            for load in sketch.loads
+            {
+                "name": x.name,
+                "ends": [end(*spot) for spot in x.spots],
+                "line": x.kind in ("spring", "strut"),
+                "arrows": [
+                    arrow(spot, effort, x.unit != "N")
+                    for spot, effort in zip(x.spots, efforts.get(x.name, ()), strict=False)
+                ],
+            }
+            for x in sketch.loads
         ],
     }
 

@@ -12,16 +12,17 @@ import { rounded, signed } from "./quantity.js";
 
 /** @typedef {import("./geometry.js").Point} Point */
 /** @typedef {number[] | {from: number, to: number}} Column values at the samples, or the ends of equal steps */
-/** @typedef {{name: string, unit: string, numbers: number[]}} Parameter */
+/** @typedef {{name: string, label: string, numbers: number[]}} Parameter */
 /** @typedef {{program: string, parameters: Parameter[], inputs: string[], outputs: {name: string, unit: string}[]}} Part */
 /** @typedef {[number, number] | null} Frame where origin and angle of a link are among the outputs; null: the fixed one */
 /** @typedef {number | {link: Frame, at: Point}} Place an output, or a place in the frame of a link */
 /**
  * @typedef {{title: string, seconds: number, reasons: Record<string, string>, n: number, drawing: Part, curves: Part,
  *   columns: Record<string, Column>, along: {words: string, values: Column}, offered: string[], chosen: string[],
- *   pins: {at: number, name: string, ground: boolean}[], bodies: {ends: Place[], fill: string}[],
+ *   names: {at: Place, names: string[]}[], pins: {at: number, ground: boolean}[], bodies: {ends: Place[], fill: string}[],
  *   rails: {link: Frame, ends: Point[]}[], blocks: {at: Place, link: Frame, turn: number}[],
- *   wheels: {link: Frame, points: Point[]}[], loads: {name: string, ends: Place[]}[]}} Contents
+ *   wheels: {link: Frame, points: Point[]}[],
+ *   loads: {name: string, ends: Place[], line: boolean, arrows: {at: Place, value: number, couple: boolean}[]}[]}} Contents
  */
 /** @typedef {{document: string, file: string, page: Contents | null, why: string}} Link */
 
@@ -95,7 +96,8 @@ function hull(points) {
   return points.length < 3 ? points : [...half(sorted), ...half(sorted.reverse())];
 }
 
-const words = (/** @type {string} */ name) => name.replace(/^P_/, "").replaceAll("_", " ");
+const ARC = "M-5 15A16 16 0 1 0-15-5l6-6m-6 6l-1-8"; // a couple to the left
+const effort = (/** @type {ArrayLike<number>} */ row, /** @type {number} */ k, couple = false) => [row[k], couple ? 0 : row[k + 1]];
 const there = (/** @type {Point[]} */ points) => points.every((z) => Number.isFinite(z[0] + z[1]));
 
 /** Shows a mechanism. @param {HTMLElement} main @param {HTMLElement} aside @param {Contents} contents */
@@ -112,6 +114,7 @@ function show(main, aside, contents) {
   caption.setAttribute("role", "status");
   let [pose, playing, begun] = [0, false, 0];
   let view = { scale: 1, x: 0, y: 0 };
+  let largest = 1; // force
   /** @type {((k: number) => void)[]} */
   let cursors = [];
 
@@ -145,15 +148,15 @@ function show(main, aside, contents) {
       if (points.length > 1) for (const layer of ["edge", "link"]) put(svg, "polygon", { points: line(hull(points)), class: layer }).style.setProperty("--fill", fill);
     }
     for (const { link, points } of contents.wheels) polyline(points.map((z) => placed(now, link, z)), "wheel");
-    for (const { name, ends } of contents.loads) drawLoad(name, ends.map((end) => at(end)));
+    contents.loads.forEach(drawLoad);
     for (const { at: place, link, turn } of contents.blocks) {
       const angle = -(((link ? now[link[1]] : 0) + turn) * 180) / Math.PI;
       mark(at(place), "M-13-9H13V9H-13Z", "block", ` rotate(${angle})`);
     }
-    for (const { at: place, name } of contents.pins) {
-      mark(at(place), "M-5 0A5 5 0 1 0 5 0A5 5 0 1 0-5 0Z", "dot");
+    for (const { at: place } of contents.pins) mark(at(place), "M-5 0A5 5 0 1 0 5 0A5 5 0 1 0-5 0Z", "dot");
+    for (const { at: place, names } of contents.names) {
       const { x, y } = pixel(view, at(place));
-      if (Number.isFinite(x)) put(svg, "text", { x: x + 9, y: y - 9 }, name);
+      if (Number.isFinite(x)) put(svg, "text", { x: x + 9, y: y - 9 }, names.join(", "));
     }
     const status = curves.statuses[pose] || drawing.statuses[pose];
     caption.textContent = `${along.words}: ${signed(along.values[pose], 5)}${status ? ` \u2013 ${reasons[status]}` : ""}`;
@@ -172,11 +175,16 @@ function show(main, aside, contents) {
     if (Number.isFinite(x)) put(svg, "path", { d, class: name, transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})${turn}` });
   }
 
-  /** A load: a line between its ends, or a mark at its one. @param {string} name @param {Point[]} ends */
-  function drawLoad(name, ends) {
-    if (ends.length > 1) polyline(ends, "spring");
-    else mark(ends[0], "M0 0L-4-8M0 0L4-8M0 0V-26", "force");
-    const { x, y } = pixel(view, ends[0]);
+  /** A load: a line between its ends, arrows of forces, arcs of couples. @param {Contents["loads"][number]} load */
+  function drawLoad({ name, ends, line: isLine, arrows }) {
+    if (isLine) polyline(ends.map((end) => at(end)), "spring");
+    for (const { at: place, value, couple } of arrows) {
+      const [x, y] = effort(drawing.outputs[pose], value, couple);
+      const size = 18 + (28 * Math.hypot(x, y)) / largest;
+      if (couple && x) mark(at(place), ARC, "force", ` scale(1 ${Math.sign(x)})`);
+      else if (x || y) mark(at(place), `M0 0H${size}l-8-4m8 4l-8 4`, "force", ` rotate(${(-Math.atan2(y, x) * 180) / Math.PI})`);
+    }
+    const { x, y } = pixel(view, at(arrows.length ? arrows[0].at : ends[0]));
     if (Number.isFinite(x)) put(svg, "text", { x: x + 9, y: y - 22, class: "force" }, name);
   }
 
@@ -222,9 +230,14 @@ function show(main, aside, contents) {
     });
   }
 
+  function compute() {
+    for (const run of [drawing, curves]) run.compute();
+    const forces = contents.loads.flatMap(({ arrows }) => arrows.filter(({ couple }) => !couple));
+    largest = Math.max(1e-300, ...drawing.outputs.flatMap((row) => forces.map(({ value }) => Math.hypot(...effort(row, value)) || 0)));
+  }
+
   function renew() {
-    drawing.compute();
-    curves.compute();
+    compute();
     plot();
     draw();
   }
@@ -254,15 +267,17 @@ function show(main, aside, contents) {
     requestAnimationFrame(tick);
   }
 
+  const parameter = (/** @type {string} */ name) => /** @type {Parameter} */ (contents.curves.parameters.find((x) => x.name === name));
+
   /** A slider and a field for a number. @param {string} name */
   function offer(name) {
-    const own = /** @type {Parameter} */ (contents.curves.parameters.find((x) => x.name === name));
+    const own = parameter(name);
     const first = own.numbers[0];
-    const { cell, input: typed } = field(numbers, `${words(name)}${own.unit ? ` [${own.unit}]` : ""}`, "input");
+    const { cell, input: typed } = field(numbers, own.label, "input");
     Object.assign(typed, { type: "number", step: "any", value: String(first) });
     const range = element(cell, "input");
     Object.assign(range, { type: "range", min: "0", max: "1000", value: "500" });
-    range.setAttribute("aria-label", `${words(name)}, by a slider`);
+    range.setAttribute("aria-label", `${own.label}, by a slider`);
     const take = (/** @type {number} */ x) => {
       for (const run of [drawing, curves]) run.change(name, x);
       renew();
@@ -275,7 +290,7 @@ function show(main, aside, contents) {
     for (const option of more.options) if (option.value === name) option.disabled = true;
   }
 
-  more.append(new Option("", ""), ...contents.offered.map((name) => new Option(words(name), name)));
+  more.append(new Option("", ""), ...contents.offered.map((name) => new Option(parameter(name).label, name)));
   more.addEventListener("change", () => {
     if (more.value) offer(more.value);
     more.value = "";
@@ -283,8 +298,7 @@ function show(main, aside, contents) {
   contents.chosen.forEach(offer);
   slider.addEventListener("input", () => { pause(); step(Number(slider.value)); });
   new ResizeObserver(() => { fit(); plot(); draw(); }).observe(main);
-  drawing.compute();
-  curves.compute();
+  compute();
 }
 
 async function open() {
