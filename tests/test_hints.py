@@ -136,6 +136,8 @@ def test_a_model_says_how_it_is_changed():
         (lambda: MECHANISM.run(at=0.5).torque, '["crank.drive"]'),
         (lambda: MECHANISM.run(at=0.5).save, "write to_csv"),
         (lambda: bm.Graph("empty").wire, "write connect"),
+        (lambda: bm.Graph("empty").disconnect, "write replace"),
+        (lambda: bm.Linkage("empty").remove_link, "write replace"),
         (lambda: bm.load, "read"),
         (lambda: bm.Slider, "SlideDrive"),
     ],

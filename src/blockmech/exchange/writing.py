@@ -9,7 +9,7 @@ from typing import Any
 from blockmech.exchange.formats import Order, writer_for
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, as_names
-from blockmech.ground.files import AnyPath, refuse_spared
+from blockmech.ground.files import AnyPath, refuse_spared, spare, sparing
 from blockmech.ground.runnable import EVERYTHING, Runnable
 
 POSES = ("at", "samples", "times")
@@ -42,8 +42,8 @@ def write(
 
     Raises
     ------
-    RequestError for an unknown format or option, and for features of the mechanism that the format
-    cannot express
+    RequestError for an unknown format or option, for the file that the mechanism was read from, and
+    for features of the mechanism that the format cannot express
 
     >>> bm.write(g, "fourbar.c", want="crank.drive")
     [PosixPath('fourbar.h'), PosixPath('fourbar.c'), PosixPath('fourbar_test.c')]
@@ -60,5 +60,8 @@ def write(
         {k: options[k] for k in SETTINGS if options.get(k) is not None},
         {k: v for k, v in settings.items() if v is not None},
     )
-    refuse_spared(path)
-    return writer.write(order, path)
+    with sparing():
+        if mechanism.document is not None and mechanism.document.file:
+            spare(mechanism.document.file)
+        refuse_spared(path)
+        return writer.write(order, path)

@@ -307,6 +307,8 @@ SYNONYMS = {
         ("to_pandas df", ("to_dataframe",)),
         ("load open", ("read",)),
         ("wire add_wire join attach", ("connect",)),
+        ("remove delete pop disconnect rename change edit set update", ("replace",)),
+        ("remove_link remove_joint remove_load remove_block set_friction", ("replace",)),
         ("dyad", ("RRR",)),
     )
     for term in terms.split()

@@ -27,7 +27,7 @@ SPARED: ContextVar[tuple[AnyPath, ...]] = ContextVar("spared", default=())
 @contextmanager
 def sparing() -> Iterator[None]:
     """Inside, files that are named by `spare` are not written to; afterwards they may be again."""
-    before = SPARED.set(())
+    before = SPARED.set(SPARED.get())
     try:
         yield
     finally:

@@ -178,11 +178,11 @@ def _meanings(unit: str) -> tuple[Meaning, ...]:
 
 
 def _products(text: str) -> Iterator[tuple[Fraction, Counter[str]]]:
-    """What symbols side by side may mean: N mm, Nmm, kg m2."""
+    """What symbols side by side may mean: N mm, Nmm, kg m2; a square is never written mm."""
     if not text:
         yield Fraction(1), Counter()
     for end in range(len(text), 0, -1):
-        if text[:end] in _symbols():
+        if text[:end] in _symbols() and not text.startswith(text[:end], end):
             size, powers = _symbols()[text[:end]]
             power = POWER.match(text, end)
             n = int(power[1]) if power else 1

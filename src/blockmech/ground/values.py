@@ -5,8 +5,9 @@ from __future__ import annotations
 import cmath
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
+from itertools import filterfalse
 from numbers import Integral, Real
 from typing import (
     TYPE_CHECKING,
@@ -39,7 +40,7 @@ from pydantic import (
 from pydantic.functional_validators import ModelWrapValidatorHandler
 from pydantic_core import PydanticCustomError, core_schema
 
-from blockmech.ground.errors import GraphError, Problem, listed, shown
+from blockmech.ground.errors import GraphError, Problem, listed, shown, unknown_key
 from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import apply
 from blockmech.ground.texts import in_metres, read_texts
@@ -353,10 +354,25 @@ class StrictModel(BaseModel):
                 vars(self)[name] = FrozenDict(x)
 
     def model_copy(self, *, update: Record | None = None, deep: bool = False) -> Self:
-        """A copy with some fields replaced; see pydantic."""
+        """A copy with some fields replaced, unchecked; see pydantic.
+
+        Raises `GraphError` for fields that there are not.
+        """
+        fields = type(self).model_fields
+        for name in filterfalse(fields.__contains__, update or ()):
+            raise GraphError(unknown_key(type(self).__name__, type(self).__name__, name, fields))
         copied = super().model_copy(update=update, deep=deep)
         copied.model_post_init(None)
+        copied.keep_texts(self, update or ())
         return copied
+
+    def keep_texts(self, source: StrictModel, replaced: Collection[str]) -> None:
+        """Remember which numbers of another model were texts, but for replaced fields."""
+        keys = {type(self).model_fields[name].alias or name for name in replaced}
+        texts = vars(source).get("texts", {}).items()
+        texts = {path: text for path, text in texts if path[0] not in keys}
+        if texts:
+            vars(self)["texts"] = texts | vars(self).get("texts", {})
 
     def axis(self, outside: Axis) -> Axis:
         """Units along the coordinate of this model and of the models inside it."""

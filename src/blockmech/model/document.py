@@ -11,16 +11,26 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import FormatError, GraphError, Problem, close_match, in_file, listed
+from blockmech.ground.errors import (
+    FormatError,
+    GraphError,
+    Problem,
+    RequestError,
+    close_match,
+    in_file,
+    listed,
+    unknown_name,
+)
 from blockmech.ground.garbage import uncollected
 from blockmech.ground.units import number_in_si
+from blockmech.ground.values import StrictModel
 from blockmech.model.diagram import Wire
 from blockmech.model.form import EXTRAS, Draft, Form
 from blockmech.model.parameters import PARTS, Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.scene import Initial, Locked, Stops
 from blockmech.model.versions import current
-from blockmech.model.writing import canonical_text
+from blockmech.model.writing import canonical_text, plain
 from blockmech.typing import Data, Quantity, Record
 
 
@@ -212,39 +222,73 @@ class Document:
     # -- designs ----------------------------------------------------------
 
     @declared
-    def replace(self, values: Mapping[str, float]) -> Self:
-        """The same mechanism with other numbers, checked like a file.
+    def replace(self, values: Mapping[str, Quantity | StrictModel | Record | None]) -> Self:
+        """The same mechanism with other numbers or parts, checked like a file.
 
         ``values`` is address -> number, e.g. ``{"dyad.l_i": 6.1, "frame.D.x": 5.0}``; see
-        `blockmech.model.parameters`. The ``expect`` of the file is dropped, as it holds for the
-        old numbers.
+        `blockmech.model.parameters`. A part is named as in the file, and None takes it out:
+        ``{"joints.A.friction": bm.friction.Coulomb(coefficient=0.1, radius=0.01)}``,
+        ``{"loads.wind": None}``. The ``expect`` of the file is dropped, as it holds for the old
+        mechanism.
 
         Raises
         ------
         RequestError for unknown addresses
-        FormatError, GraphError for numbers that do not fit
+        FormatError, GraphError for numbers and parts that do not fit
 
         >>> g.replace({"dyad.l_i": 6.1}).blocks["dyad"].l_i
         6.1
+        >>> g.replace({"blocks.dyad.friction": None}).blocks["dyad"].friction
+        FrozenDict({})
         """
-        numbers = named(parameters_of(self.sections()), values)
+        parts = {
+            a: x for a, x in values.items() if x is None or isinstance(x, Mapping | StrictModel)
+        }
+        new: Data = {a: x for a, x in values.items() if a not in parts}
+        numbers = named(parameters_of(self.sections()), new)
         texts = {p: x for p, x in numbers.items() if isinstance(x, str) and p.path[-1] in PARTS}
-        parts = {p: number_in_si(x, p.unit) for p, x in texts.items()}
-        return self.with_checked({p.path: x for p, x in (numbers | parts).items()})
+        in_si = {p: number_in_si(x, p.unit) for p, x in texts.items()}
+        return self.with_checked({p.path: x for p, x in (numbers | in_si).items()}, parts)
 
-    def with_checked(self, numbers: Mapping[Path, float]) -> Self:
+    def with_checked(self, numbers: Mapping[Path, float], parts: Record | None = None) -> Self:
         """A copy with other numbers at some paths, checked like a file; see `replace`.
 
         >>> g.with_checked({("blocks", "dyad", "l_i"): 6.1}).blocks["dyad"].l_i
         6.1
         """
-        plain = {
+        items = {
             path: x.item() if getattr(x, "ndim", 1) == 0 and hasattr(x, "item") else x
             for path, x in numbers.items()
         }
-        data = self._written(replaced(self.sections(), plain))
+        data = self._written(replaced(self.sections(), items))
         data.pop("expect", None)
+        for address, part in (parts or {}).items():
+            self._put(data, address, part)
         return self.from_data(data, (), self.file)
+
+    def _put(self, data: Data, address: str, part: StrictModel | Record | None) -> None:
+        """Put a part into what a file holds, or take it out where it is None."""
+        *path, key = address.split(".")
+        sections = self.form.items()
+        if path and f"{path[0]}s" in sections:
+            path[0] += "s"
+        elif (path or [key])[0] in data.get("blocks", ()):
+            path.insert(0, "blocks")
+        if path and path[0] in sections:
+            data.setdefault(path[0], {})
+        owner: Any = data
+        for n, name in enumerate((*path, key)):
+            keys = owner if isinstance(owner, dict) else {}
+            is_missing = name not in keys and (n < len(path) or part is None)
+            if is_missing or not path:
+                where, *names = (".".join((*path[:n], x)) for x in (name, *keys))
+                raise RequestError(unknown_name("unknown-parameter", "part", where, address, names))
+            owner = keys[name] if n < len(path) else keys
+        if part is None:
+            del owner[key]
+        else:
+            items = sections.get(path[0]) if len(path) == 1 else None
+            owner[key] = items.data(part) if items else plain(part)
 
     def with_numbers(self, numbers: Mapping[Path, Any]) -> Self:
         """An unchecked copy with other numbers at some paths, of any type with arithmetic.

@@ -90,6 +90,15 @@ class Section(NamedTuple):
         kind = getattr(item, "type_name", "").removeprefix(self.prefix)
         return kind or (str(getattr(item, self.key, "")) if self.key else "")
 
+    def foreign(self, items: Record, path: str) -> Iterator[Problem]:
+        """Items that somebody put into the section and that are none of its kinds."""
+        models = tuple({*self.kinds.values(), *filter(None, [self.plain])})
+        for name, item in items.items():
+            if not isinstance(item, models):
+                message = f"{shown(type(item).__name__)} is no {self.what} of this document"
+                remedy = f'write add_{self.what}("{name}", ...)'
+                yield Problem("wrong-type", f"{path}.{name}", message, "", remedy)
+
     def data(self, item: Any) -> Data:
         """An item as its file says it."""
         if self.other and not isinstance(item, StrictModel | Mapping):

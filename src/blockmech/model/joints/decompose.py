@@ -14,6 +14,7 @@ Names: the block of a driver or a cylinder is named like the driver, a group's a
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -61,6 +62,10 @@ def decompose(linkage: Linkage, general: General = "") -> Parts:
     cannot work, then joints that do not close.
     """
     try:
+        items = linkage.form.items().items()
+        foreign = chain.from_iterable(x.foreign(getattr(linkage, key), key) for key, x in items)
+        if wrong := [*foreign]:
+            raise GraphError(wrong)
         if wrong := [*reference_problems(linkage, vars(linkage)), *wrong_units(linkage.sections())]:
             raise GraphError(wrong)
         linkage = dimensioned(linkage)

@@ -224,11 +224,9 @@ class Linkage(Document):
             raise GraphError(
                 unknown_name("unknown-link", "link", missing[0], where, [FRAME, *self.links], first)
             )
-        by_name = {FRAME: LinkGiven()} | self.links
-        zero = (0.0, 0.0, 0.0)
-        return [
-            by_name[link].model_copy(update={"pose": by_name[link].pose or zero}) for link in links
-        ]
+        by_name, zero = {FRAME: LinkGiven()} | self.links, {"pose": (0.0, 0.0, 0.0)}
+        posed_links = (by_name[link] for link in links)
+        return [link if link.pose else link.model_copy(update=zero) for link in posed_links]
 
     @declared
     def add_driver(
@@ -395,13 +393,17 @@ class Linkage(Document):
     ) -> None:
         """Add an item by an object, or by its kind; keys come on top of what the object says."""
         if isinstance(model, StrictModel):
-            keys = {key: getattr(model, key) for key in model.model_fields_set} | keys
-            model = sections()[f"{section}s"].word(model)
-        elif not isinstance(model, str):
-            keys, model = {**model, **keys}, ""
-        self._add(section, name, keys, model)
+            fields = {key: getattr(model, key) for key in model.model_fields_set}
+            kind = sections()[f"{section}s"].word(model)
+            self._add(section, name, fields | keys, kind).keep_texts(model, keys)
+        elif isinstance(model, str):
+            self._add(section, name, keys, model)
+        else:
+            self._add(section, name, {**model, **keys})
 
-    def _add(self, kind_of_item: str, name: str, arguments: Arguments, kind: str = "") -> None:
+    def _add(
+        self, kind_of_item: str, name: str, arguments: Arguments, kind: str = ""
+    ) -> StrictModel:
         """Add an item of a kind. Raises `GraphError` with places in the document."""
         if not isinstance(name, str) or not is_name(name):
             raise GraphError(bad_name(kind_of_item, name))
@@ -417,7 +419,7 @@ class Linkage(Document):
         try:
             in_file = {key: field.alias or key for key, field in model.model_fields.items()}
             keys = {in_file.get(key, key): x for key, x in arguments.items() if x is not None}
-            items[name] = model(**keys)
+            item: StrictModel = model(**keys)
         except GraphError as error:
             path, cls = path_text((f"{kind_of_item}s", name)), model.__name__
             problems = [
@@ -428,6 +430,8 @@ class Linkage(Document):
                 remedy = f"name its {section.key} first: {listed(section.kinds)}"
                 problems = [replace(p, remedy=remedy) for p in problems]
             raise GraphError(problems) from None
+        items[name] = item
+        return item
 
     @property
     def driven(self) -> dict[str, str]:
