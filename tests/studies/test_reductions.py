@@ -132,6 +132,10 @@ def test_a_result_is_a_dataset():
     assert dataset["dyad.C.p.y"].attrs["units"] == "m"
     assert dataset["time"].attrs["units"] == "s"
     assert float(dataset["crank.drive"].sel({"crank.q": POSES[3]})) == run["crank.drive"][3]
+    millimetres = run.to("mm", "deg").to_xarray()
+    assert np.array_equal(millimetres["dyad.C.p"].values, 1000.0 * run["dyad.C.p"])
+    assert millimetres["dyad.C.p.y"].attrs["units"] == "mm"
+    assert millimetres["crank.q"].attrs["units"] == "deg"
 
 
 def test_units_of_a_dataset_are_spelled_as_pint_reads_them():

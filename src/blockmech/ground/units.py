@@ -40,11 +40,13 @@ PREFIXED: Mapping[str, tuple[Fraction | int, str]] = {
 }
 ALONE: Mapping[str, tuple[Fraction | int, str]] = {
     "deg": (DEGREE, "rad"),
+    "degrees": (DEGREE, "rad"),
     "°": (DEGREE, "rad"),
     "turn": (TURN, "rad"),
     "turns": (TURN, "rad"),
     "rev": (TURN, "rad"),
     "rpm": (TURN / 60, "rad s-1"),
+    "RPM": (TURN / 60, "rad s-1"),
     "min": (60, "s"),
     "h": (3600, "s"),
     "in": (INCH, "m"),

@@ -238,8 +238,8 @@ class Document:
 
         >>> g.replace({"dyad.l_i": 6.1}).blocks["dyad"].l_i
         6.1
-        >>> g.replace({"blocks.dyad.friction": None}).blocks["dyad"].friction
-        FrozenDict({})
+        >>> g.replace({"dyad.friction": {}}).blocks["dyad"].friction
+        {}
         """
         parts = {
             a: x for a, x in values.items() if x is None or isinstance(x, Mapping | StrictModel)

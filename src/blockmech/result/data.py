@@ -14,6 +14,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed
 from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.report import as_json
+from blockmech.ground.units import shown_in
 from blockmech.result.columns import Column, Labelled, columns, components
 from blockmech.result.motion import Motion
 from blockmech.typing import Array, Data, Real
@@ -117,14 +118,12 @@ def to_xarray(result: Labelled) -> Any:
         rows, units = rows | parts, units | dict.fromkeys(parts, units[name])
     coords = drivers | ({} if time is None else {"time": time})
     units |= {"time": "s"} if "time" in coords else {}
-    dataset = xarray.Dataset(
-        {n: (dim, x) for n, x in rows.items() if n not in coords},
-        {n: (dim, x) for n, x in coords.items()},
-        {n: x for n, x in data.items() if np.ndim(x) == 0},
-    )
-    for name, unit in units.items():
+    factors = {name: shown_in(unit, result.units) for name, unit in units.items()}
+    variables = {n: (dim, factors[n][0] * x) for n, x in (rows | coords).items()}
+    dataset = xarray.Dataset(variables, attrs={n: x for n, x in data.items() if np.ndim(x) == 0})
+    for name, (_, unit) in factors.items():
         dataset[name].attrs["units"] = pint_unit(unit)
-    return dataset
+    return dataset.set_coords([*coords])
 
 
 def pint_unit(unit: str) -> str:

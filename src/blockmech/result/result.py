@@ -127,8 +127,9 @@ class Result(Exported, Generic[M]):
     def to(self, *units: str) -> Self:
         """The same result, displayed in other units: deg, rpm, mm, kN.
 
-        Tables, CSV, data frames and pictures follow; arrays by name, JSON and npz stay in SI.
-        ``result.to("deg", "mm").to_csv("turn.csv")``. Raises `RequestError` for what is no unit.
+        Tables, CSV, pictures, data frames of pandas and xarray follow; arrays by name, JSON and npz
+        stay in SI. ``result.to("deg", "mm").to_csv("turn.csv")``. Raises `RequestError` for what is
+        no unit.
 
         >>> print(result.to("deg", "kN").to_csv()[:40])
         crank.q [deg],time [s],crank.rate [rad/s
