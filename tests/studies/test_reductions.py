@@ -91,6 +91,25 @@ def test_tolerance_takes_reductions():
     assert f"{label}: deviation " in str(bands)
 
 
+def test_strokes_along_straight_paths_are_those_of_each_design_by_itself(monkeypatch):
+    """A slide at 0.4 rad, whose axis no design has from another; none is compiled for it."""
+    g = bm.Graph.load(GRAPHS / "slider_crank_offset.json")
+    g = g.replace({"frame.G.angle": 0.4})
+    name = next(n for n in g.compile().outputs if n.endswith("Cj.p"))
+    angles, lengths = np.linspace(0.3, 0.5, 5), np.linspace(0.08, 0.1, 5)
+    mech = g.compile()
+    with monkeypatch.context() as patch:
+        patch.setattr("blockmech.studies.runner.remade", lambda *_: pytest.fail("compiled"))
+        study = mech.study(
+            {"frame.G.angle": angles, "crank.length": lengths},
+            want=f"stroke({name})",
+            sampling="paired",
+        )
+    for angle, length, stroke in zip(angles, lengths, study[f"stroke({name})"], strict=True):
+        design = g.replace({"frame.G.angle": angle, "crank.length": length}).compile()
+        assert stroke == pytest.approx(design.stroke(name).length, rel=1e-12)
+
+
 def test_objective_takes_a_stroke():
     f = MECH.objective(["dyad.l_j", "crank.length"], want="stroke(dyad.j.angle)", samples=37)
     h = 1e-4

@@ -30,7 +30,7 @@ from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, with_unit
 from blockmech.ground.tolerances import BLUR, EQUAL
-from blockmech.typing import Data, Floats, FrictionMethod
+from blockmech.typing import Data, Floats, FrictionMethod, Vectors
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -155,24 +155,37 @@ def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:
     if not np.isfinite(z).any():
         turns_of(cycle, signal_of(cycle, output, "x"))  # says what fails, and where
     z = z[np.isfinite(z)]
-    middle = complex(z[np.argmax(np.abs(z - z[0]))] + z[0]) / 2
-    spread = float(np.abs(z - middle).max())
-    if spread <= EPS * float(np.abs(z).max()):
+    middle, u, is_straight = (x[0] for x in principal_axes(z[None]))
+    if not u:
         raise refused(output, "the marker does not move")
-    # The principal axis of the samples: the square forgets which way along it they lie.
-    u = complex(np.sqrt(((z - middle) ** 2).sum()))
-    u /= abs(u)
-    straight = float(np.abs(((z - middle) * u.conjugate()).imag).max()) <= EQUAL * spread
 
     def along(s: Floats) -> Floats:
         return np.asarray(((read(s) - middle) * u.conjugate()).real)
 
     signal = signal_of(cycle, output, "magnitude")._replace(value=along, smooth=along)
-    turns = turns_of(cycle, signal) if straight else _curve(cycle, output)
+    turns = turns_of(cycle, signal) if is_straight else _curve(cycle, output)
     chord = float(abs(np.diff(read(np.array([turns.low.s, turns.high.s])))[0]))
-    high = turns.high._replace(value=chord) if straight else turns.high
-    path: Path = "straight" if straight else "curved"
+    high = turns.high._replace(value=chord) if is_straight else turns.high
+    path: Path = "straight" if is_straight else "curved"
     return turns._replace(low=turns.low._replace(value=0.0), high=high), path, chord
+
+
+def principal_axes(z: Vectors) -> tuple[Vectors, Vectors, NDArray[np.bool_]]:
+    """Lines through the places (m, n) of m markers at n poses.
+
+    Returns a place (m,) on each line, its unit direction (m,), 0 of a marker that does not move,
+    and whether the marker stays on it.
+    """
+    m, first = np.arange(len(z)), z[:, 0]
+    middle = (z[m, np.abs(z - first[:, None]).argmax(axis=1)] + first) / 2
+    off = z - middle[:, None]
+    spread = np.abs(off).max(axis=1)
+    moves = spread > EPS * np.abs(z).max(axis=1)
+    # the square forgets which way along the axis places lie
+    u = np.sqrt(np.where(moves, (off**2).sum(axis=1), 0.0))
+    u /= np.where(moves, np.abs(u), 1.0)
+    aside = np.abs((off * u.conj()[:, None]).imag).max(axis=1)
+    return middle, u, moves & (aside <= EQUAL * spread)
 
 
 def _curve(cycle: Cycle, output: str) -> Turns:

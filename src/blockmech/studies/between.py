@@ -7,7 +7,7 @@ each design's own. Beside limits of the motion outputs have narrow peaks: there 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +22,7 @@ from blockmech.engines.numpy import each_part
 from blockmech.ground.errors import RequestError
 from blockmech.plan.plan import Plan
 from blockmech.result.samples import Samples, make_samples
-from blockmech.studies.reductions import EXTREMES, SIMPLE, Wanted
+from blockmech.studies.reductions import EXTREMES, SIMPLE, STROKE, Wanted
 from blockmech.typing import Array, Nested, Values
 
 NEAR_LIMIT = 0.02  # margin [-] below which outputs may have peaks narrower than usual spacings
@@ -76,12 +76,22 @@ class Range:
         with np.errstate(all="ignore"):
             return w.poses([outputs[i] for i in self.plan.layout[w.output]], coordinates.shape)
 
-    def extremes(self, w: Wanted, values: Values, y: Array, margins: Mapping[str, Array]) -> Peaks:
+    def extremes(
+        self,
+        w: Wanted,
+        values: Values,
+        y: Array,
+        margins: Mapping[str, Array],
+        axes: Sequence[Array] = (),
+    ) -> Peaks:
         """Extremes of an output that is y (m, n) at the poses, all finite; infinite errors where
-        there is no range to follow."""
+        there is no range to follow. Of markers on straight paths those along their axes, each a
+        place and a direction (m,)."""
+        y = projected(y, *axes)
         if self.cycle is None:
             doubt = math.inf if y.shape[1] > 1 else 0.0
-            return Peaks(SIMPLE[w.how](y), np.zeros(len(y)), np.full(len(y), doubt))
+            how = "range" if w.how == STROKE else w.how
+            return Peaks(SIMPLE[how](y), np.zeros(len(y)), np.full(len(y), doubt))
         s, order = self.places
         y = y if len(order) == y.shape[1] and (np.diff(order) > 0).all() else y[:, order]
         angle = w.output.endswith(".angle")
@@ -89,6 +99,7 @@ class Range:
 
         def output(row: Array, coordinates: Array) -> Array:
             x = self.output(w, some_of(values, row), coordinates)
+            x = projected(x, *(axis[row] for axis in axes))
             if angle:  # which does not jump by a turn on the way
                 k = np.searchsorted((s[1:] + s[:-1]) / 2, coordinates)
                 x = x + math.tau * np.round((y[row[:, None], k] - x) / math.tau)
@@ -96,6 +107,13 @@ class Range:
 
         turn, suspects = self.cycle.turns, near_limits(margins, order)
         return extremes_of(w, output, s, y, turn=turn, suspects=suspects)
+
+
+def projected(z: Array, origin: Array | float = 0.0, direction: Array | None = None) -> Array:
+    """Places (m, n) of markers along their axes; other outputs, which have none, as they are."""
+    if direction is None:
+        return z
+    return np.asarray(((z - np.reshape(origin, (-1, 1))) * direction.conj()[:, None]).real)
 
 
 def extremes_of(w: Wanted, output: Function, s: Array, y: Array, **search_settings: Any) -> Peaks:

@@ -46,7 +46,7 @@ SIMPLE: Mapping[str, Callable[[Array], Array]] = {
     "mean": mean,
     "rms": lambda x: np.sqrt(mean(x * x)),
 }
-EXTREMES = {"min": (-1,), "max": (1,), "max_abs": (1,), "range": (1, -1)}
+EXTREMES = {"min": (-1,), "max": (1,), "max_abs": (1,), "range": (1, -1), STROKE: (1, -1)}
 """Reductions that are found between the poses: signs with which an output is largest there."""
 OF_VECTORS = ("max_abs", "rms", "mean", "at", "final", POSES, STROKE, REST)
 Words = Mapping[str, Callable[[str, str], Any] | None]
@@ -84,7 +84,7 @@ class Wanted:
 
     def of(self, columns: Reals, shape: tuple[int, int], weights: Array) -> Array:
         """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
-        if self.how in (STROKE, REST):  # which are followed design by design
+        if self.how == REST:  # which is followed design by design
             return np.full(shape[0], complex(np.nan, np.nan) if self.kind == "vector" else np.nan)
         if self.how == WHOLE:
             rows = [np.broadcast_to(x, shape) for x in columns]
@@ -227,6 +227,8 @@ def column(output: Output, reduction: str, readers: Words) -> Wanted:
         remedy = f'ask for "{reduction}({called}.x)", or {listed(OF_VECTORS)}'
         raise refused(f"{reduction}({called})", "it is a vector", remedy)
     sample = reader(at["at"] if at else "", called) if reader else 0
+    if word == STROKE and not vector:
+        word = "range"
     label = f"{word}({called}, {at['at']})" if at else f"{reduction}({called})"
     kind = "vector" if vector and word in ("mean", "at", "final", POSES, REST) else "real"
     return Wanted(label, called, word, output.unit, kind, sample, vector, output.read)

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.analysis.stroke import principal_axes
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
 from blockmech.ground.errors import (
@@ -168,12 +169,15 @@ class Runner:
         return self._with_followed(answered, columns)
 
     def _with_followed(self, block: Rows, columns: Mapping[Parameter, Array]) -> Rows:
-        """Designs with their strokes and where they rest, one by one; NaN where there is none."""
+        """Designs with strokes along curves and where they rest, one by one; NaN where there is
+        none."""
         followed = [w for w in self.want if w.how in (STROKE, REST)]
         values = dict(block.values)
         for i, row in enumerate(zip(*columns.values(), strict=True)) if followed else ():
             numbers = {p.address: document_value(p, x) for p, x in zip(columns, row, strict=True)}
             for w in followed:
+                if not (w.how == REST or (block.word[i] == 0 and np.isnan(values[w.label][i]))):
+                    continue
                 with suppress(FormatError, GraphError, AssemblyError, SingularError, FrictionError):
                     design = remade(self.family.mechanism, numbers)
                     if w.how == REST:
@@ -294,20 +298,22 @@ class _Planned:
     ) -> Array:
         """Extremes (m,) of some designs between the poses, at which an output is y (m, n); what is
         doubtful of them is put into the rows."""
-        kept = np.full(len(y), np.nan)
-        if not some.any():
-            return kept
-        if not some.all():
-            y, numbers = y[some], some_of(numbers, np.flatnonzero(some))
-            margins = {name: m[some] for name, m in margins.items()}
-        peaks = self.range.extremes(w, numbers, y, margins)
-        kept[some] = peaks.value
-        rows_of = np.flatnonzero(some)
+        largest, rows_of, axes = np.full(len(y), np.nan), np.flatnonzero(some), list[Array]()
+        if w.how == STROKE:  # others are those of curved paths
+            *axes, is_straight = principal_axes(y[rows_of])
+            axes, rows_of = [axis[is_straight] for axis in axes], rows_of[is_straight]
+        if not len(rows_of):
+            return largest
+        if len(rows_of) < len(y):
+            y, numbers = y[rows_of], some_of(numbers, rows_of)
+            margins = {name: m[rows_of] for name, m in margins.items()}
+        peaks = self.range.extremes(w, numbers, y, margins, axes)
+        largest[rows_of] = peaks.value
         for i in np.flatnonzero(peaks.error > EQUAL * np.abs(peaks.value)).tolist():
             least = {self.mechanism._block_name(b): float(m[i].min()) for b, m in margins.items()}
             gap = np.isinf(peaks.error[i]) and self.range.cycle is not None
             if gap:
-                kept[rows_of[i]] = np.nan
+                largest[rows_of[i]] = np.nan
             rows.word[rows_of[i]] = REASONS.index(NO_ASSEMBLY if gap else COARSE)
             rows.place[rows_of[i]] = doubt(w.label, peaks, i, least)
-        return kept
+        return largest
