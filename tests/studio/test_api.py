@@ -1,5 +1,6 @@
 """The API of the studio, without a browser: acts, refusals, guard, jobs, two windows."""
 
+import base64
 import json
 import socket
 import time
@@ -127,9 +128,9 @@ def test_an_act_is_a_step_and_a_refusal_leaves_the_sheet(client):
     wrong = client.post(f"{path}/edit", json={"act": "Link", "pins": ["A", "B"]})
     assert wrong.status_code == 422
     assert "already" in wrong.json()["problems"][0]["found"]
-    back = client.post(f"{path}/undo", json={}).json()
+    back = client.post(f"{path}/edit", json={"act": "undo"}).json()
     assert [p for p in back["drawing"]["pins"] if p["name"] == "B"] == [pin]
-    assert client.post(f"{path}/redo", json={}).json()["drawing"] == after["drawing"]
+    assert client.post(f"{path}/edit", json={"act": "redo"}).json()["drawing"] == after["drawing"]
     assert client.post(f"{path}/edit", json={"act": "fly"}).status_code == 422
 
 
@@ -200,8 +201,10 @@ def test_files_links_and_what_is_not_saved(client):
     assert unpacked(link).to_json() == opened(gallery()["joints/ruiz_fourbar"]).to_json()
     again = client.post("/api/documents", json={"link": link}).json()
     assert again["drawing"] == state["drawing"]
-    assert client.post(f"{path}/save", json={"name": "../out.json"}).status_code == 422
-    saved = client.post(f"{path}/save", json={"name": "four.json"}).json()
+    assert (
+        client.post(f"{path}/edit", json={"act": "save", "name": "../out.json"}).status_code == 422
+    )
+    saved = client.post(f"{path}/edit", json={"act": "save", "name": "four.json"}).json()
     assert (saved["saved"], saved["file"]) == (True, "four.json")
     listed = client.get("/api/files").json()
     assert listed["files"] == ["four.json"]
@@ -235,33 +238,31 @@ def test_a_link_of_a_large_document_is_unpacked_up_to_a_limit():
 
 def answer(client, path, **task):
     """What a job says in the end, and all states that it went through."""
-    job = client.post(f"{path}/jobs", json=task).json()["job"]
-    lines = client.get(f"/api/jobs/{job}/events").text.splitlines()
+    lines = client.get(f"{path}/work", params={"ask": json.dumps(task)}).text.splitlines()
     states = [json.loads(line[6:]) for line in lines if line.startswith("data: ")]
-    return states[-1], states, job
+    return states[-1], states
 
 
 def test_analyses_motions_and_files_are_jobs(client):
     """One process answers them all, and the page is told of its progress."""
     path, _ = sheet(client, "joints/fivebar_falling")
-    end, states, _ = answer(client, path, what="Limits")
+    end, states = answer(client, path, what="Limits")
     assert end["state"] == "done"
     assert "arc" in end["answer"]["text"] or "turns fully" in end["answer"]["text"]
     assert end["answer"]["picture"].startswith("<?xml")
-    end, states, _ = answer(client, path, what="simulate", until="time=0.2")
+    end, states = answer(client, path, what="simulate", until="time=0.2")
     assert end["state"] == "done", end["said"]
     assert end["answer"]["motion"]["time"][-1] == pytest.approx(0.2)
     assert any(report["state"] == "running" for report in states)
     names = list(end["answer"]["motion"]["poses"])
     assert "left_crank" in names
-    end, _, job = answer(client, path, what="export", kind="document .json")
-    file = client.get(f"/api/jobs/{job}/file")
-    assert file.json()["name"] == "fivebar_falling"
-    assert 'filename="fivebar_falling.json"' in file.headers["content-disposition"]
-    end, _, _ = answer(client, path, what="Sensitivity", names=[])
+    end, _ = answer(client, path, what="export", kind="document .json")
+    assert end["answer"]["name"] == "fivebar_falling.json"
+    assert json.loads(base64.b64decode(end["answer"]["data"]))["name"] == "fivebar_falling"
+    end, _ = answer(client, path, what="Sensitivity", names=[])
     assert end["state"] == "failed"
     assert "none is chosen under Curves" in end["said"]
-    end, _, _ = answer(client, path, what="Wishes")
+    end, _ = answer(client, path, what="Wishes")
     assert end["state"] == "failed"
 
 

@@ -13,7 +13,7 @@ from blockmech.editor.analyses import analysis
 from blockmech.editor.curves import curves, simulation, wire_text
 from blockmech.editor.dragging import dragged, handles_of
 from blockmech.editor.revision import Question, Revision, blamed_blocks, what_moves
-from blockmech.editor.state import View, state_of
+from blockmech.editor.state import state_of
 from blockmech.editor.turn import dead_centres, travel, turn
 from blockmech.ground.errors import BlockmechError
 from blockmech.result.wires import wires_of
@@ -36,7 +36,7 @@ def now_of(form):
 
 def state(form):
     now = now_of(form)
-    return state_of(View(now))
+    return state_of(Question(now, {}))
 
 
 def test_a_gap_has_its_sentence():
@@ -82,7 +82,7 @@ def test_a_driver_without_a_law_moves_over_its_arc():
     mechanism = now_of(form).mechanism
     (arc,) = mechanism.limits().arcs
     assert travel(mechanism, "crank", {"crank": 0.0}) == (arc.start.q, arc.end.q)
-    assert View(now_of(form)).motion.feasible[1:-1].all()
+    assert Question(now_of(form), {}).motion.feasible[1:-1].all()
 
 
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "watt_sixbar"])
@@ -137,7 +137,7 @@ def angle_of_crank(mechanism, old, new, motion, k):
 
 def test_what_cannot_be_dragged_says_why():
     hand = Hand(opened(GRAPHS / "elliptic_trammel.json"))
-    shown = state_of(View(hand.sheet.now))
+    shown = state_of(Question(hand.sheet.now, {}))
     refused = set()
     for pin in shown["drawing"]["pins"]:
         hand.do("drag", name=pin["name"], to=[1.0, 1.0], q=shown["motion"]["home"])

@@ -6,8 +6,8 @@ works for all sheets, one job after the other; *Stop* ends it, and the next job 
 
 from __future__ import annotations
 
+import base64
 import pickle
-import secrets
 import subprocess
 import sys
 from contextlib import suppress
@@ -17,7 +17,6 @@ from typing import Any
 
 from blockmech.typing import Arguments, Data
 
-KEPT = 32  # jobs that are over
 Answer = Data
 
 
@@ -32,7 +31,7 @@ class Job:
     """
 
     def __init__(self, task: Arguments) -> None:
-        self.id, self.task = secrets.token_hex(6), task
+        self.task = task
         self.state, self.said = "waiting", ""
         self.answer: Answer | None = None
         self.changed = Condition()
@@ -51,6 +50,13 @@ class Job:
                 self.turns += 1
                 self.changed.notify_all()
 
+    def data(self) -> Data:
+        """As the page gets it; the content of a file in base 64."""
+        answer = self.answer
+        if answer and "data" in answer:
+            answer = {**answer, "data": base64.b64encode(answer["data"]).decode()}
+        return {"state": self.state, "said": self.said, "answer": answer}
+
     def wait(self, turns: int, seconds: float) -> bool:
         """Wait until it has changed more than ``seen`` times; whether it has."""
         with self.changed:
@@ -58,24 +64,21 @@ class Job:
 
 
 class Jobs:
-    """The jobs of a server, and the process that works for them."""
+    """The jobs of a server one after the other, and the process that works for them."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.jobs = folder, dict[str, Job]()
+        self.folder = folder
         self._busy = Lock()
         self._process: Any = None
 
     def begin(self, task: Arguments) -> Job:
         """Ask for work; the answer comes in its own time."""
-        for key in [key for key, job in self.jobs.items() if job.over][:-KEPT]:
-            del self.jobs[key]
         job = Job(task)
-        self.jobs[job.id] = job
         Thread(target=self._work, args=(job,), daemon=True).start()
         return job
 
     def stop(self, job: Job) -> None:
-        """End a job, and the process that works on it."""
+        """End a job that is not over, and the process that works on it."""
         running = job.state == "running"
         job.tell("stopped", "stopped")
         if running:

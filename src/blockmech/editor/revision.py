@@ -50,6 +50,7 @@ class Revision:
 
     def __init__(self, number: int, form: Data, document: Opened) -> None:
         self.number, self.form, self.document = number, form, document
+        self._shown: tuple[Any, tuple[Motion | None, str]] | None = None
 
     @cached_property
     def _compiled(self) -> tuple[tuple[Problem, ...], Compiled | None, str]:
@@ -93,21 +94,29 @@ class Revision:
     def shown_motion(
         self, moved: str = "", at: Mapping[str, float] | None = None
     ) -> tuple[Motion | None, str]:
-        """The `turn` of the mechanism, or of the part of it that closes; and what is wrong.
+        """The `turn` of the mechanism, or of the part of it that closes; and what is wrong."""
+        question = moved, dict(at or {})
+        if self._shown is None or self._shown[0] != question:
+            self._shown = question, self._motion(moved, at)
+        return self._shown[1]
 
-        Raises `RequestError` where a law cannot be followed.
-        """
+    def _motion(self, moved: str, at: Mapping[str, float] | None) -> tuple[Motion | None, str]:
+        if self.empty:
+            return None, ""
         form, file, mechanism = self.form, self.document.file, self.mechanism
         message, blamed = " ".join(map(str, self.problems)), blamed_blocks(form, self.problems)
         if mechanism is None:
             mechanism = what_moves(form, blamed, file)
-        while mechanism is not None:
-            motion = turn(mechanism, moved, at)
-            if motion.feasible.any():
-                return motion, message
-            message = message or fault_of(motion)
-            blamed |= set(motion.quality.blame.values())
-            mechanism = what_moves(form, blamed, file)
+        try:
+            while mechanism is not None:
+                motion = turn(mechanism, moved, at)
+                if motion.feasible.any():
+                    return motion, message
+                message = message or fault_of(motion)
+                blamed |= set(motion.quality.blame.values())
+                mechanism = what_moves(form, blamed, file)
+        except BlockmechError as error:  # as of a law that cannot be followed
+            return None, str(error)
         return None, message
 
 
@@ -169,12 +178,17 @@ class Question:
         return "|rad|" not in f"|{self.data.get('units', '')}|"
 
     @cached_property
+    def shown(self) -> tuple[Motion | None, str]:
+        """The motion that is shown, None where nothing moves; and what is wrong."""
+        if self.computed is not None:
+            return self.computed, ""
+        at = {str(driver): float(q) for driver, q in (self.data.get("held") or {}).items()}
+        return self.now.shown_motion(str(self.data.get("moved", "")), at)
+
+    @property
     def motion(self) -> Motion:
         """The motion that is shown. Raises `RequestError` where nothing moves."""
-        if self.computed is not None:
-            return self.computed
-        at = {str(driver): float(q) for driver, q in (self.data.get("held") or {}).items()}
-        motion, message = self.now.shown_motion(str(self.data.get("moved", "")), at)
+        motion, message = self.shown
         if motion is None:
             raise refused("mechanism", message or NOTHING, "draw what moves first")
         return motion

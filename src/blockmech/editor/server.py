@@ -32,14 +32,13 @@ from blockmech.editor.fields import CHOICES, Units
 from blockmech.editor.forms import form_of
 from blockmech.editor.gallery import title_of
 from blockmech.editor.guard import HOST, Guard
-from blockmech.editor.jobs import Job, Jobs
-from blockmech.editor.live import live, module, remember
-from blockmech.editor.revision import Question, Revision
+from blockmech.editor.jobs import Jobs
+from blockmech.editor.live import module, remember
+from blockmech.editor.revision import Question
 from blockmech.editor.sharing import link_of, packed
 from blockmech.editor.sheets import Desk, Sheet, files_of
 from blockmech.editor.sketching import posed
-from blockmech.editor.state import View, drives_of, names_of, state_of
-from blockmech.editor.turn import poses_of
+from blockmech.editor.state import functions_of, names_of, picture_of, state_of
 from blockmech.exchange.page.files import bundle, embeddable
 from blockmech.ground.errors import BlockmechError, Problem, refused
 from blockmech.model.diagram import Wire
@@ -52,147 +51,85 @@ FRESH = {"Cache-Control": "no-cache"}
 BEAT = 15.0  # seconds after which a stream sends a sign of life
 Body = Record
 Answer = Data
-ViewKey = tuple[int, str, tuple[tuple[str, float], ...]]
 
 
 class Stale(Exception):
     """An act was meant for a document that has changed since."""
 
 
-class OpenSheet:
-    """A sheet, and the view of its newest revision; public methods are names of the API."""
+# -- what is asked of a sheet ------------------------------------------------------------------
 
-    CHANGES = ("edit", "undo", "redo", "save")
-    QUESTIONS = (
-        *("state", "preview", "live", "names", "fields", "diagram"),
-        *("wire", "curves", "vectors", "link"),
-    )
 
-    def __init__(self, sheet: Sheet) -> None:
-        self.sheet = sheet
-        self._key: ViewKey | None = None
-        self._view: View | None = None
-
-    def view(self, body: Body) -> View:
-        """What follows from the sheet, and from where drivers were put by hand."""
-        coordinates = {str(d): float(q) for d, q in (body.get("held") or {}).items()}
-        now, moved = self.sheet.now, str(body.get("moved", ""))
-        key = (now.number, moved, tuple(sorted(coordinates.items())))
-        if self._key != key or self._view is None:
-            self._key, self._view = key, View(now, moved, coordinates)
-        return self._view
-
-    def question(self, body: Body) -> Question:
-        """A question about the motion of the view."""
-        return Question(self.sheet.now, body, computed=self.view(body).motion)
-
-    # -- changes -----------------------------------------------------------------------------
-
-    def edit(self, body: Body) -> Answer:
-        """Do an act, as one step; ``base`` is the revision that it is meant for."""
-
-        def act(sheet: Sheet) -> None:
-            if "base" in body and body["base"] != sheet.now.number:
+def change(sheet: Sheet, body: Body) -> Answer:
+    """Do an act, as one step, for the revision ``base``; or undo, redo, save."""
+    with sheet.lock:
+        match body.get("act"):
+            case "undo":
+                sheet.undo()
+            case "redo":
+                sheet.redo()
+            case "save":
+                sheet.save(str(body.get("name", "")), bool(body.get("replace")))
+            case _ if body.get("base", sheet.now.number) != sheet.now.number:
                 raise Stale
-            sheet.change(*acted(sheet.now, body))
-
-        return self._change(body, act)
-
-    def undo(self, body: Body) -> Answer:
-        """Take back the last step."""
-        return self._change(body, Sheet.undo)
-
-    def redo(self, body: Body) -> Answer:
-        """Do a step again."""
-        return self._change(body, Sheet.redo)
-
-    def save(self, body: Body) -> Answer:
-        """Write the file."""
-        name, replace = str(body.get("name", "")), bool(body.get("replace"))
-        return self._change(body, lambda sheet: sheet.save(name, replace))
-
-    def _change(self, body: Body, change: Callable[[Sheet], Any]) -> Answer:
-        with self.sheet.lock:
-            change(self.sheet)
-            return self.state(body)
-
-    # -- questions ---------------------------------------------------------------------------
-
-    def state(self, body: Body) -> Answer:
-        """All that the page shows, with curves where something moves."""
-        view = self.view(body)
-        data = {**self.sheet.data(), **state_of(view), "names": []}
-        if view.motion is not None:
-            data["names"] = self.question(body).names or drives_of(view.motion)
-            try:
-                data["curves"] = self.curves({**body, "names": data["names"]})
-            except BlockmechError as error:
-                data["curves"] = {"panels": [], "margins": [], "said": str(error), "along": None}
-        return data
-
-    def preview(self, body: Body) -> Answer:
-        """The drawing that an act would make, and the functions that move it."""
-        view = self._view_of(acted(self.sheet.now, body).form)
-        return {**view.data, "live": _functions(view)}
-
-    def live(self, body: Body) -> Answer | None:
-        """The functions that move the mechanism.
-
-        With ``poses`` those of a drag from there, with ``hold`` those of the drag of a joint of
-        blocks in a pose: its name, and coordinates.
-        """
-        poses = body.get("poses")
-        view = self._view_of(posed(self.sheet.form, poses)) if poses else self.view(body)
-        return _functions(view, body.get("hold"))
-
-    def _view_of(self, form: Answer) -> View:
-        document = self.sheet.read(form)
-        return View(Revision(self.sheet.now.number, document.to_data(), document))
-
-    def names(self, body: Body) -> Answer:
-        """What can be chosen of the mechanism."""
-        return names_of(self.view(body))
-
-    def fields(self, body: Body) -> Answer:
-        """The form of a part."""
-        now, part = self.sheet.now, tuple(map(str, body.get("part", ())))
-        units = Units.of(str(body.get("units", "")))
-        return form_of(now.document, now.form, part, units, now.problems)
-
-    def diagram(self, _: Body) -> Answer:
-        """The block diagram."""
-        return diagram_of(self.sheet.now)
-
-    def wire(self, body: Body) -> Answer:
-        """What travels on a wire in the shown pose; with ``may`` why it may not be, or ""."""
-        wire = f"{body['from']} -> {body['to']}"
-        document: Any = self.sheet.now.document
-        if body.get("may"):
-            problems = document.problems_of(Wire(body["from"], body["to"]))
-            return {"said": " ".join(map(str, problems))}
-        return {"said": wire_text(self.question(body), wire)}
-
-    def curves(self, body: Body) -> Answer:
-        """Curves of chosen outputs."""
-        return curves(self.question(body))
-
-    def vectors(self, body: Body) -> list[Answer]:
-        """Velocities, reactions or friction circles along the motion."""
-        return vectors(self.question(body))
-
-    def link(self, body: Body) -> Answer:
-        """The document, with what moves it, as what stands behind an address."""
-        names = tuple(map(str, body.get("names", ())))
-        return {"link": packed(link_of(self.sheet.now, names))}
+            case _:
+                sheet.change(*acted(sheet.now, body))
+        return state(sheet, body)
 
 
-def _functions(view: View, hold: Any = None) -> Answer | None:
-    """The functions with which the page moves a mechanism, or the poses of all samples."""
-    now, motion = view.now, view.motion
-    if motion is None:
-        return None
-    functions = live(now, motion.mechanism, hold)
-    return {"poses": poses_of(motion)} if functions is None else functions.data()
+def state(sheet: Sheet, body: Body) -> Answer:
+    """All that the page shows."""
+    return {**sheet.data(), **state_of(Question(sheet.now, body))}
+
+
+def preview(sheet: Sheet, body: Body) -> Answer:
+    """The drawing that an act would make, and the functions that move it."""
+    ask = Question(sheet.changed(acted(sheet.now, body).form), {})
+    return {**picture_of(ask), "live": functions_of(ask)}
+
+
+def live(sheet: Sheet, body: Body) -> Answer | None:
+    """The functions that move the mechanism, with ``poses`` those of a drag from there."""
+    poses = body.get("poses")
+    if poses:
+        return functions_of(Question(sheet.changed(posed(sheet.form, poses)), {}))
+    return functions_of(Question(sheet.now, body), body.get("hold"))
+
+
+def fields(sheet: Sheet, body: Body) -> Answer:
+    """The form of a part."""
+    now, part = sheet.now, tuple(map(str, body.get("part", ())))
+    units = Units.of(str(body.get("units", "")))
+    return form_of(now.document, now.form, part, units, now.problems)
+
+
+def wire(sheet: Sheet, body: Body) -> Answer:
+    """What travels on a wire in the shown pose; with ``may`` why it may not be, or ""."""
+    if body.get("may"):
+        document: Any = sheet.now.document
+        problems = document.problems_of(Wire(body["from"], body["to"]))
+        return {"said": " ".join(map(str, problems))}
+    return {"said": wire_text(Question(sheet.now, body), f"{body['from']} -> {body['to']}")}
+
+
+def link(sheet: Sheet, body: Body) -> Answer:
+    """The document, with what moves it, as what stands behind an address."""
+    names = tuple(map(str, body.get("names", ())))
+    return {"link": packed(link_of(sheet.now, names))}
+
+
+QUESTIONS: Mapping[str, Callable[[Sheet, Body], Any]] = {
+    "state": state,
+    "preview": preview,
+    "live": live,
+    "names": lambda sheet, body: names_of(Question(sheet.now, body)),
+    "fields": fields,
+    "diagram": lambda sheet, _: diagram_of(sheet.now),
+    "wire": wire,
+    "curves": lambda sheet, body: curves(Question(sheet.now, body)),
+    "vectors": lambda sheet, body: vectors(Question(sheet.now, body)),
+    "link": link,
+}
 
 
 class Studio:
@@ -200,24 +137,21 @@ class Studio:
 
     def __init__(self, desk: Desk) -> None:
         self.desk, self.jobs = desk, Jobs(desk.folder)
-        self.open: dict[str, OpenSheet] = {}
         self.pictures: dict[str, bytes] = {}
         self.changed = asyncio.Condition()
 
     def routes(self) -> list[Route]:
         """All addresses."""
-        sheet, job = "/api/documents/{id}", "/api/jobs/{job}"
+        sheet = "/api/documents/{id}"
         return [
             Route("/", self.page),
             Route("/api/files", self.files),
             Route("/api/documents", self.create, methods=["POST"]),
             Route(sheet, self.ask, methods=["GET", "POST"]),
             Route(sheet + "/events", self.events),
-            Route(sheet + "/jobs", self.begin, methods=["POST"]),
+            Route(sheet + "/work", self.work),
+            Route(sheet + "/edit", self.edit, methods=["POST"]),
             Route(sheet + "/{name}", self.ask, methods=["GET", "POST"]),
-            Route(job + "/events", self.follow),
-            Route(job + "/file", self.file),
-            Route(job, self.stop, methods=["DELETE"]),
             Route("/kernels/{name}.js", self.kernel),
             Route("/picture/{name}.svg", self.picture),
         ]
@@ -275,31 +209,33 @@ class Studio:
         """A sheet of a document: of the gallery, a file, a text, a link, or an empty one."""
         body = await _body(request)
         name = await to_thread.run_sync(self.desk.create, body)
-        state = await to_thread.run_sync(self._opened(name).state, body)
-        return JSONResponse({"id": name, **state})
+        shown = await to_thread.run_sync(state, self.desk.sheets[name], body)
+        return JSONResponse({"id": name, **shown})
 
-    def _opened(self, name: str) -> OpenSheet:
-        sheet = self.desk.sheets.get(name)
+    def _sheet(self, request: Request) -> Sheet:
+        sheet = self.desk.sheets.get(request.path_params["id"])
         if sheet is None:
             raise Missing
-        return self.open.setdefault(name, OpenSheet(sheet))
+        return sheet
 
     async def ask(self, request: Request) -> Response:
-        """A question or a change by its name; without one the state."""
-        sheet, name = self._opened(request.path_params["id"]), request.path_params.get("name")
-        changes = name in OpenSheet.CHANGES and request.method == "POST"
-        if name and not changes and name not in OpenSheet.QUESTIONS:
+        """A question by its name; without one the state."""
+        question = QUESTIONS.get(request.path_params.get("name", "state"))
+        if question is None:
             raise Missing
-        body = await _body(request)
-        answer = await to_thread.run_sync(getattr(sheet, name or "state"), body)
-        if changes:
-            async with self.changed:
-                self.changed.notify_all()
+        answer = await to_thread.run_sync(question, self._sheet(request), await _body(request))
         return JSONResponse(answer, headers=FRESH)
+
+    async def edit(self, request: Request) -> Response:
+        """A change of a sheet, of which other windows are told."""
+        answer = await to_thread.run_sync(change, self._sheet(request), await _body(request))
+        async with self.changed:
+            self.changed.notify_all()
+        return JSONResponse(answer)
 
     async def events(self, request: Request) -> Response:
         """The revision of a sheet whenever another window changes it."""
-        sheet = self._opened(request.path_params["id"]).sheet
+        sheet = self._sheet(request)
 
         async def stream() -> AsyncIterator[str]:
             revision = -1
@@ -315,26 +251,13 @@ class Studio:
 
         return StreamingResponse(stream(), media_type="text/event-stream", headers=FRESH)
 
-    # -- jobs ----------------------------------------------------------------------------------
-
-    async def begin(self, request: Request) -> Response:
-        """Begin long work."""
-        name, body = request.path_params["id"], await _body(request)
-        sheet, kind = self._opened(name).sheet, str(body.get("what", ""))
-        document = {"text": sheet.text(), "file": str(sheet.path or ""), "sheet": name}
-        title = f"{body.get('kind') or kind} ..."
-        task = {**body, "what": kind, "title": title, "revision": sheet.now.number, **document}
-        return JSONResponse({"job": self.jobs.begin(task).id})
-
-    def _job(self, request: Request) -> Job:
-        job = self.jobs.jobs.get(request.path_params["job"])
-        if job is None:
-            raise Missing
-        return job
-
-    async def follow(self, request: Request) -> Response:
-        """The states of a job, until it is over; a listener who leaves ends it."""
-        job = self._job(request)
+    async def work(self, request: Request) -> Response:
+        """The states of long work, ``ask``, until it is over; a listener who leaves ends it."""
+        sheet, task = self._sheet(request), _object(request.query_params.get("ask", ""))
+        document = {"text": sheet.text(), "file": str(sheet.path or "")}
+        name, kind = request.path_params["id"], str(task.get("what", ""))
+        title = f"{task.get('kind') or kind} ..."
+        job = self.jobs.begin({**task, **document, "what": kind, "title": title, "sheet": name})
 
         async def stream() -> AsyncIterator[str]:
             turn = -1
@@ -342,41 +265,25 @@ class Studio:
                 while not job.over or turn < job.turns:
                     if turn < job.turns:
                         turn = job.turns
-                        yield f"data: {json.dumps(_job_data(job))}\n\n"
+                        yield f"data: {json.dumps(job.data())}\n\n"
                     else:
                         await to_thread.run_sync(job.wait, turn, 0.5)
                         if await request.is_disconnected():
                             break
             finally:
-                if not job.over:
-                    self.jobs.stop(job)
+                self.jobs.stop(job)
 
         return StreamingResponse(stream(), media_type="text/event-stream", headers=FRESH)
 
-    async def file(self, request: Request) -> Response:
-        """The file of an export."""
-        answer: Data = self._job(request).answer or {}
-        if "data" not in answer:
-            raise Missing
-        headers = {"Content-Disposition": f'attachment; filename="{answer["name"]}"'}
-        return Response(answer["data"], media_type="application/octet-stream", headers=headers)
-
-    async def stop(self, request: Request) -> Response:
-        """End a job."""
-        self.jobs.stop(self._job(request))
-        return JSONResponse({})
-
-
-def _job_data(job: Job) -> Data:
-    """A job for the page; a file is fetched by itself."""
-    answer = job.answer and {key: x for key, x in job.answer.items() if key != "data"}
-    return {"state": job.state, "said": job.said, "answer": answer}
-
 
 async def _body(request: Request) -> Data:
+    return _object(await request.body() or b"{}")
+
+
+def _object(text: str | bytes) -> Data:
     """The JSON object that was sent. Raises `RequestError` for anything else."""
     try:
-        body = json.loads(await request.body() or b"{}")
+        body: Data = json.loads(text)
     except ValueError:
         raise refused("body", "it is no JSON", "send an object") from None
     if not isinstance(body, dict):
@@ -395,9 +302,9 @@ ERRORS: Mapping[type[Exception], tuple[int, str]] = {
     BlockmechError: (422, "{error}"),
     Missing: (404, "there is none"),
     Stale: (409, "the sheet was changed in another window; it is shown as it is now"),
-    KeyError: (400, "the request is not understood: {error!r}"),
-    ValueError: (400, "the request is not understood: {error!r}"),
-    TypeError: (400, "the request is not understood: {error!r}"),
+    **dict.fromkeys(
+        (KeyError, ValueError, TypeError), (400, "the request is not understood: {error!r}")
+    ),
     Exception: (500, "an error of blockmech, see the server's window: {error!r}"),
 }
 """Statuses and sentences by the kind of an error."""
@@ -489,10 +396,10 @@ def _prepare() -> None:
     four-bar.
     """
     _script()
-    for name in ("joints/ruiz_fourbar", "ruiz_fourbar"):
-        sheet = OpenSheet(Sheet(opened(gallery()[name])))
-        for question in (sheet.state, sheet.live, sheet.diagram, sheet.fields):
-            question({})
+    for example in ("joints/ruiz_fourbar", "ruiz_fourbar"):
+        sheet = Sheet(opened(gallery()[example]))
+        for name in ("state", "live", "diagram", "fields"):
+            QUESTIONS[name](sheet, {})
     gc.collect()
     gc.freeze()
 

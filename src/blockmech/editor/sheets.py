@@ -164,6 +164,11 @@ class Sheet:
         """The file's text, as `Graph.save` writes it."""
         return canonical_text(self.form)
 
+    def changed(self, form: Data) -> Revision:
+        """What the sheet would show of another form."""
+        document = self.read(form)
+        return Revision(self.now.number, document.to_data(), document)
+
     def read(self, form: Data) -> Opened:
         """The document of a form; of other files it takes those of the folder alone."""
         with resolving(Resolver(str(self.folder))):

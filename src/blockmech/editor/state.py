@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
+from dataclasses import replace
 from typing import Any, cast
 
-from blockmech.builders import Linkage
+from blockmech.builders import Linkage, Opened
 from blockmech.draw.motion import Motion
 from blockmech.editor import drawing
-from blockmech.editor.revision import Revision
-from blockmech.editor.turn import motion_data
+from blockmech.editor.curves import curves
+from blockmech.editor.live import live
+from blockmech.editor.revision import Question, Revision
+from blockmech.editor.turn import motion_data, poses_of
 from blockmech.ground.errors import BlockmechError
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.layout import Layout
@@ -23,69 +24,68 @@ FIRST = {
 SENTENCES = 3  # problems that are said at once
 
 
-class View:
-    """What follows from a revision for the page; worked out once, when it is first asked for.
+def picture_of(ask: Question) -> Data:
+    """The drawing with its motion."""
+    now, (motion, message) = ask.now, ask.shown
+    picture: Data = {"kind": "blocks", "drawing": None, "motion": None, "said": message}
+    if isinstance(now.document, Linkage):
+        picture |= {"kind": "joints", "drawing": drawing.of_links(now.form)}
+    elif motion is not None:
+        picture["drawing"] = drawing.of_blocks(motion)
+    if motion is not None:
+        picture["motion"] = motion_data(motion, _home(now.document, motion))
+    return picture
 
-    ``motion`` is that of a turn of the drivers, or of one of them from where others were put.
+
+def _home(document: Opened, motion: Motion) -> dict[str, float]:
+    """Where the drivers are in the pose of the drawing."""
+    if isinstance(document, Linkage):
+        layout = Layout.of(document)
+        pairs = {d: layout.pairs[p] for p, d in layout.drivers.items()}
+        return {d: float(coordinate(layout.given, pair)) for d, pair in pairs.items()}
+    return {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
+
+
+def functions_of(ask: Question, hold: Any = None) -> Data | None:
+    """The functions with which the page moves a mechanism, or the poses of all samples.
+
+    With ``hold`` those of the drag of a joint of blocks in a pose: its name, and coordinates.
     """
-
-    def __init__(self, now: Revision, moved: str = "", at: Mapping[str, float] | None = None):
-        self.now, self.said = now, ""
-        self.motion: Motion | None = None
-        if not now.empty:
-            try:
-                self.motion, self.said = now.shown_motion(moved, at)
-            except BlockmechError as error:
-                self.said = str(error)
-
-    @cached_property
-    def data(self) -> Data:
-        """The drawing with its motion."""
-        now, motion = self.now, self.motion
-        links = isinstance(now.document, Linkage)
-        picture: Data = {
-            "kind": "joints" if links else "blocks",
-            "drawing": drawing.of_links(now.form) if links else None,
-            "motion": None,
-            "said": self.said,
-        }
-        if motion is not None:
-            if not links:
-                picture["drawing"] = drawing.of_blocks(motion)
-            picture["motion"] = motion_data(motion, self._home())
-        return picture
-
-    def _home(self) -> dict[str, float]:
-        """Where the drivers are in the pose of the drawing."""
-        document, motion = self.now.document, self.motion
-        assert motion is not None
-        if isinstance(document, Linkage):
-            layout = Layout.of(document)
-            return {d: float(coordinate(layout.given, layout.pairs[p]))
-                    for p, d in layout.drivers.items()}  # fmt: skip
-        return {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
+    motion, _ = ask.shown
+    if motion is None:
+        return None
+    functions = live(ask.now, motion.mechanism, hold)
+    return {"poses": poses_of(motion)} if functions is None else functions.data()
 
 
-def state_of(view: View) -> Data:
-    """All that the page shows of a revision but answers."""
-    now = view.now
-    return {
+def state_of(ask: Question) -> Data:
+    """All that the page shows of a revision but answers; curves where something moves."""
+    now, (motion, _) = ask.now, ask.shown
+    data = {
         "revision": now.number,
         "name": now.form["name"],
         "title": now.form.get("title", ""),
         "problems": [problem.to_dict() for problem in now.problems],
         "status": status_of(now),
         "empty": now.empty,
-        **view.data,
+        "names": [],
+        **picture_of(ask),
     }
+    if motion is not None:
+        data["names"] = ask.names or drives_of(motion)
+        try:
+            data["curves"] = curves(replace(ask, data={**ask.data, "names": data["names"]}))
+        except BlockmechError as error:
+            data["curves"] = {"panels": [], "margins": [], "said": str(error), "along": None}
+    return data
 
 
-def names_of(view: View) -> Data:
+def names_of(ask: Question) -> Data:
     """The outputs and the numbers that can be chosen."""
-    mechanism = cast(Any, view.now.mechanism)
+    mechanism, (motion, _) = cast(Any, ask.now.mechanism), ask.shown
     numbers = {} if mechanism is None else mechanism.parameters()
     return {
-        "outputs": [] if view.motion is None else list(view.motion.mechanism.outputs),
+        "outputs": [] if motion is None else list(motion.mechanism.outputs),
         "parameters": [name for name, x in numbers.items() if x.value],
     }
 

@@ -19,11 +19,10 @@ export class Refused extends Error {
 
 /**
  * An answer of the API. Throws `Refused` with the reason.
- * @param {string} path @param {object} [body] @param {string} [method]
- * @returns {Promise<any>}
+ * @param {string} path @param {object} [body] @returns {Promise<any>}
  */
-export async function ask(path, body, method = body ? "POST" : "GET") {
-  const how = body ? { method, body: JSON.stringify(body), headers: { "Content-Type": "application/json" } } : { method };
+export async function ask(path, body) {
+  const how = body && { method: "POST", body: JSON.stringify(body), headers: { "Content-Type": "application/json" } };
   const reply = await fetch(new URL(`api/${path}`, document.baseURI), how);
   const made = await reply.json().catch(() => ({ said: `the server says ${reply.status}`, problems: [] }));
   if (!reply.ok) throw new Refused(reply.status, made);
@@ -43,8 +42,9 @@ export function stream(path, heard) {
 /** A module by the hash of its text. @param {string} hash @returns {Promise<import("./lib/live.js").Kernel>} */
 export const kernel = (hash) => import(new URL(`kernels/${hash}.js`, document.baseURI).href);
 
-/** Let the browser save what an address holds. @param {string} href @param {string} name */
-export function save(href, name) {
-  const link = Object.assign(document.createElement("a"), { href, download: name });
+/** Let the browser save a file. @param {Blob} content @param {string} name */
+export function save(content, name) {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(content), download: name });
   link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60e3);
 }

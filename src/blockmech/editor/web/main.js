@@ -29,8 +29,8 @@ button(bar, "\u2302", () => go("."), "all sheets");
 const file = field(bar, "File", "input");
 const keep = button(bar, "Save", () => write(false));
 const replace = button(bar, "Replace the file", () => write(true));
-const undo = button(bar, "Undo", () => edit({}, "undo"));
-const redo = button(bar, "Redo", () => edit({}, "redo"));
+const undo = button(bar, "Undo", () => edit({ act: "undo" }));
+const redo = button(bar, "Redo", () => edit({ act: "redo" }));
 button(bar, "Copy link", share);
 const viewer = field(bar, "Page", "input");
 Object.assign(viewer.input, { value: localStorage.getItem("blockmech viewer") ?? "", placeholder: "its address", title: "where links open: a page that blockmech page wrote" });
@@ -40,7 +40,7 @@ for (const [name, words] of Object.entries(/** @type {Record<string, string[]>} 
   group.label = name;
   for (const word of words) element(group, "option", "", word).value = word;
 }
-button(bar, "Export", () => exportAs(kind.input.value, (said) => say(said)));
+button(bar, "Export", () => exportAs(kind.input.value));
 element(bar, "span", "space");
 const chosen = Object.entries(/** @type {Record<string, string[]>} */ (about.units)).map(([words, known], k) => {
   const own = field(bar, words, "select");
@@ -66,7 +66,7 @@ replace.hidden = true;
 
 /** @param {boolean} over */
 async function write(over) {
-  const error = await edit({ name: file.input.value, replace: over }, "save");
+  const error = await edit({ act: "save", name: file.input.value, replace: over });
   replace.hidden = error?.problems[0]?.code !== "changed-file";
   if (!error) say(`wrote ${file.input.value}`);
 }
@@ -236,7 +236,7 @@ document.addEventListener("keydown", (event) => {
   if (!writing && drawing.typing(event)) return void event.preventDefault();
   const name = command(event, { field: writing, pressable: at.matches("button, [role=button], [type=range], [tabindex]:not(svg)") });
   if (!name) return;
-  const done = name === "undo" || name === "redo" ? (edit({}, name), true)
+  const done = name === "undo" || name === "redo" ? (edit({ act: name }), true)
     : name === "save" ? (write(false), true)
     : name === "play" ? (set({ playing: !store.playing }), true)
     : (store.view === "blocks" ? diagram : drawing).command(name, event);

@@ -165,17 +165,15 @@ export async function enliven(held) {
 let busy = false;
 
 /**
- * Do an act on the sheet, as one step. A refusal is said and leaves it as it was.
- * @param {object} act @param {string} [how] "edit", "undo", "redo", "save"
- * @returns {Promise<Refused | null>}
+ * Do an act on the sheet, as one step; or "undo", "redo", "save". A refusal is said and leaves it as it was.
+ * @param {{act: string, [key: string]: any}} act @returns {Promise<Refused | null>}
  */
-export async function edit(act, how = "edit") {
+export async function edit(act) {
   if (!store.sheet) return null;
   busy = true;
   try {
-    const base = how === "edit" ? { base: store.sheet.revision } : {};
-    const sheet = await ask(`documents/${store.id}/${how}`, { ...asked(), ...base, ...act });
-    say(how === "edit" ? sheet.undoable : "");
+    const sheet = await ask(`documents/${store.id}/edit`, { ...asked(), base: store.sheet.revision, ...act });
+    say(["undo", "redo", "save"].includes(act.act) ? "" : sheet.undoable);
     await take(sheet);
     return null;
   } catch (error) {

@@ -1,6 +1,6 @@
 // What is asked and what is answered: curves, motions, margins, analyses, synthesis.
 
-import { Refused, ask, save, stream } from "../api.js";
+import { ask, save, stream } from "../api.js";
 import { signed } from "../../../exchange/page/web/quantity.js";
 import { asked, edit, follow, recompute, say, set, showPose, store } from "../state.js";
 import { drawPanel } from "../../../exchange/page/web/panel.js";
@@ -9,41 +9,33 @@ import { button, element, field, options, tabs } from "../../../exchange/page/we
 const FRICTIONS = ["newton", "successive", "single", "none"];
 const ACCURACIES = ["1e-3", "1e-6", "1e-9", "1e-12"];
 
-/** @type {{id: string, source: EventSource} | null} */
-let running = null;
+/** @type {(() => void) | null} */
+let stop = null; // ends what is under way
 
-/** Whether a job is under way, and its end. */
-export const job = {
-  /** @param {object} task @param {(answer: any, id: string) => void} done @param {(said: string) => void} told */
-  async begin(task, done, told) {
-    if (running) return void say("one thing after the other: Stop ends what is under way", true);
-    const { job: id } = await ask(`documents/${store.id}/jobs`, { ...asked(), pose: store.pose ?? 0, simulated: store.simulated, ...task });
-    const source = stream(`jobs/${id}/events`, ({ state, said, answer }) => {
-      told(said);
-      if (!["done", "failed", "stopped"].includes(state)) return;
-      source.close();
-      running = null;
-      show();
-      if (state === "done") done(answer, id);
-    });
-    running = { id, source };
-    show();
-  },
-  async stop() {
-    if (running) await ask(`jobs/${running.id}`, undefined, "DELETE");
-  },
-};
+/** Long work, one at a time. @param {object} task @param {(answer: any) => void} done @param {(said: string) => void} told */
+function work(task, done, told) {
+  if (stop) return void say("one thing after the other: Stop ends what is under way", true);
+  const all = { ...asked(), pose: store.pose ?? 0, simulated: store.simulated, ...task };
+  const source = stream(`documents/${store.id}/work?ask=${encodeURIComponent(JSON.stringify(all))}`, ({ state, said, answer }) => {
+    if (["done", "failed"].includes(state)) end(said);
+    else told(said);
+    if (state === "done") done(answer);
+  });
+  const end = (/** @type {string} */ said) => { source.close(); stop = null; show(); told(said); };
+  source.addEventListener("error", () => end("the server does not answer"));
+  stop = () => end("stopped");
+  show();
+}
 /** @type {HTMLButtonElement[]} */
 const stops = [];
-const show = () => stops.forEach((stop) => (stop.hidden = !running));
+const show = () => stops.forEach((own) => (own.hidden = !stop));
 
 /** A button that ends what is under way. @param {HTMLElement} parent */
 export function stopButton(parent) {
-  const stop = button(parent, "Stop", job.stop, "end what is under way");
-  stop.className = "stop";
-  stops.push(stop);
+  const own = button(parent, "Stop", () => stop?.(), "end what is under way");
+  own.className = "stop";
+  stops.push(own);
   show();
-  return stop;
 }
 
 /** A picture from the server, in which no script runs. @param {HTMLElement} parent @param {string} svg @param {string} alt */
@@ -138,7 +130,7 @@ export function answersView(parent, about) {
   const until = field(pages.Motion, "Simulate until", "input");
   until.input.value = "time=2";
   const acts = element(pages.Motion, "div", "row");
-  button(acts, "Simulate", () => job.begin({ what: "simulate", until: until.input.value }, (answer) => {
+  button(acts, "Simulate", () => work({ what: "simulate", until: until.input.value }, (answer) => {
     set({ motion: answer.motion, curves: answer.curves, simulated: true, playing: true });
     showPose(0);
     motion.textContent = answer.text;
@@ -159,7 +151,7 @@ export function answersView(parent, about) {
   for (const [name, words] of Object.entries(about.analyses)) button(asking, name, () => {
     [title.textContent, text.textContent] = [`${name}: ${words}`, ""];
     image.replaceChildren();
-    job.begin({ what: name, number: number.input.value, share: Number(share.input.value.replace(",", ".")) || 10 }, (answer) => {
+    work({ what: name, number: number.input.value, share: Number(share.input.value.replace(",", ".")) || 10 }, (answer) => {
       text.textContent = answer.text;
       image.replaceChildren();
       if (answer.picture) picture(image, answer.picture, `${name}, as a picture`);
@@ -176,7 +168,7 @@ export function answersView(parent, about) {
   element(pages.Synthesis, "p", "note", "Draw what is wanted with links and joints, three or more of a kind: points of a path (a click each with the tool Link, in their order), or positions of a body (a lone link each).");
   button(pages.Synthesis, "Candidates", () => {
     cards.replaceChildren();
-    job.begin({ what: "synthesis" }, ({ designs, text: none }) => {
+    work({ what: "synthesis" }, ({ designs, text: none }) => {
       if (none) element(cards, "p", "", none);
       designs.forEach((/** @type {{words: string, picture: string, form: object}} */ design, /** @type {number} */ k) => {
         const card = element(cards, "div", "card");
@@ -189,15 +181,8 @@ export function answersView(parent, about) {
   const cards = element(pages.Synthesis, "div", "cards");
 }
 
-/** Write a file, in a process of its own, and let the browser save it. @param {string} kind @param {(said: string) => void} tell */
-export async function exportAs(kind, tell) {
-  try {
-    await job.begin({ what: "export", kind }, (answer, id) => {
-      save(new URL(`api/jobs/${id}/file`, document.baseURI).href, answer.name);
-      tell(`exported ${kind}`);
-    }, tell);
-  } catch (error) {
-    if (error instanceof Refused) tell(error.words);
-    else throw error;
-  }
-}
+/** Write a file, in a process of its own, and let the browser save it. @param {string} kind */
+export const exportAs = (kind) => work({ what: "export", kind }, ({ name, data }) => {
+  save(new Blob([Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0))]), name);
+  say(`exported ${kind}`);
+}, say);
