@@ -260,7 +260,7 @@ def test_texts_of_a_hostile_document_are_text(page, studio):
     page.wait_for_timeout(300)
     assert page.title().startswith("four")
     assert page.locator("img[src=x]").count() == 0
-    assert hand.state["title"] == evil
+    assert hand.form()["title"] == evil
 
 
 def test_a_frame_of_a_drag_is_short(page, studio):

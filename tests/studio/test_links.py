@@ -407,7 +407,6 @@ LENGTH = {"type": "length", "points": ["link.A", "link.B"], "value": 1.0}
         ("Slider", {"pins": ["B"]}, ["link.A", "B"]),
         ("draw", {"from": {"pin": "B"}, "to": {"at": [2, 1]}}, ["link.A", "B"]),
         ("Delete", {"pins": ["B"]}, None),
-        ("delete links", {"links": ["link"]}, None),
         ("remove", {"part": ["links", "link"]}, None),
     ],
 )
@@ -443,7 +442,7 @@ def test_a_dimension_of_two_markers_of_one_name_stays():
     pane.sheet.change(form, "markers")
     pane.act("Delete", "D")
     assert pane.form["dimensions"] == {"between": between}
-    pane.do("delete links", links=["link"])
+    pane.do("remove", part=["links", "link"])
     assert "dimensions" not in pane.form
 
 

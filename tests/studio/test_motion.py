@@ -14,7 +14,7 @@ from blockmech.editor.curves import curves, simulation, wire_text
 from blockmech.editor.dragging import dragged, handles_of
 from blockmech.editor.revision import Question, Revision, blamed_blocks, what_moves
 from blockmech.editor.state import state_of
-from blockmech.editor.turn import dead_centres, travel, turn
+from blockmech.editor.turn import dead_centres, fault_of, travel, turn
 from blockmech.ground.errors import BlockmechError
 from blockmech.result.wires import wires_of
 from tests.studio.hand import Hand
@@ -40,9 +40,12 @@ def state(form):
 
 
 def test_a_gap_has_its_sentence():
-    motion = state(form_of(l_i=3.2))["motion"]
-    assert motion["gaps"] == [[101, 259]]
-    assert "too large" in motion["why"]
+    ask = Question(now_of(form_of(l_i=3.2)), {})
+    assert state_of(ask)["motion"]["gaps"] == [[101, 259]]
+    sentence = fault_of(ask.motion)
+    assert "too large" in sentence
+    assert "(sample 101 of 361)" in sentence
+    assert "159 of 361 samples" in sentence
 
 
 @pytest.mark.parametrize("gone", ["wire", "closing"])
@@ -230,10 +233,10 @@ def test_masses_are_given_to_all_links_or_it_says_which_have_none():
 def test_without_a_link_its_neighbours_keep_their_ends():
     hand = Hand(opened(GRAPHS / "joints" / "ruiz_fourbar.json"))
     before = copy.deepcopy(hand.form)
-    hand.do("delete links", links=["coupler"])
+    hand.do("remove", part=["links", "coupler"])
     assert {*hand.form["links"]} == {*before["links"]} - {"coupler"}
     assert {name for name, pin in hand.drawn.items() if pin.links} == {*"ABCD"}
-    hand.do("delete links", links=["frame"])
+    hand.do("remove", part=["links", "frame"])
     assert "the frame" in hand.said
 
 

@@ -137,13 +137,6 @@ def _angle(now: Revision, request: Request) -> Step:
     return Step(changed, f"angle {', '.join(pins)}")
 
 
-def _without_link(now: Revision, request: Request) -> Step:
-    form = now.form
-    for link in request["links"]:
-        form = sketching.without_link(form, link)
-    return Step(sketching.with_points(form), f"{listed(request['links'])} deleted")
-
-
 def _typed(now: Revision, request: Request) -> Step:
     """Fields of a part, in the order in which they were typed."""
     form, part = now.form, tuple(request["part"])
@@ -155,7 +148,7 @@ def _typed(now: Revision, request: Request) -> Step:
 
 
 def _remove(now: Revision, request: Request) -> Step:
-    """An item of a section: a load, a driver, a coupling ..."""
+    """An item of a section: a link, a load, a driver, a coupling ..."""
     section, name = request["part"]
     form = sketching.without_item(now.form, section, name)
     return Step(sketching.with_points(form), f"{name} deleted")
@@ -252,7 +245,6 @@ ACTS: dict[str, Callable[[Revision, Request], Step]] = {
     "drag": _drag,
     "dimension": _dimension,
     "angle": _angle,
-    "delete links": _without_link,
     "fields": _typed,
     "remove": _remove,
     "redraw": _redrawn,

@@ -14,7 +14,7 @@ from blockmech.builders import from_data
 from blockmech.draw.mechanism import draw_tile
 from blockmech.editor.pins import outlines_of, pins_of
 from blockmech.editor.redraw import as_links
-from blockmech.editor.revision import Answer, Question, Revision, svg
+from blockmech.editor.revision import Question, Revision, svg
 from blockmech.editor.turn import along_of
 from blockmech.figures.curves import chosen_panels
 from blockmech.figures.panels import Panel, draw_panels
@@ -55,7 +55,7 @@ def _limits(ask: Question) -> Any:
     return ask.mechanism.limits(moved, {driver: float(q[driver][0]) for driver in fixed})
 
 
-def _family(ask: Question) -> Answer:
+def _family(ask: Question) -> Data:
     """The first output for several values of a number, from the share below to that above.
 
     Each is run at the same samples; what does not close is left out. Raises what
@@ -106,7 +106,7 @@ ANALYSES: dict[str, tuple[str, Callable[[Question], Any]]] = {
 }
 
 
-def analysis(ask: Question, name: str) -> Answer:
+def analysis(ask: Question, name: str) -> Data:
     """The answer of an analysis, as text and picture. Raises `BlockmechError` with the reason."""
     if name not in ANALYSES:
         raise refused("analysis", f"there is none called {name!r}", "choose one on the page")
@@ -135,7 +135,7 @@ def wishes(form: Record) -> tuple[list[complex], list[tuple[float, float, float]
     return [pin.z for pin in pins.values() if not pin.links], positions
 
 
-def synthesis(ask: Question) -> Answer:
+def synthesis(ask: Question) -> Data:
     """Four-bars for what is drawn, the smallest first.
 
     Pins that no link carries are points that a coupler's point shall pass, in their order; lone
@@ -151,7 +151,7 @@ def synthesis(ask: Question) -> Answer:
     return {"designs": cards[:DESIGNS], "text": "" if cards else NONE}
 
 
-def _card(design: Any) -> Answer:
+def _card(design: Any) -> Data:
     """A design with its picture, how large it is, and how near it comes."""
     mechanism = design.graph.compile()
     at = dict.fromkeys(mechanism.drivers, design.at)

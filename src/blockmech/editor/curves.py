@@ -13,30 +13,30 @@ from blockmech.draw.motion import Motion, moves_of_result
 from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.simulation import simulate
-from blockmech.editor.revision import NOTHING, Answer, Question
+from blockmech.editor.revision import NOTHING, Question
 from blockmech.editor.turn import along_of, motion_data, numbers, poses_of
 from blockmech.figures.curves import chosen_panels, without_friction
 from blockmech.figures.panels import Panel
 from blockmech.figures.paper import scaled_unit, shown_name
-from blockmech.ground.errors import listed, refused
+from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.model.spots import Spot, pin_spot
 from blockmech.model.structure import JointRef
 from blockmech.result.result import Result
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.result.wires import wires_of
-from blockmech.typing import Arguments
+from blockmech.typing import Arguments, Data
 
 FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
 BACK = {"F": "N", "M": "N m", "power": "W"}
 
 
-def curves(ask: Question) -> Answer:
+def curves(ask: Question) -> Data:
     """The chosen outputs over the motion by quantity, forces without friction beside them."""
     motion, names = ask.motion, ask.names
     axis = along_of(motion, ask.degrees)
     events = [[float(x), name] for x, name in axis.events]
     axis_data = {"words": axis.words, "values": numbers(axis.values), "events": events}
-    data: Answer = {"along": axis_data, "panels": [], "said": "", "margins": []}
+    data: Data = {"along": axis_data, "panels": [], "said": "", "margins": []}
     if margin := motion.quality.margin:
         name_of = motion.mechanism._block_name
         margins = Panel("margin", "", {name_of(block): m for block, m in margin.items()})
@@ -47,6 +47,14 @@ def curves(ask: Question) -> Answer:
         data["panels"] = [_panel(panel) for panel in panels_of(result, names)]
         data["said"] = _summary(result, time.perf_counter() - start)
     return data
+
+
+def curves_or_reason(ask: Question) -> Data:
+    """The chosen outputs over the motion, or why there are none."""
+    try:
+        return curves(ask)
+    except BlockmechError as error:
+        return {"along": None, "panels": [], "said": str(error), "margins": []}
 
 
 def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
@@ -60,7 +68,7 @@ def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
     ]
 
 
-def _panel(panel: Panel) -> Answer:
+def _panel(panel: Panel) -> Data:
     """A panel as the page draws it; what is only rounding of the largest number is none."""
     low, high = panel.shown
     factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
@@ -87,7 +95,7 @@ def _summary(result: Result, seconds: float) -> str:
     return "; ".join([cost + chosen + holes + error, *result.notes()])
 
 
-def simulation(ask: Question) -> tuple[Motion, Answer]:
+def simulation(ask: Question) -> tuple[Motion, Data]:
     """The mechanism moved under its loads; a driver without a start is let go in the shown pose."""
     mechanism = ask.now.mechanism
     if mechanism is None:
@@ -110,7 +118,7 @@ def simulation(ask: Question) -> tuple[Motion, Answer]:
 # -- arrows ------------------------------------------------------------------------------------
 
 
-def vectors(ask: Question) -> list[Answer]:
+def vectors(ask: Question) -> list[Data]:
     """Velocities of pins, or reactions at joints, as places [m] and vectors at all samples.
 
     Of friction circles the vector's length is the radius [m]: without rates a reaction touches

@@ -185,11 +185,8 @@ def of_blocks(motion: Motion) -> Drawing:
             }
             for i, body in enumerate(sketch.bodies)
         ],
-        "dimensions": [],
-        "stated": [],
         "loads": [
-            {"name": load.name, "ends": [spot(*x) for x in load.spots], "force": None}
-            for load in sketch.loads
+            {"name": load.name, "ends": [spot(*x) for x in load.spots]} for load in sketch.loads
         ],
         "wheels": [
             {"name": w.name, "link": str(w.link), "points": [xy(z) for z in w.points]}

@@ -11,8 +11,9 @@ import numpy as np
 
 from blockmech.draw.animation import Animation
 from blockmech.draw.mechanism import draw_mechanism
-from blockmech.draw.simulation import FRAME, screen_time
+from blockmech.draw.simulation import FRAME
 from blockmech.editor.revision import Question
+from blockmech.editor.turn import seconds_of, simulated_time
 from blockmech.exchange.formats import WRITERS, Order
 from blockmech.figures.paper import MOVING, STILL, rendered
 from blockmech.ground.runnable import EVERYTHING
@@ -33,7 +34,7 @@ def formats() -> dict[str, list[str]]:
     }
 
 
-def exported(kind: str, ask: Question, seconds: float = 3.0) -> tuple[str, bytes]:
+def exported(kind: str, ask: Question) -> tuple[str, bytes]:
     """The name of a file, and its content; of several files a zip.
 
     Raises `RequestError` where nothing moves yet, and for what a format cannot say.
@@ -52,17 +53,15 @@ def exported(kind: str, ask: Question, seconds: float = 3.0) -> tuple[str, bytes
         picture = draw_mechanism(ask.mechanism, at, degrees=ask.degrees)
         return f"mechanism{suffix}", rendered(picture.figure, suffix)
     if category == "motion":
-        return f"mechanism{suffix}", _film(ask, suffix, seconds)
+        return f"mechanism{suffix}", _film(ask, suffix)
     return _written(suffix.lstrip(".") or category, name, ask)
 
 
-def _film(ask: Question, suffix: str, seconds: float) -> bytes:
+def _film(ask: Question, suffix: str) -> bytes:
     """The motion, in the time in which it is played."""
-    motion, simulated = ask.motion, ask.motion.result.motion is not None
-    time = motion.time if simulated else None
-    played = seconds if time is None else screen_time(float(np.ptp(time)))
+    motion, played = ask.motion, seconds_of(ask.motion)
     every = max(1, round(len(motion.samples) * FRAME / played))
-    if not simulated:
+    if simulated_time(motion) is None:
         motion, every = motion.only(np.arange(0, len(motion.samples), every)), 0
     film = Animation(motion, played, degrees=ask.degrees, every=every)
     return film.html.encode() if suffix == ".html" else bytes(getattr(film, suffix[1:]))

@@ -286,12 +286,7 @@ class Units(NamedTuple):
             return self._pair(field, text)
         if field.kind == "list" and text[0] != "[":
             return list(map(self.value, cycle(field.entries), text.split(";")))
-        if field.kind in ("json", "list"):
-            try:
-                return json.loads(text)
-            except ValueError:
-                return text
-        return text
+        return _plain_data(text) if field.kind in ("json", "list") else text
 
     def _pair(self, field: Field, text: str) -> Any:
         """Two numbers, or a length at an angle; JSON for what else a pair may be."""
@@ -304,10 +299,14 @@ class Units(NamedTuple):
                 x, y = (self.number(*of) for of in zip(parts, units, strict=True))
                 if x is not None and y is not None:
                     return {"polar": [x, y]} if polar else [x, y]
-        try:
-            return json.loads(text)
-        except ValueError:
-            return text
+        return _plain_data(text)
+
+
+def _plain_data(text: str) -> Any:
+    """What a text of JSON holds; a text that is none is itself."""
+    with suppress(ValueError):
+        return json.loads(text)
+    return text
 
 
 def _is_number(x: object) -> bool:

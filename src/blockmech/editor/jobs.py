@@ -17,8 +17,6 @@ from typing import Any
 
 from blockmech.typing import Arguments, Data
 
-Answer = Data
-
 
 class Job:
     """A question that is being answered.
@@ -33,7 +31,7 @@ class Job:
     def __init__(self, task: Arguments) -> None:
         self.task = task
         self.state, self.said = "waiting", ""
-        self.answer: Answer | None = None
+        self.answer: Data | None = None
         self.changed = Condition()
         self.turns = 0  # how often it has changed
 
@@ -42,7 +40,7 @@ class Job:
         """Whether nothing more will come."""
         return self.state in ("done", "failed", "stopped")
 
-    def tell(self, state: str, message: str = "", answer: Answer | None = None) -> None:
+    def tell(self, state: str, message: str = "", answer: Data | None = None) -> None:
         """Change, unless it is over; who waits for it wakes up."""
         with self.changed:
             if not self.over:

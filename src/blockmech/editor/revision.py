@@ -27,7 +27,6 @@ from blockmech.model.graph import Graph as Blocks
 from blockmech.result.result import Result
 from blockmech.typing import Data, Record
 
-Answer = Data
 NOTHING = "nothing moves on this sheet yet"
 
 
@@ -101,8 +100,6 @@ class Revision:
         return self._shown[1]
 
     def _motion(self, moved: str, at: Mapping[str, float] | None) -> tuple[Motion | None, str]:
-        if self.empty:
-            return None, ""
         form, file, mechanism = self.form, self.document.file, self.mechanism
         message, blamed = " ".join(map(str, self.problems)), blamed_blocks(form, self.problems)
         if mechanism is None:

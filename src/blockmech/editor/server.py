@@ -25,7 +25,7 @@ from starlette.staticfiles import StaticFiles
 from blockmech.builders import Linkage, Opened, opened
 from blockmech.editor.acts import acted
 from blockmech.editor.analyses import ANALYSES
-from blockmech.editor.curves import curves, vectors, wire_text
+from blockmech.editor.curves import curves_or_reason, vectors, wire_text
 from blockmech.editor.diagram import diagram_of
 from blockmech.editor.exports import formats
 from blockmech.editor.fields import CHOICES, Units
@@ -39,6 +39,7 @@ from blockmech.editor.sharing import link_of, packed
 from blockmech.editor.sheets import Desk, Sheet, files_of
 from blockmech.editor.sketching import posed
 from blockmech.editor.state import functions_of, names_of, picture_of, state_of
+from blockmech.editor.turn import fault_of
 from blockmech.exchange.page.files import bundle, embeddable
 from blockmech.ground.errors import BlockmechError, Problem, refused
 from blockmech.model.diagram import Wire
@@ -49,8 +50,6 @@ WEB = Path(__file__).with_name("web")
 FOREVER = {"Cache-Control": "private, max-age=31536000, immutable"}
 FRESH = {"Cache-Control": "no-cache"}
 BEAT = 15.0  # seconds after which a stream sends a sign of life
-Body = Record
-Answer = Data
 
 
 class Stale(Exception):
@@ -60,7 +59,7 @@ class Stale(Exception):
 # -- what is asked of a sheet ------------------------------------------------------------------
 
 
-def change(sheet: Sheet, body: Body) -> Answer:
+def change(sheet: Sheet, body: Record) -> Data:
     """Do an act, as one step, for the revision ``base``; or undo, redo, save."""
     with sheet.lock:
         match body.get("act"):
@@ -77,18 +76,18 @@ def change(sheet: Sheet, body: Body) -> Answer:
         return state(sheet, body)
 
 
-def state(sheet: Sheet, body: Body) -> Answer:
+def state(sheet: Sheet, body: Record) -> Data:
     """All that the page shows."""
     return {**sheet.data(), **state_of(Question(sheet.now, body))}
 
 
-def preview(sheet: Sheet, body: Body) -> Answer:
+def preview(sheet: Sheet, body: Record) -> Data:
     """The drawing that an act would make, and the functions that move it."""
     ask = Question(sheet.changed(acted(sheet.now, body).form), {})
     return {**picture_of(ask), "live": functions_of(ask)}
 
 
-def live(sheet: Sheet, body: Body) -> Answer | None:
+def live(sheet: Sheet, body: Record) -> Data | None:
     """The functions that move the mechanism, with ``poses`` those of a drag from there."""
     poses = body.get("poses")
     if poses:
@@ -96,14 +95,14 @@ def live(sheet: Sheet, body: Body) -> Answer | None:
     return functions_of(Question(sheet.now, body), body.get("hold"))
 
 
-def fields(sheet: Sheet, body: Body) -> Answer:
+def fields(sheet: Sheet, body: Record) -> Data:
     """The form of a part."""
     now, part = sheet.now, tuple(map(str, body.get("part", ())))
     units = Units.of(str(body.get("units", "")))
     return form_of(now.document, now.form, part, units, now.problems)
 
 
-def wire(sheet: Sheet, body: Body) -> Answer:
+def wire(sheet: Sheet, body: Record) -> Data:
     """What travels on a wire in the shown pose; with ``may`` why it may not be, or ""."""
     if body.get("may"):
         document: Any = sheet.now.document
@@ -112,21 +111,22 @@ def wire(sheet: Sheet, body: Body) -> Answer:
     return {"said": wire_text(Question(sheet.now, body), f"{body['from']} -> {body['to']}")}
 
 
-def link(sheet: Sheet, body: Body) -> Answer:
+def link(sheet: Sheet, body: Record) -> Data:
     """The document, with what moves it, as what stands behind an address."""
     names = tuple(map(str, body.get("names", ())))
     return {"link": packed(link_of(sheet.now, names))}
 
 
-QUESTIONS: Mapping[str, Callable[[Sheet, Body], Any]] = {
+QUESTIONS: Mapping[str, Callable[[Sheet, Record], Any]] = {
     "state": state,
     "preview": preview,
     "live": live,
     "names": lambda sheet, body: names_of(Question(sheet.now, body)),
     "fields": fields,
     "diagram": lambda sheet, _: diagram_of(sheet.now),
+    "gap": lambda sheet, body: {"said": fault_of(Question(sheet.now, body).motion)},
     "wire": wire,
-    "curves": lambda sheet, body: curves(Question(sheet.now, body)),
+    "curves": lambda sheet, body: curves_or_reason(Question(sheet.now, body)),
     "vectors": lambda sheet, body: vectors(Question(sheet.now, body)),
     "link": link,
 }

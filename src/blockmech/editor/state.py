@@ -8,11 +8,10 @@ from typing import Any, cast
 from blockmech.builders import Linkage, Opened
 from blockmech.draw.motion import Motion
 from blockmech.editor import drawing
-from blockmech.editor.curves import curves
+from blockmech.editor.curves import curves_or_reason
 from blockmech.editor.live import live
 from blockmech.editor.revision import Question, Revision
 from blockmech.editor.turn import motion_data, poses_of
-from blockmech.ground.errors import BlockmechError
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.layout import Layout
 from blockmech.typing import Data
@@ -27,7 +26,8 @@ SENTENCES = 3  # problems that are said at once
 def picture_of(ask: Question) -> Data:
     """The drawing with its motion."""
     now, (motion, message) = ask.now, ask.shown
-    picture: Data = {"kind": "blocks", "drawing": None, "motion": None, "said": message}
+    picture: Data = {"kind": "blocks", "drawing": None, "motion": None}
+    picture["said"] = "" if now.empty else message
     if isinstance(now.document, Linkage):
         picture |= {"kind": "joints", "drawing": drawing.of_links(now.form)}
     elif motion is not None:
@@ -64,7 +64,6 @@ def state_of(ask: Question) -> Data:
     data = {
         "revision": now.number,
         "name": now.form["name"],
-        "title": now.form.get("title", ""),
         "problems": [problem.to_dict() for problem in now.problems],
         "status": status_of(now),
         "empty": now.empty,
@@ -73,10 +72,8 @@ def state_of(ask: Question) -> Data:
     }
     if motion is not None:
         data["names"] = ask.names or drives_of(motion)
-        try:
-            data["curves"] = curves(replace(ask, data={**ask.data, "names": data["names"]}))
-        except BlockmechError as error:
-            data["curves"] = {"panels": [], "margins": [], "said": str(error), "along": None}
+        asked = {**ask.data, "names": data["names"]}
+        data["curves"] = curves_or_reason(replace(ask, data=asked))
     return data
 
 

@@ -19,7 +19,7 @@ from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.spots import marker_place
 from blockmech.result.failures import why_not
 from blockmech.result.samples import DEFAULT_SAMPLES
-from blockmech.typing import Arguments, Array, Data
+from blockmech.typing import Arguments, Array, Data, Floats
 
 SECONDS = 3.0  # that a turn is played
 MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each
@@ -151,28 +151,32 @@ def along_of(motion: Motion, degrees: bool) -> Abscissa:
     return replace(axis, events=tuple(events))
 
 
+def simulated_time(motion: Motion) -> Floats | None:
+    """The times [s] of a motion under loads; a turn of the drivers has none."""
+    return None if motion.result.motion is None else motion.time
+
+
+def seconds_of(motion: Motion) -> float:
+    """How long [s] a motion is played."""
+    time = simulated_time(motion)
+    return SECONDS if time is None else screen_time(float(np.ptp(time)))
+
+
 def motion_data(motion: Motion, home: Mapping[str, float]) -> Data:
     """Coordinates of all samples, and how far each driver goes."""
-    last = motion.clearest
-    pose = {d: float(q[last]) for d, q in motion.q.items()}
-    m, simulated = motion.mechanism, motion.result.motion is not None
-    moved = next((d for d, q in motion.q.items() if np.ptp(q)), "")
-    sliders = {} if simulated else {d: travel(m, d, pose) for d in m.drivers}
-    gaps, time = gaps_of(motion), motion.time
-    if not simulated:
-        time = None
+    m, gaps, time = motion.mechanism, gaps_of(motion), simulated_time(motion)
+    pose = {d: float(q[motion.clearest]) for d, q in motion.q.items()}
     return {
         "n": len(motion.samples),
         "q": {driver: q.tolist() for driver, q in motion.q.items()},
         "home": dict(home),
-        "moved": moved,
-        "travel": {d: list(ends) for d, ends in sliders.items()},
+        "travel": {d: travel(m, d, pose) for d in m.drivers} if time is None else {},
         "units": {d: m.structure.driver_joint(d).coordinate_unit for d in m.drivers},
         "time": None if time is None else time.tolist(),
-        "seconds": SECONDS if time is None else screen_time(float(np.ptp(time))),
-        "forward": bool(simulated or motion.returns),
+        "seconds": seconds_of(motion),
+        "forward": time is not None or motion.returns,
         "gaps": gaps,
-        "why": fault_of(motion) if gaps and len(gaps) < len(motion.samples) else "",
+        "why": None if time is None or not gaps else fault_of(motion),  # of a turn when asked for
     }
 
 

@@ -17,15 +17,13 @@ from typing import Any
 
 from blockmech.builders import read_text
 from blockmech.editor.analyses import analysis, synthesis
-from blockmech.editor.curves import curves, simulation
+from blockmech.editor.curves import simulation
 from blockmech.editor.exports import exported
 from blockmech.editor.gallery import picture_of
 from blockmech.editor.revision import Question, Revision
 from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.typing import Arguments, Data
-
-Answer = Data
 
 
 def work(folder: str) -> None:
@@ -37,7 +35,7 @@ def work(folder: str) -> None:
     sys.stdout = sys.stderr  # whatever is printed is no answer
     answerer = Answerer(Path(folder))
 
-    def tell(state: str, message: str = "", answer: Answer | None = None) -> None:
+    def tell(state: str, message: str = "", answer: Data | None = None) -> None:
         pickle.dump((state, message, answer), out)
         out.flush()
 
@@ -72,7 +70,7 @@ class Answerer:
         self.folder = folder
         self.simulated = dict[str, tuple[str, Any]]()  # sheet -> text of its document, motion
 
-    def answer(self, task: Arguments, report: Callable[..., None]) -> Answer:
+    def answer(self, task: Arguments, report: Callable[..., None]) -> Data:
         """The answer of a task. Raises `BlockmechError` for what has none."""
         if task["what"] == "picture":
             return {"name": task["kind"], "data": picture_of(task["kind"])}
@@ -89,11 +87,7 @@ class Answerer:
             if question == "export":
                 name, data = exported(task["kind"], ask)
                 return {"name": name, "data": data}
-            if question == "synthesis":
-                return synthesis(ask)
-            if question == "curves":
-                return curves(ask)
-            return analysis(ask, question)
+            return synthesis(ask) if question == "synthesis" else analysis(ask, question)
 
 
 if __name__ == "__main__":

@@ -189,9 +189,8 @@ let timer;
 
 /** @param {number[]} row @param {number} x */
 function nearest(row, x) {
-  let [best, least] = [0, Infinity];
-  row.forEach((v, k) => { const off = Math.abs(v - x); if (off < least) [best, least] = [k, off]; });
-  return best;
+  const offs = row.map((v) => Math.abs(v - x));
+  return offs.indexOf(Math.min(...offs));
 }
 
 let begun = 0;
@@ -211,12 +210,20 @@ function tick(time) {
 }
 
 follow(["sheet", "said", "alert", "pose", "motion"], ({ sheet, said, alert: wrong, pose, motion: now }) => {
-  const gap = pose !== null && now?.gaps.find(([a, b]) => a <= pose && pose <= b) ? now.why : "";
+  const gap = pose !== null && now?.gaps.some(([a, b]) => a <= pose && pose <= b) ? now : null;
+  if (gap && gap.why === null) explain(gap);
   const time = now?.time && pose !== null ? `t = ${now.time[pose].toFixed(3)} s. ` : "";
   status.textContent = time + [said && `${said}.`, sheet?.status].filter(Boolean).join(" ");
-  alert.textContent = wrong || gap || (sheet?.problems.length ? "" : sheet?.said ?? "");
+  alert.textContent = wrong || gap?.why || (sheet?.problems.length ? "" : sheet?.said ?? "");
   alert.hidden = !alert.textContent;
 });
+
+/** Ask why poses of a motion have no answer. @param {import("./state.js").Motion} gapped */
+async function explain(gapped) {
+  gapped.why = "";
+  gapped.why = (await ask(`documents/${store.id}/gap`, asked())).said;
+  set({ motion: store.motion });
+}
 
 // -- form and answers --------------------------------------------------------------------------------
 

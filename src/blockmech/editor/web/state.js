@@ -19,15 +19,15 @@ import { Refused, ask, kernel, stream } from "./api.js";
  *   wheels: {name: string, pin?: string, radius: number, link: string, points?: Point[]}[]}} Drawing
  */
 /**
- * @typedef {{n: number, q: Record<string, number[]>, home: Record<string, number>, moved: string,
+ * @typedef {{n: number, q: Record<string, number[]>, home: Record<string, number>,
  *   travel: Record<string, [number, number]>, units: Record<string, string>, time: number[] | null,
- *   seconds: number, forward: boolean, gaps: [number, number][], why: string,
+ *   seconds: number, forward: boolean, gaps: [number, number][], why: string | null,
  *   poses?: Record<string, (number | null)[][]>}} Motion
  */
 /** @typedef {import("../../exchange/page/web/panel.js").Panel} Panel */
 /** @typedef {{along: import("../../exchange/page/web/panel.js").Along | null, panels: Panel[], margins: Panel[], said: string}} Curves */
 /**
- * @typedef {{revision: number, name: string, title: string, file: string, saved: boolean, undoable: string,
+ * @typedef {{revision: number, name: string, file: string, saved: boolean, undoable: string,
  *   redoable: string, problems: {where: string, found: string, remedy?: string, code: string}[], status: string,
  *   empty: boolean, names: string[], kind: "joints" | "blocks",
  *   drawing: Drawing | null, motion: Motion | null, said: string, curves?: Curves}} Sheet
@@ -107,28 +107,26 @@ let window_events = null;
 /** Show a sheet. @param {object} what the document that is asked for, e.g. {example: "pump"} */
 export async function open(what) {
   const { id, ...sheet } = await ask("documents", { ...what, ...fresh() });
-  await show(id, sheet, true);
-  history.pushState(null, "", `?sheet=${id}`);
+  await show(id, sheet);
 }
 
 /** Show a sheet that the server has. @param {string} id */
 export async function reopen(id) {
-  await show(id, await ask(`documents/${id}`, fresh()), true);
+  await show(id, await ask(`documents/${id}`, fresh()));
 }
 
-/** @param {string} id @param {Sheet} sheet @param {boolean} first */
-async function show(id, sheet, first) {
-  if (first) {
-    set({ id, tool: sheet.empty ? "Link" : "", chosen: [], link: "", part: [], pose: null, q: null, playing: false, moved: "", held: {} });
-    set({ view: sheet.kind === "joints" || sheet.motion ? "drawing" : "blocks", live: null });
-    window_events?.close();
-    const isNews = (/** @type {number} */ revision) => store.id === id && store.sheet && revision > store.sheet.revision && !busy;
-    window_events = stream(`documents/${id}/events`, async (revision) => {
-      if (!isNews(revision)) return;
-      const news = await ask(`documents/${id}`, asked());
-      if (isNews(news.revision)) take(news); // not older than what an act of here has brought meanwhile
-    });
-  }
+/** @param {string} id @param {Sheet} sheet */
+async function show(id, sheet) {
+  if (location.search !== `?sheet=${id}`) history.pushState(null, "", `?sheet=${id}`);
+  set({ id, tool: sheet.empty ? "Link" : "", chosen: [], link: "", part: [], pose: null, q: null, playing: false, moved: "", held: {} });
+  set({ view: sheet.kind === "joints" || sheet.motion ? "drawing" : "blocks", live: null });
+  window_events?.close();
+  const isNews = (/** @type {number} */ revision) => store.id === id && store.sheet && revision > store.sheet.revision && !busy;
+  window_events = stream(`documents/${id}/events`, async (revision) => {
+    if (!isNews(revision)) return;
+    const news = await ask(`documents/${id}`, asked());
+    if (isNews(news.revision)) take(news); // not older than what an act of here has brought meanwhile
+  });
   await take(sheet);
 }
 
@@ -189,13 +187,7 @@ export async function edit(act) {
 
 /** Ask for curves of what is chosen now. */
 export async function recompute() {
-  if (!store.sheet?.motion || store.simulated) return;
-  try {
-    set({ curves: await ask(`documents/${store.id}/curves`, asked()) });
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    set({ curves: { along: store.curves?.along ?? null, panels: [], margins: [], said: error.words } });
-  }
+  if (store.sheet?.motion && !store.simulated) set({ curves: await ask(`documents/${store.id}/curves`, asked()) });
 }
 
 /** Show a sample of the motion. @param {number} k */

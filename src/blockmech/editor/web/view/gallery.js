@@ -28,7 +28,7 @@ export async function galleryView(parent) {
   if (left.length) {
     element(parent, "h2", "", "Not saved");
     const list = element(parent, "ul", "files");
-    for (const { id, name, step } of left) button(element(list, "li"), `${name}${step ? `: ${step}` : ""}`, () => to(reopen(id).then(() => history.pushState(null, "", `?sheet=${id}`))));
+    for (const { id, name, step } of left) button(element(list, "li"), `${name}${step ? `: ${step}` : ""}`, () => to(reopen(id)));
   }
   if (files.length) {
     element(parent, "h2", "", "In this folder");

@@ -114,7 +114,7 @@ export function sheetView(parent) {
   function press(name) {
     const { chosen } = store;
     if (name === "Masses") return void edit({ act: name, pins: [] });
-    if (name === "Delete" && store.link) return void edit({ act: "delete links", links: [store.link] }).then(() => set({ link: "", part: [] }));
+    if (name === "Delete" && store.link) return void edit({ act: "remove", part: ["links", store.link] }).then(() => set({ link: "", part: [] }));
     const enough = PAIRS.includes(name) ? chosen.length > 1 : chosen.length > 0;
     if (!enough || !ours()) {
       if (name === "Copy" || name === "Delete") return void say(`${name}: choose pins first`, true);
