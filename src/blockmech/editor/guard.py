@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
 
-from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import PlainTextResponse, RedirectResponse
+from starlette.datastructures import MutableHeaders
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
@@ -51,7 +51,7 @@ class Guard:
             return
         if self.framed and scope["path"].startswith(f"/{self.token}/"):
             scope = {**scope, "path": scope["path"][len(self.token) + 1 :], "keyed": True}
-        reply = self._refusal(scope, Headers(scope=scope))
+        reply = self._refusal(Request(scope))
         size = 0
 
         async def counted() -> Any:
@@ -80,8 +80,9 @@ class Guard:
         except TooLarge:
             await PlainTextResponse("too large", 413)(scope, receive, answered)
 
-    def _refusal(self, scope: Any, headers: Headers) -> Any:
+    def _refusal(self, request: Request) -> Response | None:
         """The answer to who may not come in, or to who has just shown the token."""
+        scope, headers = request.scope, request.headers
         if headers.get("host", "") not in self.hosts:
             return PlainTextResponse(STRANGER, 403)
         origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
@@ -91,17 +92,12 @@ class Guard:
             return None
         key = scope["path"].strip("/")
         if self._is_key(key):
-            query = scope["query_string"].decode("latin-1")
-            reply = RedirectResponse(f"/?{query}" if query else "/", 303)
+            reply = RedirectResponse(f"/?{request.query_params}".rstrip("?"), 303)
             reply.set_cookie(self.cookie, self.token, httponly=True, samesite="strict")
             return reply
         if site not in ("none", "same-origin") and scope["method"] != "GET":
             return PlainTextResponse(STRANGER, 403)
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(self.cookie)
-        except CookieError:
-            cookie = None
-        if not self._is_key(cookie.value if cookie else ""):
+        if not self._is_key(request.cookies.get(self.cookie, "")):
             return PlainTextResponse(STRANGER, 403)
         if int(headers.get("content-length") or 0) > LARGEST:
             return PlainTextResponse("too large", 413)

@@ -49,7 +49,7 @@ class Revision:
 
     def __init__(self, number: int, form: Data, document: Opened) -> None:
         self.number, self.form, self.document = number, form, document
-        self._shown: tuple[Any, tuple[Motion | None, str]] | None = None
+        self._latest: tuple[Any, tuple[Motion | None, str]] | None = None
 
     @cached_property
     def _compiled(self) -> tuple[tuple[Problem, ...], Compiled | None, str]:
@@ -95,9 +95,9 @@ class Revision:
     ) -> tuple[Motion | None, str]:
         """The `turn` of the mechanism, or of the part of it that closes; and what is wrong."""
         question = moved, dict(at or {})
-        if self._shown is None or self._shown[0] != question:
-            self._shown = question, self._motion(moved, at)
-        return self._shown[1]
+        if self._latest is None or self._latest[0] != question:
+            self._latest = question, self._motion(moved, at)
+        return self._latest[1]
 
     def _motion(self, moved: str, at: Mapping[str, float] | None) -> tuple[Motion | None, str]:
         form, file, mechanism = self.form, self.document.file, self.mechanism
@@ -175,7 +175,7 @@ class Question:
         return "|rad|" not in f"|{self.data.get('units', '')}|"
 
     @cached_property
-    def shown(self) -> tuple[Motion | None, str]:
+    def outcome(self) -> tuple[Motion | None, str]:
         """The motion that is shown, None where nothing moves; and what is wrong."""
         if self.computed is not None:
             return self.computed, ""
@@ -185,7 +185,7 @@ class Question:
     @property
     def motion(self) -> Motion:
         """The motion that is shown. Raises `RequestError` where nothing moves."""
-        motion, message = self.shown
+        motion, message = self.outcome
         if motion is None:
             raise refused("mechanism", message or NOTHING, "draw what moves first")
         return motion

@@ -33,13 +33,13 @@ from blockmech.editor.forms import form_of
 from blockmech.editor.gallery import title_of
 from blockmech.editor.guard import HOST, Guard
 from blockmech.editor.jobs import Jobs
-from blockmech.editor.live import module, remember
+from blockmech.editor.live import live, module, remember
 from blockmech.editor.revision import Question
 from blockmech.editor.sharing import link_of, packed
 from blockmech.editor.sheets import Desk, Sheet, files_of
 from blockmech.editor.sketching import posed
-from blockmech.editor.state import functions_of, names_of, picture_of, state_of
-from blockmech.editor.turn import fault_of
+from blockmech.editor.state import names_of, picture_of, state_of
+from blockmech.editor.turn import fault_of, poses_of
 from blockmech.exchange.page.files import bundle, embeddable
 from blockmech.ground.errors import BlockmechError, Problem, refused
 from blockmech.model.diagram import Wire
@@ -49,7 +49,7 @@ from blockmech.typing import Data, Record
 WEB = Path(__file__).with_name("web")
 FOREVER = {"Cache-Control": "private, max-age=31536000, immutable"}
 FRESH = {"Cache-Control": "no-cache"}
-BEAT = 15.0  # seconds after which a stream sends a sign of life
+BEAT = 0.5  # seconds between two looks of a stream, also at whether somebody still listens
 
 
 class Stale(Exception):
@@ -77,8 +77,23 @@ def change(sheet: Sheet, body: Record) -> Data:
 
 
 def state(sheet: Sheet, body: Record) -> Data:
-    """All that the page shows."""
-    return {**sheet.data(), **state_of(Question(sheet.now, body))}
+    """All that the page shows, with curves where something moves."""
+    data = {**sheet.data(), **state_of(Question(sheet.now, body))}
+    if data["motion"] is not None:
+        data["curves"] = curves_or_reason(Question(sheet.now, {**body, "names": data["names"]}))
+    return data
+
+
+def functions_of(ask: Question, hold: Any = None) -> Data | None:
+    """The functions with which the page moves a mechanism, or the poses of all samples.
+
+    With ``hold`` those of the drag of a joint of blocks in a pose: its name, and coordinates.
+    """
+    motion, _ = ask.outcome
+    if motion is None:
+        return None
+    functions = live(ask.now, motion.mechanism, hold)
+    return {"poses": poses_of(motion)} if functions is None else functions.data()
 
 
 def preview(sheet: Sheet, body: Record) -> Data:
@@ -87,7 +102,7 @@ def preview(sheet: Sheet, body: Record) -> Data:
     return {**picture_of(ask), "live": functions_of(ask)}
 
 
-def live(sheet: Sheet, body: Record) -> Data | None:
+def functions(sheet: Sheet, body: Record) -> Data | None:
     """The functions that move the mechanism, with ``poses`` those of a drag from there."""
     poses = body.get("poses")
     if poses:
@@ -120,7 +135,7 @@ def link(sheet: Sheet, body: Record) -> Data:
 QUESTIONS: Mapping[str, Callable[[Sheet, Record], Any]] = {
     "state": state,
     "preview": preview,
-    "live": live,
+    "live": functions,
     "names": lambda sheet, body: names_of(Question(sheet.now, body)),
     "fields": fields,
     "diagram": lambda sheet, _: diagram_of(sheet.now),
@@ -138,7 +153,6 @@ class Studio:
     def __init__(self, desk: Desk) -> None:
         self.desk, self.jobs = desk, Jobs(desk.folder)
         self.pictures: dict[str, bytes] = {}
-        self.changed = asyncio.Condition()
 
     def routes(self) -> list[Route]:
         """All addresses."""
@@ -209,8 +223,8 @@ class Studio:
         """A sheet of a document: of the gallery, a file, a text, a link, or an empty one."""
         body = await _body(request)
         name = await to_thread.run_sync(self.desk.create, body)
-        shown = await to_thread.run_sync(state, self.desk.sheets[name], body)
-        return JSONResponse({"id": name, **shown})
+        answer = await to_thread.run_sync(state, self.desk.sheets[name], body)
+        return JSONResponse({"id": name, **answer})
 
     def _sheet(self, request: Request) -> Sheet:
         sheet = self.desk.sheets.get(request.path_params["id"])
@@ -227,11 +241,10 @@ class Studio:
         return JSONResponse(answer, headers=FRESH)
 
     async def edit(self, request: Request) -> Response:
-        """A change of a sheet, of which other windows are told."""
-        answer = await to_thread.run_sync(change, self._sheet(request), await _body(request))
-        async with self.changed:
-            self.changed.notify_all()
-        return JSONResponse(answer)
+        """A change of a sheet."""
+        return JSONResponse(
+            await to_thread.run_sync(change, self._sheet(request), await _body(request))
+        )
 
     async def events(self, request: Request) -> Response:
         """The revision of a sheet whenever another window changes it."""
@@ -243,11 +256,7 @@ class Studio:
                 if sheet.now.number != revision:
                     revision = sheet.now.number
                     yield f"data: {revision}\n\n"
-                try:
-                    async with self.changed:
-                        await asyncio.wait_for(self.changed.wait(), BEAT)
-                except TimeoutError:
-                    yield ": \n\n"
+                await asyncio.sleep(BEAT)
 
         return StreamingResponse(stream(), media_type="text/event-stream", headers=FRESH)
 
@@ -267,7 +276,7 @@ class Studio:
                         turn = job.turns
                         yield f"data: {json.dumps(job.data())}\n\n"
                     else:
-                        await to_thread.run_sync(job.wait, turn, 0.5)
+                        await to_thread.run_sync(job.wait, turn, BEAT)
                         if await request.is_disconnected():
                             break
             finally:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, cast
 
 from blockmech.builders import Linkage, Opened
 from blockmech.draw.motion import Motion
 from blockmech.editor import drawing
-from blockmech.editor.curves import curves_or_reason
-from blockmech.editor.live import live
 from blockmech.editor.revision import Question, Revision
-from blockmech.editor.turn import motion_data, poses_of
+from blockmech.editor.turn import motion_data
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.layout import Layout
 from blockmech.typing import Data
@@ -25,7 +22,7 @@ SENTENCES = 3  # problems that are said at once
 
 def picture_of(ask: Question) -> Data:
     """The drawing with its motion."""
-    now, (motion, message) = ask.now, ask.shown
+    now, (motion, message) = ask.now, ask.outcome
     picture: Data = {"kind": "blocks", "drawing": None, "motion": None}
     picture["said"] = "" if now.empty else message
     if isinstance(now.document, Linkage):
@@ -46,40 +43,23 @@ def _home(document: Opened, motion: Motion) -> dict[str, float]:
     return {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
 
 
-def functions_of(ask: Question, hold: Any = None) -> Data | None:
-    """The functions with which the page moves a mechanism, or the poses of all samples.
-
-    With ``hold`` those of the drag of a joint of blocks in a pose: its name, and coordinates.
-    """
-    motion, _ = ask.shown
-    if motion is None:
-        return None
-    functions = live(ask.now, motion.mechanism, hold)
-    return {"poses": poses_of(motion)} if functions is None else functions.data()
-
-
 def state_of(ask: Question) -> Data:
-    """All that the page shows of a revision but answers; curves where something moves."""
-    now, (motion, _) = ask.now, ask.shown
-    data = {
+    """All that the page shows of a revision but answers."""
+    now, (motion, _) = ask.now, ask.outcome
+    return {
         "revision": now.number,
         "name": now.form["name"],
         "problems": [problem.to_dict() for problem in now.problems],
         "status": status_of(now),
         "empty": now.empty,
-        "names": [],
+        "names": [] if motion is None else ask.names or drives_of(motion),
         **picture_of(ask),
     }
-    if motion is not None:
-        data["names"] = ask.names or drives_of(motion)
-        asked = {**ask.data, "names": data["names"]}
-        data["curves"] = curves_or_reason(replace(ask, data=asked))
-    return data
 
 
 def names_of(ask: Question) -> Data:
     """The outputs and the numbers that can be chosen."""
-    mechanism, (motion, _) = cast(Any, ask.now.mechanism), ask.shown
+    mechanism, (motion, _) = cast(Any, ask.now.mechanism), ask.outcome
     numbers = {} if mechanism is None else mechanism.parameters()
     return {
         "outputs": [] if motion is None else list(motion.mechanism.outputs),
