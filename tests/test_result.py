@@ -517,3 +517,19 @@ def test_a_mass_without_a_cm_is_at_the_origin_and_a_note_says_so():
     m.add_driver("wrist", "B", bm.motion.ConstantRate(rate=1.0))
     (note,) = [note for note in m.run(samples=3).notes() if "origin" in note]
     assert note.startswith("slide: no cm")  # the crank turns about its origin
+
+
+def test_what_a_call_leaves_out_is_noted_and_what_a_table_shows_is_read():
+    m = bm.Linkage("arm")
+    m.add_link("a", mass=1.0, cm=(0.5, 0.0))
+    m.add_joint("O", "R", ["frame", "a"], point=(0.0, 0.0))
+    m.add_driver("motor", "O")
+    m.add_load("f", "force", link="a", force=(0, -1))
+    statics = m.run(at=[0.5], want="driver.motor.drive")
+    assert "f: no at, so it acts at the origin of its link's axes" in statics.notes()
+    assert statics["driver.motor.q"] == [0.5]
+    assert [*statics.rerun(friction="none")] == ["driver.motor.drive"]
+    (note,) = m.run(at=[0.5], want="link.a.omega").notes()
+    assert note == "motor: no law of motion, so the rate is 0; give rates="
+    assert m.run(at=[0.5], rates={"motor": 1.0}, want="link.a.omega").notes() == []
+    assert m.compile().simulate("time=0.1", start={"motor": 0.0}).motion.unit == "rad"

@@ -100,6 +100,14 @@ def test_gallery_names_need_no_path(call, tmp_path):
     assert (outcome.code, outcome.out) == (2, "")
     assert 'did you mean "watt_sixbar"?' in outcome.err
     assert "no such file" in call("check", "nothing_like_it").err
+    assert "gallery: no graph" in call("new", "nothing_like_it").err
+
+
+def test_an_option_without_its_value_is_refused_in_a_sentence(call, ruiz):
+    outcome = call("run", ruiz, "--want")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "Option '--want' requires an argument." in outcome.err
+    assert "fault of blockmech" not in outcome.err
 
 
 def test_a_file_comes_before_the_gallery(call, ruiz, tmp_path, monkeypatch):

@@ -83,8 +83,8 @@ def test_what_is_no_start_or_no_goal_is_answered_in_the_names_of_the_mechanism()
     pendulum.add_joint("O", "R", ["frame", "arm"], point=(0.0, 0.0))
     pendulum.add_driver("swing", "O")
     mechanism = pendulum.compile()
-    assert 'start={"swing": (0.0, 1.0)}' in said(mechanism, "time=1")
-    assert '{"swing": (0.0, 1.0)}' in said(mechanism, "time=1", start="rest")
+    assert 'start={"swing": (0.0, 0.0)}' in said(mechanism, "time=1")
+    assert '{"swing": (0.0, 0.0)}' in said(mechanism, "time=1", start="rest")
     assert 'write for example "time=3"' in said(mechanism, 3)
 
 

@@ -391,6 +391,7 @@ MISTAKES = {
     "unknown": ({"roles": {"c": "prescribed"}}, SINE, 'roles.c: no driver "c"'),
     "no role": ({"roles": {"b": "loked"}}, SINE, "no role .loked."),
     "no driver": ({"roles": ["a"]}, SINE, "names no drivers"),
+    "no names": ({"watch": [bm.Watch("w", abs, then="locked")]}, SINE, "names no driver"),
     "no law": ({"roles": {"b": "prescribed"}}, SINE, "roles.b: b has no law of motion"),
     "no number": ({"roles": {"b": "3 x"}}, SINE, "roles.b: '3 x' is no coordinate"),
     "start": (

@@ -135,7 +135,7 @@ def _misuse(error: Any) -> str:
     message = GUESSES.split(" ".join(error.format_message().split()))[0].rstrip(".")
     usage = context.get_usage().removeprefix("Usage: ") if context else called
     before, names = "", []
-    if hasattr(error, "option_name"):
+    if context and hasattr(error, "option_name"):
         before = "--"
         names = [o[2:] for x in context.command.params for o in x.opts if o.startswith("--")]
     elif message.startswith("No such command"):

@@ -25,7 +25,7 @@ def new(
     if name is None:
         say("\n".join(graphs) or "the gallery is empty")
         return
-    among(graphs, "graph in the gallery", name)
+    among(graphs, "graph", name, where="gallery")
     if file is None:
         raise refused(name, "no file to write is named", f"blockmech new {name} {name}.json")
     if os.path.exists(file) and not force:

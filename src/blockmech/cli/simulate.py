@@ -136,7 +136,7 @@ def motion_lines(result: Result) -> list[str]:
     lines = [f"{e.kind} at {_state(e, names, units, result.units)}" for e in motion.events]
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], f"... {len(lines) - LINES} events more", lines[-1]]
-    return [*lines, *motion.summary(units[0] if len(set(units)) == 1 else "rad or m")]
+    return [*lines, *motion.summary()]
 
 
 def _state(event: Event, names: list[str], units: list[str], outputs: tuple[str, ...]) -> str:

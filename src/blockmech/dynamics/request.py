@@ -67,7 +67,7 @@ OUTPUTS = 201  # output times where none are named
 PAIRS = "give them by driver, like {pairs}"
 WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
 NO_PAIRS: Pairs = {}
-START, STOPS = '{"crank": (0.0, 1.0)}', '{"crank": (-1.0, 2.0)}'
+START, STOPS = '{"crank": (0.0, 0.0)}', '{"crank": (-1.0, 2.0)}'
 
 
 class Start(NamedTuple):

@@ -16,7 +16,7 @@ driver at once, the rates of the others jump by M_ff dq'_f = -M_fc dq'_c: an imp
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -156,7 +156,8 @@ def roles_of(
     where = scene.address("motion", "") if requested is None else "roles."
     wishes = [(d, role, f"{where}{d}") for d, role in of.items()]
     for name, then in changes.items():
-        wishes += [(d, role, f"watch.{name}.then.{d}") for d, role in then.items()]
+        where = f"watch.{name}.then"
+        wishes += [(d, role, f"{where}.{d}") for d, role in _by_driver(then, where, drivers)]
     for driver, role, where in wishes:
         _check_role(scene, drivers, driver, role, where, last)
     if all(role == FREE for _, role, _ in wishes):
@@ -184,11 +185,8 @@ def _is_word(role: object) -> bool:
 
 def _read_roles(requested: Any, units: Mapping[str, str]) -> dict[str, Role]:
     """Driver -> role, where a coordinate [rad or m] is that at which the driver is locked."""
-    if not isinstance(requested, Mapping):
-        remedy = 'give each its role, like {"crank": "prescribed", "arm": 0.3}'
-        raise refused("roles", f"{requested!r} names no drivers", remedy)
     roles: dict[str, Role] = {}
-    for driver, role in requested.items():
+    for driver, role in _by_driver(requested, "roles", units):
         if _is_word(role):
             roles[driver] = role
             continue
@@ -198,6 +196,14 @@ def _read_roles(requested: Any, units: Mapping[str, str]) -> dict[str, Role]:
             raise refused(f"roles.{driver}", fault, remedy)
         roles[driver] = Locked(locked=coordinate)
     return roles
+
+
+def _by_driver(roles: Any, where: str, drivers: Iterable[str]) -> Collection[tuple[str, Any]]:
+    """Drivers with their roles. Raises `RequestError` where these are given without names."""
+    if not isinstance(roles, Mapping):
+        remedy = f"give each its role, like {dict.fromkeys([*drivers][:1], LOCKED)!r}"
+        raise refused(where, f"{roles!r} names no drivers", remedy)
+    return roles.items()
 
 
 def _check_role(

@@ -187,7 +187,9 @@ def explained(
         motion = motion.but(charts=((motion.t_start, mechanism._once(leading_joints)),))
     if request.roles is not None and not motion.roles:  # it did not begin
         motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.by_driver()),))
-    return motion.but(notes=(*motion.notes, *_remarks(system, motion, request.until)))
+    units = set(mechanism._coordinate_units.values())
+    unit = units.pop() if len(units) == 1 else motion.unit
+    return motion.but(unit=unit, notes=(*motion.notes, *_remarks(system, motion, request.until)))
 
 
 def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:

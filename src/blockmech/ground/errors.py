@@ -287,7 +287,7 @@ SYNONYMS = {
         ("quick_return time_ratio stroke", ("stroke", "extremes")),
         ("transmission_angle", ("extremes",)),
         ("add_marker", ("add_link",)),
-        ("add_friction", ("add_joint",)),
+        ("add_friction friction", ("add_joint",)),
         ("revolute pin hinge rotational", ("R",)),
         ("prismatic slider translational", ("P",)),
         ("fixed rigid", ("weld",)),

@@ -179,6 +179,7 @@ class Motion(Facts, Report):
         [s] at which discrete blocks switched
     notes : remarks for the reader: doubts, targets missed, limits
     facts : further numbers by name (period, work of a period, multiplier ...), see `fact_unit`
+    unit : of the coordinates, as far as it is one
     """
 
     FACTS = (
@@ -212,6 +213,7 @@ class Motion(Facts, Report):
     switched: float = math.nan
     notes: tuple[str, ...] = ()
     facts: Mapping[str, float] = field(default_factory=dict)
+    unit: str = "rad or m"
 
     @property
     def reached(self) -> bool:
@@ -243,8 +245,8 @@ class Motion(Facts, Report):
         end = {"end_time": self.t_end, "evaluations": self.cost.evaluations}
         return {**super().to_dict(), **as_json({**end, "facts": self.figures()})}
 
-    def summary(self, unit: str = "rad or m") -> list[str]:
-        """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""
+    def summary(self) -> list[str]:
+        """Lines about its end, method, error and figures."""
         lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s"]
         for begin, of in self.roles:
             since = f" from {begin:.6g} s on" if begin > self.t_start else ""
@@ -258,9 +260,9 @@ class Motion(Facts, Report):
         lines.append(f"method {self.method}{why}, {cost}")
         if math.isfinite(self.error):
             clock = f", {self.time_error:.1e} s at the end" if self.time_error > 0 else ""
-            lines.append(f"estimated error {self.error:.1e} {unit}{clock}")
+            lines.append(f"estimated error {self.error:.1e} {self.unit}{clock}")
         for name, x in self.figures().items():
-            line = f"{name.replace('_', ' ')} {x:.12g} {fact_unit(name, unit)}"
+            line = f"{name.replace('_', ' ')} {x:.12g} {fact_unit(name, self.unit)}"
             lines.append(line.rstrip())
         return lines
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from blockmech.ground.errors import listed
 from blockmech.model.structure import LinkRef
 from blockmech.result.quality import OK
-from blockmech.typing import Floats
+from blockmech.typing import Floats, Record
 
 
 def remainder_of_friction(method: object, bounds: Floats, status: Sequence[str]) -> str:
@@ -22,6 +22,23 @@ def remainder_of_friction(method: object, bounds: Floats, status: Sequence[str])
     remark = f"pairs are within about {largest:.1e} of the largest friction of their group"
     remark = remark if np.isfinite(largest) else "it has no bound where its certificate is 1"
     return f'friction "{method}": {remark}'
+
+
+def missing_places(document: Any) -> list[str]:
+    """Loads of links and joints that say no place on their link, and so act at its origin."""
+    loads = getattr(document, "loads", {}).items() if hasattr(document, "joints") else ()
+    names = [n for n, x in loads if "at" in type(x).model_fields.keys() - x.model_fields_set]
+    note = "no at, so it acts at the origin of its link's axes"
+    return [f"{listed(names, 4)}: {note}"] if names else []
+
+
+def missing_rates(mechanism: Any, inputs: Record, units: Iterable[str]) -> list[str]:
+    """Drivers at rest for want of a law of motion, where all that is asked for is rates."""
+    drivers, laws = enumerate(mechanism.drivers), mechanism.scene.drive
+    still = [d for i, d in drivers if d not in laws and not np.any(inputs[f"qd_{i}"])]
+    if not still or not all("/s" in unit for unit in units):
+        return []
+    return [f"{listed(still, 4)}: no law of motion, so the rate is 0; give rates="]
 
 
 def missing_inertia(

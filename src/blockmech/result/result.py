@@ -22,7 +22,12 @@ from blockmech.plan.plan import Output, Plan, Undefined
 from blockmech.result.exported import Exported
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Failures, Flag, Quality, assess, failures
-from blockmech.result.remarks import missing_inertia, remainder_of_friction
+from blockmech.result.remarks import (
+    missing_inertia,
+    missing_places,
+    missing_rates,
+    remainder_of_friction,
+)
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
 from blockmech.typing import (
@@ -220,6 +225,8 @@ class Result(Exported, Generic[M]):
     @np.errstate(all="ignore")  # what is not finite is reported by the quality
     def _make(self, name: str) -> Any:
         source = name if name in self else str(name).rpartition(".")[0]  # of a vector's x or y
+        if source != name and name in self.drivers:
+            return self.drivers[name]
         if source not in self or name not in self._compiled.outputs:
             known = dict.fromkeys(self.plan.want)
             held(known, name, "the run did not compute it", "computed", "name it in want=")
@@ -375,7 +382,11 @@ class Result(Exported, Generic[M]):
         if (bounds := self.friction_error) is not None:
             method, status = self.settings["friction"], self.quality.status
             notes.append(remainder_of_friction(method, bounds, status))
-        forces = {"N", "N m"} & {self.output(name).unit for name in self}
+        units = {self.output(name).unit for name in self}
+        if self.motion is None and units:
+            notes += missing_rates(self._compiled, self.samples.inputs, units)
+        forces = {"N", "N m"} & units
+        notes += missing_places(self._compiled.document) if forces else []
         if forces and self.n and not self.settings["static"]:
             notes += missing_inertia(self._compiled, self._first_rates)
         return motion + notes
@@ -426,7 +437,7 @@ class Result(Exported, Generic[M]):
 
     @declared
     def rerun(self, *want: str, friction: FrictionMethod | None = None) -> Result:
-        """Other outputs at the same samples with the same settings; gaps are marked.
+        """Other outputs, or the same, at the same samples with the same settings; gaps are marked.
 
         ``friction`` is another method of friction than that of the run.
 
@@ -434,7 +445,7 @@ class Result(Exported, Generic[M]):
         array([8851.139, 3745.809])
         """
         settings = self.settings if friction is None else self.settings | {"friction": friction}
-        return self._again(self.mechanism, want, settings)
+        return self._again(self.mechanism, want or tuple(self), settings)
 
     def _inside(self, *want: str) -> Result:
         """Outputs of the graph's blocks at the same samples; gaps are marked.
