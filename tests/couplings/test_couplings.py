@@ -661,6 +661,21 @@ def test_cams_without_one_closed_profile_are_refused(change):
         bm.Cam(driver="one", driven="two", **change)
 
 
+@pytest.mark.parametrize(
+    ("table", "remedy"),
+    [
+        ({"arguments": [0, 2, 4, 6], "values": [0, 1, 1, 0]}, "period"),
+        ({"arguments": [0, 120, 240, 300], "values": [0, 1, 1, 0], "period": "360deg"}, "300deg"),
+        ({"arguments": [0, 2, 4, 7], "values": [0, 1, 1, 0], "period": "360deg"}, "last row"),
+    ],
+)
+def test_a_table_of_lift_is_led_to_its_period_and_its_unit(table, remedy):
+    with pytest.raises(GraphError) as caught:
+        bm.Cam(driver="one", driven="two", law={"kind": "table"} | table)
+    (problem,) = caught.value.problems
+    assert remedy in problem.remedy
+
+
 def test_a_belt_under_tension_moves_with_friction_by_both_integrators():
     g = cranks(bm.Belt(driver="one", driven="two", radii=(0.1, 0.16), preload=300.0))
     rub = bm.friction.Coulomb(coefficient=0.1, radius=0.02)

@@ -186,6 +186,18 @@ def test_poses_repeat_when_all_wheels_are_back(teeth, turns):
     assert implicit["one.rate"][-1] == pytest.approx(explicit["one.rate"][-1], rel=1e-9)
 
 
+def test_a_run_of_one_turn_says_after_how_many_it_repeats():
+    data = json.loads((GRAPHS / "geared_fivebar.json").read_text("utf-8"))
+    assert not bm.Graph.from_data(data).compile().run().notes()
+    data["blocks"]["mesh"]["teeth"] = [20, 40]
+    (note,) = bm.Graph.from_data(data).compile().run().notes()
+    assert note == 'the mechanism repeats after 2 turns of first: end="2 turns" shows all'
+    data["scene"]["drive"]["first"]["to"] = "2 turns"
+    path = bm.Graph.from_data(data).compile().run(want="dyad.C.p")["dyad.C.p"]
+    assert abs(path[-1] - path[0]) < 1e-12
+    assert abs(path[180] - path[0]) > 0.1
+
+
 def test_engines_agree():
     mech, ask = mechanism("geared_fivebar"), {"at": np.linspace(0.0, 7.0, 30), "rates": 2.0}
     batch = mech.run(**ask, engine="numpy")

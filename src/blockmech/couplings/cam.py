@@ -228,12 +228,11 @@ class Cam(Coupling, type="coupling.cam"):
             raise mistake("wrong-value", f'"face" of a follower that is "{self.follower}"')
         if not self.law.whole or self.law.step:
             message = "the follower does not return to its first position after one turn"
-            raise mistake(
-                "open-profile",
-                message,
-                "the profile of a cam must be closed",
-                "make its last value equal its first",
-            )
+            valid = "the profile of a cam must be closed"
+            remedy = "make its last value equal its first"
+            if not self.law.whole:
+                remedy = 'give "period", like "360deg", without a last row that repeats the first'
+            raise mistake("open-profile", message, valid, remedy)
         if self.law.advance(Fraction(1)) is None:
             message = f"the law repeats after {self.law.whole:.6g} rad, the cam after a turn"
             raise mistake("open-profile", message, "a period goes into a turn", "change the period")
@@ -297,7 +296,8 @@ class Cam(Coupling, type="coupling.cam"):
                 return
             if dot(meets.point - at.a.p, meets.n) <= 0:
                 message = f"at {x:.4g} rad the follower touches behind the cam's centre"
-                remedy = "move the follower outward: its phase, its guide, or at= on the follower"
+                remedy = "move the follower outward: its phase, its guide, or at= on the follower, "
+                remedy += "which is the origin of its axes where none is given"
                 valid = "the profile goes round the centre"
                 yield Problem("undercut", where, message, valid, remedy)
                 return

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import LiteralString
 
 from pydantic_core import PydanticCustomError
+
+from blockmech.ground.units import seem_degrees
 
 
 def mistake(
@@ -36,4 +39,7 @@ def check_table(
     if period and x[-1] - x[0] >= period * (1 - 1e-12):
         message = f'"{what}" must cover less than one period'
         valid = "the first value is repeated by itself"
-        raise mistake("bad-table", message, valid, "leave out the last row")
+        remedy = "leave out the last row"
+        if math.isclose(period, math.tau) and seem_degrees(x[0], x[-1]):
+            remedy = f'these are radians; degrees are written "{x[-1]:g}deg"'
+        raise mistake("bad-table", message, valid, remedy)

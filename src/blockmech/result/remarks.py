@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -11,6 +12,8 @@ from blockmech.ground.errors import listed
 from blockmech.model.structure import LinkRef
 from blockmech.result.quality import OK
 from blockmech.typing import Floats, Record
+
+FEW = 10  # turns that a user may want to see
 
 
 def remainder_of_friction(method: object, bounds: Floats, status: Sequence[str]) -> str:
@@ -39,6 +42,17 @@ def missing_rates(mechanism: Any, inputs: Record, units: Iterable[str]) -> list[
     if not still or not all("/s" in unit for unit in units):
         return []
     return [f"{listed(still, 4)}: no law of motion, so the rate is 0; give rates="]
+
+
+def missing_turns(mechanism: Any, inputs: Record) -> list[str]:
+    """Drivers that are seen over one turn of the several after which a mechanism repeats."""
+    notes = []
+    for i, driver in enumerate(mechanism.drivers):
+        turns, travel = mechanism.structure.turns(driver) or 0, float(np.ptp(inputs[f"q_{i}"]))
+        if 1 < turns <= FEW and math.isclose(travel, math.tau):
+            end = f'end="{turns} turns" shows all'
+            notes.append(f"the mechanism repeats after {turns} turns of {driver}: {end}")
+    return notes
 
 
 def missing_inertia(

@@ -26,6 +26,7 @@ from blockmech.result.remarks import (
     missing_inertia,
     missing_places,
     missing_rates,
+    missing_turns,
     remainder_of_friction,
 )
 from blockmech.result.samples import Samples
@@ -385,6 +386,7 @@ class Result(Exported, Generic[M]):
         units = {self.output(name).unit for name in self}
         if self.motion is None and units:
             notes += missing_rates(self._compiled, self.samples.inputs, units)
+            notes += missing_turns(self._compiled, self.samples.inputs)
         forces = {"N", "N m"} & units
         notes += missing_places(self._compiled.document) if forces else []
         if forces and self.n and not self.settings["static"]:
