@@ -384,7 +384,7 @@ class Result(Exported, Generic[M]):
             method, status = self.settings["friction"], self.quality.status
             notes.append(remainder_of_friction(method, bounds, status))
         units = {self.output(name).unit for name in self}
-        if self.motion is None and units:
+        if self.motion is None and units and self.n:
             notes += missing_rates(self._compiled, self.samples.inputs, units)
             notes += missing_turns(self._compiled, self.samples.inputs)
         forces = {"N", "N m"} & units
