@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from operator import attrgetter
 
 import pytest
@@ -104,6 +105,14 @@ def test_keys_of_a_model_are_those_of_python_in_python():
     assert '"to"' not in text
     with pytest.raises(bm.GraphError, match=r"Cycloidal\.end: end must be a number"):
         bm.motion.Cycloidal(start=0.0, end=None, time=2.0)
+
+
+def test_a_model_shows_its_fields_as_a_call_takes_them():
+    for _ in range(2):  # before and after the first one is made
+        signature = str(inspect.signature(bm.Spring))
+        assert signature == "(*, stiffness, useful=False, free_length=0.0, damping=0.0)"
+        bm.Spring(stiffness=1.0)
+    assert str(inspect.signature(bm.motion.ConstantRate)).startswith("(*, rate, start=0.0, end=")
 
 
 def test_a_model_says_how_it_is_changed():
