@@ -18,7 +18,7 @@ QUANTITIES: Mapping[str, str] = {
     "tau_red": "all loads and weights, reduced to the driver",
     "dJ_red": "slope of the reduced inertia by the coordinate",
     # links and points, in the axes of the frame
-    "angle": "angle of the link, between -pi and pi",
+    "angle": "angle of the link's own axes, between -pi and pi",
     "omega": "angular velocity, counter-clockwise",
     "alpha": "angular acceleration, counter-clockwise",
     "p": "place of the point",
