@@ -213,31 +213,24 @@ CHOICES = {
     "Rates": ("rad/s", "rpm"),
     "Forces": ("N", "kN", "lbf"),
 }
-"""Units that a user may choose, the SI unit first, in the order of `Shown`."""
+"""Units that a user may choose, the SI unit first."""
 
 
-class Units(NamedTuple):
-    """Units in which a form shows lengths, angles, rates and forces; files stay SI."""
+class Units(dict[str, str]):
+    """Units in which a form shows lengths, angles, rates and forces, by those of SI, as files are.
 
-    length: str = "m"
-    angle: str = "rad"
-    rate: str = "rad/s"
-    force: str = "N"
+    What is in SI may be left out.
+    """
 
     @classmethod
     def of(cls, choices: str) -> Units:
         """Units as a user's browser keeps them, ``"mm|deg|rpm|N"``; SI where it keeps others."""
         pairs = zip(choices.split("|"), CHOICES.values(), strict=False)
-        return cls(*(word if word in units else units[0] for word, units in pairs))
+        return cls({units[0]: word for word, units in pairs if word in units})
 
     def unit(self, si: str) -> str:
         """The unit that is shown for one of SI."""
-        names = (units[0] for units in CHOICES.values())
-        return dict(zip(names, self, strict=True)).get(si, si)
-
-    def factor(self, si: str) -> float:
-        """How many of the units shown make one of SI."""
-        return float(self._many(si))
+        return self.get(si, si)
 
     def _many(self, si: str) -> Fraction:
         return MANY.get(self.unit(si), Fraction(1))
