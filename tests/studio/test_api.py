@@ -275,17 +275,20 @@ def test_stop_ends_work_within_a_second(tmp_path):
     }  # fmt: skip
     jobs = Jobs(tmp_path)
     job = jobs.begin(task)
-    while job.state != "running":
-        time.sleep(0.02)
+    assert job.states.get(timeout=60)[0] == "running"
     process, start = jobs._process, time.monotonic()
     jobs.stop(job)
     assert process.wait(5) != 0
     assert time.monotonic() - start < 1.0
-    assert (job.state, job.said) == ("stopped", "stopped")
+    assert job.over
+    while not job.states.empty():
+        end = job.states.get()
+    assert end == ("stopped", "stopped", None)
     after = jobs.begin({**task, "what": "Limits"})
-    while not after.over:
-        after.wait(after.turns, 5)
-    assert after.state == "done", after.said
+    end = after.states.get(timeout=60)
+    while end[0] == "running":
+        end = after.states.get(timeout=60)
+    assert end[0] == "done", end
     again = jobs._process
     jobs.end()
     again.stdin.close()

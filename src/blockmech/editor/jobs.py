@@ -6,13 +6,13 @@ works for all sheets, one job after the other; *Stop* ends it, and the next job 
 
 from __future__ import annotations
 
-import base64
 import pickle
 import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
-from threading import Condition, Lock, Thread
+from queue import SimpleQueue
+from threading import Lock, Thread
 from typing import Any
 
 from blockmech.typing import Arguments, Data
@@ -21,44 +21,19 @@ from blockmech.typing import Arguments, Data
 class Job:
     """A question that is being answered.
 
-    Attributes
-    ----------
-    state : "waiting", "running", "done", "failed" or "stopped"
-    said : what it does now, or why it failed
-    answer : once it is done
+    ``states`` are what it says on the way: "running" with what it does, at the end "done" with
+    the answer, "failed" with the reason, or "stopped".
     """
 
     def __init__(self, task: Arguments) -> None:
-        self.task = task
-        self.state, self.said = "waiting", ""
-        self.answer: Data | None = None
-        self.changed = Condition()
-        self.turns = 0  # how often it has changed
-
-    @property
-    def over(self) -> bool:
-        """Whether nothing more will come."""
-        return self.state in ("done", "failed", "stopped")
+        self.task, self.over = task, False
+        self.states = SimpleQueue[tuple[str, str, Data | None]]()
 
     def tell(self, state: str, message: str = "", answer: Data | None = None) -> None:
-        """Change, unless it is over; who waits for it wakes up."""
-        with self.changed:
-            if not self.over:
-                self.state, self.said, self.answer = state, message, answer
-                self.turns += 1
-                self.changed.notify_all()
-
-    def data(self) -> Data:
-        """As the page gets it; the content of a file in base 64."""
-        answer = self.answer
-        if answer and "data" in answer:
-            answer = {**answer, "data": base64.b64encode(answer["data"]).decode()}
-        return {"state": self.state, "said": self.said, "answer": answer}
-
-    def wait(self, turns: int, seconds: float) -> bool:
-        """Wait until it has changed more than ``seen`` times; whether it has."""
-        with self.changed:
-            return self.changed.wait_for(lambda: self.turns > turns, seconds)
+        """Say how far it is, unless it is over."""
+        if not self.over:
+            self.over = state != "running"
+            self.states.put((state, message, answer))
 
 
 class Jobs:
@@ -67,6 +42,7 @@ class Jobs:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._busy = Lock()
+        self._current: Job | None = None
         self._process: Any = None
 
     def begin(self, task: Arguments) -> Job:
@@ -76,11 +52,11 @@ class Jobs:
         return job
 
     def stop(self, job: Job) -> None:
-        """End a job that is not over, and the process that works on it."""
-        running = job.state == "running"
-        job.tell("stopped", "stopped")
-        if running:
-            self.end()
+        """End a job that is not over, and the process if it works on it."""
+        if not job.over:
+            job.tell("stopped", "stopped")
+            if self._current is job:
+                self.end()
 
     def end(self) -> None:
         """End the process."""
@@ -91,23 +67,22 @@ class Jobs:
 
     def _work(self, job: Job) -> None:
         with self._busy:
-            if job.over:
+            self._current, process = job, self._worker()
+            if job.over:  # a stop from now on ends the process
                 return
-            process = self._worker()
             try:
                 job.tell("running", job.task["title"])
-                pickle.dump(dict(job.task), process.stdin)
+                pickle.dump(job.task, process.stdin)
                 process.stdin.flush()
-                while not job.over:
-                    job.tell(*pickle.load(process.stdout))
+                state = "running"
+                while state == "running":  # also of a job that is over: until the process ends
+                    state, message, answer = pickle.load(process.stdout)
+                    job.tell(state, message, answer)
             except (EOFError, OSError, pickle.UnpicklingError):
                 job.tell("failed", "the process that worked on it has ended")
-            if self._process is not process or process.poll() is not None:
                 for stream in (process.stdin, process.stdout):
                     with suppress(OSError):
                         stream.close()
-            elif job.state == "stopped":
-                self.end()  # it has not heard of it
 
     def _worker(self) -> Any:
         """A process that waits for work."""

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import gc
 import json
 import secrets
 import socket
 import traceback
 from collections.abc import AsyncIterator, Callable, Mapping
-from functools import cache
+from contextlib import suppress
+from functools import cache, partial
 from pathlib import Path
+from queue import Empty
 from string import Template
 from threading import Thread
 from typing import Any
@@ -208,12 +211,12 @@ class Studio:
         if name not in gallery():
             raise Missing
         if name not in self.pictures:
-            job = self.jobs.begin({"what": "picture", "title": "a picture", "kind": name})
-            while not job.over:
-                await to_thread.run_sync(job.wait, job.turns, BEAT)
-            if job.answer is None:
+            job, answer = self.jobs.begin({"what": "picture", "title": name, "kind": name}), None
+            while not job.over or not job.states.empty():
+                _, _, answer = await to_thread.run_sync(job.states.get)
+            if answer is None:
                 raise Missing
-            self.pictures[name] = job.answer["data"]
+            self.pictures[name] = answer["data"]
         cache = {"Cache-Control": "max-age=3600"}
         return Response(self.pictures[name], media_type="image/svg+xml", headers=cache)
 
@@ -269,20 +272,22 @@ class Studio:
         job = self.jobs.begin({**task, **document, "what": kind, "title": title, "sheet": name})
 
         async def stream() -> AsyncIterator[str]:
-            turn = -1
             try:
-                while not job.over or turn < job.turns:
-                    if turn < job.turns:
-                        turn = job.turns
-                        yield f"data: {json.dumps(job.data())}\n\n"
-                    else:
-                        await to_thread.run_sync(job.wait, turn, BEAT)
-                        if await request.is_disconnected():
-                            break
+                while not (await request.is_disconnected() or (job.over and job.states.empty())):
+                    with suppress(Empty):
+                        state = await to_thread.run_sync(partial(job.states.get, timeout=BEAT))
+                        yield f"data: {json.dumps(_job_data(*state))}\n\n"
             finally:
                 self.jobs.stop(job)
 
         return StreamingResponse(stream(), media_type="text/event-stream", headers=FRESH)
+
+
+def _job_data(state: str, message: str, answer: Data | None) -> Data:
+    """A state of a job for the page; the content of a file in base 64."""
+    if answer and "data" in answer:
+        answer = {**answer, "data": base64.b64encode(answer["data"]).decode()}
+    return {"state": state, "said": message, "answer": answer}
 
 
 async def _body(request: Request) -> Data:
