@@ -187,9 +187,9 @@ class _Margin:
         """The place and the value of its maximum."""
         if self.piece.tiny:
             return float(self.x[0]), float(self.y[0])
-        curve = scan(self._row, self.piece.span, self.edges)
-        i = int(np.nanargmax(curve.y))
-        return self._place(float(curve.x[i])), float(curve.y[i])
+        x, y = scan(self._row, self.piece.span, self.edges)
+        i = int(np.nanargmax(y))
+        return self._place(float(x[i])), float(y[i])
 
     def parts(self) -> list[Piece]:
         """The parts of the piece where the group closes as well."""

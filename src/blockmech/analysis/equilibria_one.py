@@ -28,7 +28,7 @@ from blockmech.functions.roots import NEWTON_STEPS, SCANNED, bisect
 from blockmech.functions.series import Series, fit, panels
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT, EQUAL
-from blockmech.typing import Floats
+from blockmech.typing import Arguments, Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -137,6 +137,12 @@ class Line:
         settled = np.abs(y[[1, 2]]) > np.abs(y[[0, 3]]) / 2
         return int(np.sign(y[2])) if y[1] * y[2] < 0 and settled.all() else 0
 
+    def pressed_stops(self, low: float, high: float) -> Iterator[float]:
+        """End stops among the ends of an arc that the loads push against."""
+        for side, q, stop in zip((-1, 1), (low, high), self.system.stops[0], strict=True):
+            if q == stop and side * float(self.effort(np.array([q]))[0]) > self.system.rounding(q):
+                yield q
+
     def _between_samples(self, span: Span) -> Iterator[float]:
         """Changes of sign where there is no series."""
         q = span.place(np.linspace(0.0, 1.0, 4 * SCANNED + 3)[1:-1])
@@ -171,7 +177,7 @@ def equilibria_of_one(line: Line) -> Equilibria:
     mechanism, system = line.mechanism, line.system
     driver = mechanism.drivers[0]
     name = mechanism._of_driver(driver, "q")
-    unit = mechanism.structure.driver_joint(driver).coordinate_unit
+    units = {name: mechanism.structure.driver_joint(driver).coordinate_unit}
     has_potential = system.depends_on <= {"q", "time"}
     points: list[Equilibrium] = []
     rests: list[tuple[float, float]] = []
@@ -179,7 +185,8 @@ def equilibria_of_one(line: Line) -> Equilibria:
     curves: list[Curve] = []
     for low, high, closed, cuts, spans in line.arcs():
         rows = [line.series(span) for span in spans]
-        curve = _curve(line, spans, rows, has_potential)
+        works = list(_works(rows)) if has_potential else []
+        curve = _curve(line, spans, works)
         curves.append(curve)
         balances: list[float] = []
         jumps: list[float] = []
@@ -197,66 +204,51 @@ def equilibria_of_one(line: Line) -> Equilibria:
         intervals = held_intervals(system, line.effort, line.t, low, high, closed, balances)
         rests += intervals
         at = tangents(mechanism, np.array([*balances, *jumps])[:, None], t=line.t)
-        energy = _potentials(spans, rows, balances) if has_potential else [None] * len(balances)
+        energy = _potentials(spans, works, balances)
         massless = at.M[:, 0, 0] <= EQUAL**2 * system.typical_inertia(low)
         at.M[massless] = 0.0
-        points += [
-            equilibrium_of(
-                {name: q}, {name: unit}, at, i, energy[i], interval_about(q, intervals, closed)
-            )
-            for i, q in enumerate(balances)
-        ]
+        for i, q in enumerate(balances):
+            held = interval_about(q, intervals, closed)
+            facts: Arguments = {"potential": energy[i], "interval": held}
+            points.append(equilibrium_of({name: q}, units, at, i, **facts))
         for i, q in enumerate(jumps, start=len(balances)):
             kind: Kind = "unstable" if line.jump(q) > 0 else "stable"
-            of = at.M[i], at.C[i], at.K[i]
-            points.append(Equilibrium({name: q}, {name: unit}, kind, *of, np.empty(0), jump=True))
-        points += _at_stops(line, name, unit, (low, high), closed)
-    order = sorted(points, key=lambda e: e.q[0])
+            points.append(equilibrium_of({name: q}, units, at, i, kind, jump=True))
+        for q in () if closed else line.pressed_stops(low, high):
+            at = tangents(mechanism, [[q]], t=line.t)
+            points.append(equilibrium_of({name: q}, units, at, 0, "stable", stop=True))
+    order = tuple(sorted(points, key=lambda e: e.q[0]))
     notes = tuple(_notes(line, curves))
-    return Equilibria(
-        tuple(order), tuple(sorted(rests)), tuple(balanced), tuple(curves), name, unit, notes
-    )
+    arcs = tuple(sorted(rests)), tuple(balanced), tuple(curves)
+    return Equilibria(order, *arcs, name, units[name], notes)
 
 
-def _curve(line: Line, spans: Sequence[Span], rows: list[Series], has_potential: bool) -> Curve:
-    """The effort along an arc, and less the integral of it."""
+def _works(rows: Iterable[Series]) -> Iterator[tuple[Series, float]]:
+    """The integral of the effort over each span of an arc by its share, and over those before."""
+    total = 0.0
+    for series in rows:
+        integral = _fill_short_gaps(series).integral()
+        yield integral, total
+        total += float(integral(np.array([1.0]))[0])
+
+
+def _curve(line: Line, spans: Sequence[Span], works: Sequence[tuple[Series, float]]) -> Curve:
+    """The effort along an arc, and less its integral where that is a potential."""
     u = np.linspace(0.0, 1.0, max(9, SCANNED // 2 // len(spans)) + 1)
     q = np.concatenate([span.place(u) for span in spans])
-    work, total = [], 0.0
-    for series in rows:
-        integral = _fill_short_gaps(series).integral()(u)
-        work.append(total + integral)
-        total += float(integral[-1])
-    integral_of_effort = -np.concatenate(work)
-    potential = (
-        integral_of_effort if has_potential and np.isfinite(integral_of_effort).all() else None
-    )
-    return Curve(q, line.effort(q), potential)
+    potential = -np.concatenate([total + integral(u) for integral, total in works] or [u + np.nan])
+    return Curve(q, line.effort(q), potential if np.isfinite(potential).all() else None)
 
 
 def _potentials(
-    spans: Sequence[Span], rows: list[Series], coordinates: list[float]
+    spans: Sequence[Span], works: Sequence[tuple[Series, float]], coordinates: list[float]
 ) -> list[float | None]:
-    """Potential [J] at places of an arc, from the lowest of them."""
-    from scipy.optimize import brentq
-
+    """Potential [J] at places of an arc, from the lowest of them; None where there is none."""
     potentials: list[float] = []
-    total = 0.0
-    for span, series in zip(spans, rows, strict=True):
-        integral = _fill_short_gaps(series).integral()
+    for span, (integral, total) in zip(spans, works, strict=False):
         for q in coordinates:
             if span.low <= q <= span.high and len(potentials) <= coordinates.index(q):
-
-                def off(u: float, span: Span = span, q: float = q) -> float:
-                    return float(span.place(np.array([u]))[0]) - q
-
-                u = (
-                    brentq(off, 0.0, 1.0, xtol=EPS)
-                    if off(0.0) * off(1.0) < 0
-                    else float(q > span.low)
-                )
-                potentials.append(-(total + float(integral(np.array([u]))[0])))
-        total += float(integral(np.array([1.0]))[0])
+                potentials.append(-(total + float(integral(span.share(np.array([q])))[0])))
     lowest = min(potentials, default=0.0)
     relative = [x - lowest if math.isfinite(x - lowest) else None for x in potentials]
     return relative + [None] * (len(coordinates) - len(relative))
@@ -295,21 +287,6 @@ def _distinct(rising: list[float], apart: float, turn: float) -> list[float]:
     if turn and len(distinct) > 1 and distinct[0] + turn - distinct[-1] <= apart:
         distinct.pop()
     return distinct
-
-
-def _at_stops(
-    line: Line, name: str, unit: str, ends: tuple[float, float], closed: bool
-) -> Iterator[Equilibrium]:
-    """End stops that the loads push against."""
-    for side, q, stop in zip((-1, 1), ends, line.system.stops[0], strict=True):
-        if closed or q != stop:
-            continue
-        of = tangents(line.mechanism, [[q]], t=line.t)
-        if -side * float(of.effort[0, 0]) > line.system.rounding(q):
-            none = np.empty(0)
-            yield Equilibrium(
-                {name: q}, {name: unit}, "stable", of.M[0], of.C[0], of.K[0], none, stop=True
-            )
 
 
 def _notes(line: Line, curves: Iterable[Curve]) -> Iterator[str]:

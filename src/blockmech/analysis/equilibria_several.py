@@ -63,17 +63,9 @@ class Search:
 
     def whole(self, q: Floats) -> Floats:
         """Coordinates (n, k) of all drivers."""
-        return np.insert(q, self.live_before, self.at[self.neutral], axis=1)
-
-    @property
-    def neutral(self) -> Array:
-        """Places of the drivers whose coordinates the loads do not feel."""
-        return np.setdiff1d(np.arange(len(self.at)), self.live)
-
-    @property
-    def live_before(self) -> Array:
-        """How many live coordinates stand before each neutral one."""
-        return np.searchsorted(self.live, self.neutral)
+        coordinates = np.tile(self.at, (len(q), 1))
+        coordinates[:, self.live] = q
+        return coordinates
 
     def tangents(self, q: Floats) -> Tangents:
         """Effort (n, m), and its slopes (n, m, m)."""
@@ -123,7 +115,7 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
     families = _families(search, roots_, size[live])
     poses = search.whole(np.reshape(families, (len(families), len(live))))
     of = tangents(mechanism, poses, t=t)
-    free = tuple(names[i] for i in search.neutral)
+    free = tuple(name for i, name in enumerate(names) if i not in live)
     rows = [
         equilibrium_of(dict(zip(names, x.tolist(), strict=True)), units, of, i, free=free)
         for i, x in enumerate(poses)

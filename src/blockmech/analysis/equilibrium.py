@@ -290,11 +290,13 @@ def equilibrium_of(
     units: Mapping[str, str],
     of: Tangents,
     i: int,
-    potential: float | None = None,
-    interval: tuple[float, float] | None = None,
-    free: tuple[str, ...] = (),
+    kind: Kind | None = None,
+    **facts: Any,
 ) -> Equilibrium:
-    """The equilibrium at row i of tangents."""
+    """The equilibrium at row i of tangents, of a kind that they tell unless it is given.
+
+    ``facts`` are further attributes of `Equilibrium`.
+    """
     M, C, K = of.M[i], of.C[i], of.K[i]
-    kind, values = kind_of(M, C, K)
-    return Equilibrium(at, units, kind, M, C, K, values, potential, interval, free=free)
+    judged = kind_of(M, C, K) if kind is None else (kind, np.empty(0))
+    return Equilibrium(at, units, judged[0], M, C, K, judged[1], **facts)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from blockmech.analysis.scan import TURN, Span
+from blockmech.analysis.scan import TURN, Span, runs
 from blockmech.dynamics.system import System
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
@@ -45,9 +45,8 @@ def held_intervals(
     holds = (lowest <= 0) & (highest >= 0)
     holds |= np.isin(q, equilibria)  # balanced: whatever friction there is holds it
     intervals: list[tuple[float, float]] = []
-    for i in np.flatnonzero(holds & ~np.concatenate([[False], holds[:-1]])).tolist():
-        last = i + int(np.argmin(np.append(holds[i:], False))) - 1
-        start = q[i] if i == 0 else _end(system, t, q[i], q[i - 1])
+    for first, last in runs(holds):
+        start = q[first] if first == 0 else _end(system, t, q[first], q[first - 1])
         end = q[last] if last == len(q) - 1 else _end(system, t, q[last], q[last + 1])
         intervals.append((float(start), float(end)))
     turn = high - low

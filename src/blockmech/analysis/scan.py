@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,25 +82,12 @@ class Span:
         return panels(0.0, 1.0, max(1, math.ceil(samples / NODES * length / TURN)))
 
 
-class Scan(NamedTuple):
-    """Places from low to high, between which the function only rises or only falls.
-
-    Attributes
-    ----------
-    x : (m,) rising
-    y : (m,) values there
-    """
-
-    x: Floats
-    y: Floats
-
-
 def scan(
     function: Callable[[Floats], Floats],
     span: Span,
     edges: Floats,
     value: Callable[[Floats], Floats] | None = None,
-) -> Scan:
+) -> tuple[Floats, Floats]:
     """Look through a function on a span.
 
     Parameters
@@ -109,10 +95,14 @@ def scan(
     function : (k,) -> (k,), values at places; NaN where there is none
     edges : of the panels to begin with, see `Span.panels`
     value : values with extrema at the same places, to be returned in place of the function's
+
+    Returns
+    -------
+    (m,) places, rising, between which the function only rises or only falls; (m,) values there
     """
     series = fit(lambda u: function(span.place(u)), edges, n=NODES)
     x = places(series, span, series.extrema())
-    return Scan(x, np.asarray((value or function)(x), dtype=float))
+    return x, np.asarray((value or function)(x), dtype=float)
 
 
 def places(series: Series, span: Span, extra: Floats) -> Floats:

@@ -227,8 +227,7 @@ def _reversals(
 ) -> list[float]:
     """Where the speed vanishes and the velocity before and after points opposite ways."""
     span = Span(*ends, turn=closed)
-    curve = scan(lambda s: np.abs(velocity(s)) ** 2, span, panels(0.0, 1.0, cycle.panels))
-    x, y = curve.x, curve.y
+    x, y = scan(lambda s: np.abs(velocity(s)) ** 2, span, panels(0.0, 1.0, cycle.panels))
     if closed:  # before the first place comes the last but one, a turn earlier
         x, y = np.append(x[-2] - (cycle.high - cycle.low), x), np.append(y[-2], y)
     still = (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]) & (y[1:-1] <= BLUR**2 * np.nanmax(y))

@@ -162,9 +162,8 @@ def _inner_extrema(cycle: Cycle, signal: Signal, span: Span, floor: float) -> li
     """Extrema inside a stretch, in order; rounding at the margin 1 is a floor for all of them."""
     part = (span.high - span.low) / (cycle.high - cycle.low)
     edges = panels(0.0, 1.0, max(2, math.ceil(part * cycle.panels)))
-    curve = scan(signal.smooth, span, edges, signal.value)
-    good = np.isfinite(curve.y)
-    x, y = curve.x[good], curve.y[good]
+    x, y = scan(signal.smooth, span, edges, signal.value)
+    x, y = x[np.isfinite(y)], y[np.isfinite(y)]
     noise = np.maximum(ROUNDING * np.abs(y), floor) / signal.margin(x)
     if not (turning := _extrema_among(y, noise, span.turn)):
         return []
