@@ -51,7 +51,7 @@ from blockmech.ground.values import is_number
 from blockmech.result.quality import Accuracy
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Arguments, Array, FrictionMethod, FrictionName, Record, Successive
+from blockmech.typing import Arguments, Array, FrictionMethod, FrictionName, Successive
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has been seen
@@ -175,11 +175,6 @@ class _Request(NamedTuple):
     want: Iterable[str] | str
     static: bool
 
-    def compiled(self, few: Samples, n: int) -> bool:
-        """Whether machine code is the engine for n samples like these."""
-        plan = self.mechanism._plan_at(few, self.want, static=self.static)
-        return self.mechanism._chosen(plan, n) == "llvm"
-
     def run(
         self,
         samples: Samples,
@@ -210,8 +205,8 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     wide = request.run(few, Setting("none", precision="clongdouble")) if WIDER else None
     rounding, excluded = _rounding(single, smooth, wide, good)
     errors = reference_errors(double, double, good).without(excluded)
-    quality = double.quality
-    contraction = _worst(quality.contraction, good)
+    bounds = double.quality.contraction.values()
+    contraction = max((float(np.max(c[good], initial=0.0)) for c in bounds), default=0.0)
     share = errors.error(smooth) if rubs else 0.0
     signed = comparable(double, friction=True)  # elsewhere rounding decides which way friction is
     if not good.any():
@@ -251,10 +246,6 @@ def _known(result: Result) -> NDArray[np.bool_]:
     return good if good.any() else comparable(result, friction=False, near=True)
 
 
-def _worst(columns: Record, good: Array) -> float:
-    return max((float(np.max(c[good], initial=0.0)) for c in columns.values()), default=0.0)
-
-
 def _least_margin(result: Result, good: Array) -> float:
     margins = result.quality.margin.values()
     return min((float(np.min(m[good], initial=1.0)) for m in margins), default=1.0)
@@ -284,7 +275,8 @@ def _settings(
     """Settings to try, from the cheapest that does at the probe to the most exact."""
     narrow = n >= ENOUGH and not probe.rubs
     if narrow and engine == "auto":  # machine code is faster than NumPy's single precision
-        narrow = not request.compiled(probe.few, n)
+        plan = request.mechanism._plan_at(probe.few, request.want, static=request.static)
+        narrow = request.mechanism._chosen(plan, n) != "llvm"
     allowed = {"complex128"}
     if engine in ("auto", "numpy"):
         allowed |= {"clongdouble", "complex64"} if narrow else {"clongdouble"}

@@ -28,6 +28,7 @@ from blockmech.couplings.laws import Polynomial, Table
 from blockmech.couplings.rack import Rack
 from blockmech.couplings.ratio import Ratio
 from blockmech.model.meshing import coupling_numbers
+from blockmech.model.spots import marker_place
 from blockmech.model.structure import Follower
 from blockmech.typing import Array, Real
 
@@ -121,7 +122,7 @@ def lines_of_action(e: Evidence) -> Iterator[Residual]:
         kind, ref = s.couplings[name], s.driven[driver]
         if type(kind) not in LINES or kind.rubs:
             continue
-        lead = e.bodies.link(centre.on).at(s.block(centre.block).place_of(s.marker(centre)))
+        lead = e.bodies.link(centre.on).at(marker_place(s, centre))
         if leader is not None:
             lead = e.bodies.ends(leader)[0]
         on, link = e.bodies.ends(ref)[0], e.bodies.link(s.later_link(ref))

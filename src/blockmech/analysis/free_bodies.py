@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.pair_stops import lain_against
+from blockmech.model.spots import guide_spots, marker_place
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.result.samples import Samples
 from blockmech.typing import Array
@@ -128,9 +129,8 @@ class FreeBodies:
         """Place [m] of a pair on one of its links, and its unit direction there; as declared."""
         if link.block != ref.block:
             marker = self.structure.feeds[ref]
-            declared = self.structure.marker(marker)
-            at = self.structure.block(marker.block).place_of(declared)
-            return at, getattr(declared, "direction", 1 + 0j)
+            direction = getattr(self.structure.marker(marker), "direction", 1 + 0j)
+            return marker_place(self.structure, marker), direction
         block = self.structure.blocks[ref.block]
         if block.own_form or block.joints[ref.name].kind == "P":
             return block.guide_line(ref.name, link.link)
@@ -233,8 +233,7 @@ class FreeBodies:
     def held(self, terminal: JointRef) -> Body:
         """Where an element takes hold of a link."""
         marker = self.structure.holds[terminal]
-        at = self.structure.block(marker.block).place_of(self.structure.marker(marker))
-        return self.link(marker.on).at(at)
+        return self.link(marker.on).at(marker_place(self.structure, marker))
 
     def joints_on(self, link: LinkRef) -> list[JointRef]:
         """Pairs of a link, its block's own and those that it carries."""
@@ -254,8 +253,10 @@ class FreeBodies:
         r, joint = self.run, self.structure.joint(ref)
         sign = 1.0 if self.structure.later_link(ref) == link else -1.0
         earlier, _ = self.ends(ref)
-        revolute = joint.kind == "R"
-        point, zero = earlier.p if revolute else self._slider(ref), np.zeros(r.n)
+        revolute, point, zero = joint.kind == "R", earlier.p, np.zeros(r.n)
+        if not revolute:  # the slider's point
+            spot = guide_spots(self.structure, ref)[0]
+            point = self.link(spot.link).at(spot.at).p
         yield sign * r[f"{ref}.reaction"], point, zero if revolute else sign * r[f"{ref}.C"]
         efforts = [sign * r[f"{ref}.friction"]]
         efforts += [sign * self.pushes[ref]] if ref in self.pushes else []
@@ -272,15 +273,6 @@ class FreeBodies:
             yield self.structure.coordinate(driver).sign * self.run[f"{driver}.drive"]
         elif f"{follower.coupling}.force" not in self.run:
             yield self.run[f"{follower.coupling}.effort"]
-
-    def _slider(self, ref: JointRef) -> Array:
-        """The slider's point of a prismatic pair."""
-        block = self.structure.blocks[ref.block]
-        later = block.slider_owner(ref.name) == "later"
-        owner = self.structure.later_link(ref) if later else self.structure.earlier_link(ref)
-        if owner.block != ref.block:
-            return self.ends(ref)[0].p
-        return self.link(owner).at(block.slider_place(ref.name, owner.link)).p
 
 
 def unit_motions(mechanism: Compiled, q: Array) -> FreeBodies:

@@ -18,6 +18,7 @@ from blockmech.analysis.free_bodies import Body
 from blockmech.analysis.quadrature import Stretches
 from blockmech.blocks.modes import FOLLOW
 from blockmech.model.laws_of_motion import OverRange
+from blockmech.model.spots import marker_place
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.typing import Array
 
@@ -57,9 +58,9 @@ def markers(e: Evidence) -> Iterator[Residual]:
     """Every marker moves with its link."""
     for block in (e.structure.frame, *e.structure.blocks):
         for marker in e.structure.markers(block):
-            at = e.structure.block(block).place_of(e.structure.marker(marker))
             body = e.bodies.link(marker.on)
-            point, sizes = body.at(at), body.sizes(body.at(at))
+            point = body.at(marker_place(e.structure, marker))
+            sizes = body.sizes(point)
             for k, quantity in enumerate("pva"):
                 residual = point[k] - e.run[f"{marker}.{quantity}"]
                 yield Residual("markers on", marker.on, residual, sizes[k])
