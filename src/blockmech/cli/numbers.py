@@ -137,7 +137,7 @@ def row(where: str, text: str, unit: str) -> list[float]:
     for part in text.split(","):
         pieces = part.replace("..", ":", 1).split(":")
         if len(pieces) == 1:
-            numbers.append(number_in(where, part, unit, ROW))
+            numbers.append(number_in(where, part, unit, remedy=ROW))
             continue
         if ".." in part and len(pieces) == 2:
             pieces.append(str(DEFAULT_SAMPLES))
@@ -146,15 +146,15 @@ def row(where: str, text: str, unit: str) -> list[float]:
             raise refused(where, f'"{part}" is not a range', valid=valid)
         if not unit_behind(pieces[0]):
             pieces[0] += unit_behind(pieces[1])
-        start, stop = (number_in(where, x, unit, ROW) for x in pieces[:2])
+        start, stop = (number_in(where, x, unit, remedy=ROW) for x in pieces[:2])
         numbers += np.linspace(start, stop, _count(where, pieces[2])).tolist()
     return numbers
 
 
-def number_in(where: str, text: str, unit: str, remedy: str = "") -> float:
-    """The number of a unit that a text says."""
+def number_in(where: str, text: str, *units: str, remedy: str = "") -> float:
+    """The number of a unit of one of these kinds that a text says."""
     try:
-        return quantity(text, unit)
+        return quantity(text, *units)
     except NoQuantity as error:
         raise refused(where, error.found, remedy, error.valid) from None
 

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from blockmech.cli.numbers import MOST, coordinates, times
+from blockmech.cli.numbers import MOST, coordinates, number_in, times
 from blockmech.ground.errors import close_match, listed, refused
-from blockmech.ground.units import NoQuantity, quantity
 from blockmech.testing.graph_files import gallery
 from blockmech.typing import Data, MotionName, Successive
 
@@ -35,10 +34,7 @@ def number_of(name: str, *units: str) -> Callable[[str], float]:
     """What reads an option's number, which may end in a unit of these kinds: 2kN, 5ms."""
 
     def read(text: str) -> float:
-        try:
-            return quantity(str(text), *units)
-        except NoQuantity as error:
-            raise refused(f"--{name} {text}", error.found, "", error.valid) from None
+        return number_in(f"--{name} {text}", str(text), *units)
 
     read.__name__ = "number"
     return read

@@ -21,11 +21,10 @@ from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import GraphError, Problem, listed
 from blockmech.ground.names import NAME_RULE, is_name
 from blockmech.loads.contract import Element
-from blockmech.model.diagram import AnyBlock, Ends, UnknownBlock, Wire
+from blockmech.model.diagram import AnyBlock, Ends, UnknownBlock, Wire, driven_joints
 from blockmech.model.drivers import (
     add_couplings,
     coupling_problems,
-    driven_joints,
     driver_problems,
     loop_problems,
 )

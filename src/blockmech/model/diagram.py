@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from blockmech.blocks.contract import Block
+from blockmech.blocks.contract import Block, Joint, Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.errors import Problem, path_text, unknown_key
 from blockmech.ground.names import split_address
@@ -76,6 +76,12 @@ class Wire:
 
 
 AnyBlock = Block | UnknownBlock
+
+
+def driven_joints(blocks: Mapping[str, AnyBlock]) -> dict[str, tuple[str, Joint]]:
+    """Driver -> its block and the pair that it drives."""
+    moving = ((n, b) for n, b in blocks.items() if isinstance(b, Moving))
+    return {b.driver_name(n, j.name): (n, j) for n, b in moving for j in b.driven}
 
 
 class WireEnds(StrictModel):

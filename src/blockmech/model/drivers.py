@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from blockmech.blocks.contract import DrivingLink, Joint, Moving
+from blockmech.blocks.contract import DrivingLink, Joint
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.joints import PAIRS
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import Problem, unknown_name
 from blockmech.ground.names import split_address
 from blockmech.loads.contract import Following
-from blockmech.model.diagram import AnyBlock
+from blockmech.model.diagram import AnyBlock, driven_joints
 from blockmech.model.scene import Scene
 from blockmech.model.structure import COORDINATE
 
@@ -28,12 +28,6 @@ Drivers: TypeAlias = Mapping[str, tuple[str, Joint]]
 def couplings_of(blocks: Blocks) -> dict[str, Coupling]:
     """The couplings of a graph."""
     return {name: b for name, b in blocks.items() if isinstance(b, Coupling)}
-
-
-def driven_joints(blocks: Blocks) -> dict[str, tuple[str, Joint]]:
-    """Driver -> its block and the pair that it drives."""
-    moving = ((n, b) for n, b in blocks.items() if isinstance(b, Moving))
-    return {b.driver_name(n, j.name): (n, j) for n, b in moving for j in b.driven}
 
 
 def driver_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:

@@ -20,8 +20,7 @@ from blockmech.blocks.frame import Frame
 from blockmech.ground.errors import Problem, listed, unknown_name
 from blockmech.ground.names import split_address
 from blockmech.ground.values import Marker, Place, StrictModel, Vector
-from blockmech.model.diagram import AnyBlock, Wire
-from blockmech.model.drivers import driven_joints
+from blockmech.model.diagram import AnyBlock, Wire, driven_joints
 from blockmech.model.parameters import interface
 from blockmech.model.scene import PER_DRIVER, Scene
 from blockmech.model.subgraph import Content, Subgraph

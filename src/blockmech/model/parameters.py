@@ -179,7 +179,7 @@ def _texts(x: Any, path: Path) -> Iterator[tuple[Path, str]]:
     """The numbers in a value that were written as texts, each with its path."""
     if isinstance(x, StrictModel):
         yield from (((*path, *keys), text) for keys, text in vars(x).get("texts", {}).items())
-        x = {field.alias or n: getattr(x, n) for n, field in type(x).model_fields.items()}
+        x = {key: getattr(x, name) for key, name in _names(x).items()}
     items = x.items() if isinstance(x, Mapping) else enumerate(x) if type(x) is list else ()
     for key, item in items:
         yield from _texts(item, (*path, key))

@@ -15,7 +15,7 @@ from blockmech.ground.errors import Problem, close_match, listed, unknown_name
 from blockmech.ground.names import split_address
 from blockmech.ground.values import Marker
 from blockmech.loads.contract import LAW, Element, Following
-from blockmech.model.diagram import AnyBlock, Ends, Wire
+from blockmech.model.diagram import AnyBlock, Ends, Wire, driven_joints
 from blockmech.signals.contract import Signal
 
 Blocks: TypeAlias = Mapping[str, AnyBlock]
@@ -79,7 +79,8 @@ def wire_problems(
     if fed is None and _joins(blocks, ends):
         return
     if sensed is not None or signal_wire(blocks, ends):
-        yield from _local_problems(blocks, wire, fed, sensed or _without_block(blocks))
+        without_block = {"mechanism", *driven_joints(blocks)}  # drivers in groups may have a name
+        yield from _local_problems(blocks, wire, fed, sensed or without_block)
         return
     problems = list(_local_problems(blocks, wire, fed))
     if not problems or any(_local_problems(blocks, wire.turned, None)):
@@ -90,12 +91,6 @@ def wire_problems(
         message, valid = "a wire does not end there", "a wire runs from a marker to a joint"
         remedy = f"turn the wire round: {wire.turned}"
         yield Problem(problems[0].code, wire.target, message, valid, remedy)
-
-
-def _without_block(blocks: Blocks) -> Collection[str]:
-    """What names of outputs begin with that belong to no block: drivers in groups may have some."""
-    moving = ((name, block) for name, block in blocks.items() if isinstance(block, Moving))
-    return {"mechanism", *(b.driver_name(name, j.name) for name, b in moving for j in b.driven)}
 
 
 def _joins(blocks: Blocks, ends: Ends) -> bool:

@@ -191,28 +191,22 @@ def _of_reductions(
     values = {}
     settings = {k: arguments[k] for k in ("friction", "static")}
     for w in columns:
-        y, label = np.asarray(base.result[w.output]), w.label
-        jumping = base.jumps[w.output]
+        at_poses, y, label = base, np.asarray(base.result[w.output]), w.label
+        if w.how in EXTREMES and (turns := _extremes(base.result, w)):
+            y, poses = turns
+            at_poses = sensitivity(mechanism, w.output, tuple(base.parameters), **poses, **settings)
+            y = np.asarray(at_poses.result[w.output]) if w.vector else y
         if w.how == STROKE:
             values[label], slopes = _stroke_slopes(base, w, settings)
             forward[label], behind[label] = slopes
-        elif w.how in EXTREMES and (turns := _extremes(base.result, w)):
-            y, poses = turns
-            at_extremes = sensitivity(
-                mechanism, w.output, tuple(base.parameters), **poses, **settings
-            )
-            y = np.asarray(at_extremes.result[w.output]) if w.vector else y
-            jumping = at_extremes.jumps[w.output]
-            values[label] = w.value(y)
-            forward[label] = w.slopes(y, at_extremes.ahead[w.output])
-            behind[label] = -w.slopes(y, -at_extremes.behind[w.output])
         elif w.how == REST:
             slopes_of = rest_slopes(mechanism, samples, w.output, tuple(base.parameters))
             values[label], (forward[label], behind[label]) = slopes_of
         else:
             values[label] = w.value(y)
-            forward[label] = w.slopes(y, base.ahead[w.output])
-            behind[label] = -w.slopes(y, -base.behind[w.output])
+            forward[label] = w.slopes(y, at_poses.ahead[w.output])
+            behind[label] = -w.slopes(y, -at_poses.behind[w.output])
+        jumping = at_poses.jumps[w.output]
         jumps[label] = jumping if w.how == POSES else np.asarray(jumping.any(axis=1, keepdims=True))
     reduced = {w.label: (w, values[w.label]) for w in columns}
     return replace(base, ahead=forward, behind=behind, jumps=jumps, reduced=reduced)

@@ -10,6 +10,9 @@ What fails is named by its rule.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
@@ -22,11 +25,19 @@ from blockmech.testing.block_rules import BlockRules
 from blockmech.testing.coupling_rules import CouplingRules
 from blockmech.testing.element_rules import ElementRules
 from blockmech.testing.law_rules import LawRules
-from blockmech.testing.rules import Conformance, ConformanceError
+from blockmech.testing.rules import Checks, Conformance, ConformanceError
 from blockmech.testing.signal_rules import SignalRules
 from blockmech.typing import Record
 
 __all__ = ["Conformance", "ConformanceError", "conformance"]
+
+
+RULES: dict[type, Callable[[Any], Checks]] = {
+    FrictionLaw: LawRules,
+    Element: ElementRules,
+    Coupling: CouplingRules,
+    Signal: SignalRules,
+}
 
 
 @declared
@@ -61,14 +72,7 @@ def conformance(
         example_of_type: Block | FrictionLaw = cls(**(example or {}))
         block = example_of_type
     name = block.type_name or type(block).__name__
-    if isinstance(block, FrictionLaw):
-        return LawRules(block).report(name)
-    if isinstance(block, Element):
-        return ElementRules(block).report(name)
-    if isinstance(block, Coupling):
-        return CouplingRules(block).report(name)
-    if isinstance(block, Signal):
-        return SignalRules(block).report(name)
     if isinstance(block, Moving):
         return BlockRules(block, seed).report(name)
-    return Conformance(name)  # a frame has no kernels
+    rules = next((rules for kind, rules in RULES.items() if isinstance(block, kind)), None)
+    return rules(block).report(name) if rules else Conformance(name)  # a frame has no kernels

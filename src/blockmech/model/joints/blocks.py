@@ -150,10 +150,6 @@ class SaidByLinks:
         o, e = self.poses[spot.link]
         return o + e * spot.at
 
-    def _on(self, link: LinkRef, z: complex) -> complex:
-        o, e = self.poses[link]
-        return (z - o) / e
-
     def _raw(self, ref: LinkRef) -> Record:
         """What the form says of a link."""
         raw: Record = self.form["blocks"][ref.block]
@@ -209,7 +205,8 @@ class SaidByLinks:
                 spot = pin_spot(self.s, ref)
                 if spot is None:
                     raise refused(str(ref), "no marker says where it is", "draw it anew")
-                at = [self._on(link, self._in_world(spot)) for link in both]
+                z = self._in_world(spot)
+                at = [(z - o) / e for o, e in (self.poses[link] for link in both)]
                 if zero:
                     weld: Form = {"type": "weld", "links": [names[0], self._datum(ref)]}
                     yield self._datum(ref), {**weld, "at": [ORIGIN, ORIGIN], "angle": [-zero, 0.0]}

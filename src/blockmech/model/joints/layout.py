@@ -22,7 +22,7 @@ from blockmech.ground.errors import GraphError, Problem, path_text
 from blockmech.model.joints.contents import FRAME, GuideGiven, WeldGiven
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.varied import phase, settled
-from blockmech.typing import Arguments, Complex
+from blockmech.typing import Complex
 
 
 class Pose(NamedTuple):
@@ -227,9 +227,6 @@ def _pairs_of(linkage: Linkage, name: str, welds: Mapping[str, LinkPlacement]) -
     first_direction, *directions = (
         seat.direction(u) for seat, u in zip(seats, guides, strict=True)
     )
-    options: Arguments = {"clearance": getattr(joint, "clearance", None)}
-    if isinstance(joint, GuideGiven):
-        options["slider"] = joint.slider
     names = [f"{name}.{link}" for link in rest] if len(rest) > 1 else [name]
     return [
         Connection(
@@ -241,8 +238,9 @@ def _pairs_of(linkage: Linkage, name: str, welds: Mapping[str, LinkPlacement]) -
             (first, link),
             (start, end),
             (first_direction, direction),
+            slider=getattr(joint, "slider", 1),
             friction=joint.friction,
-            **options,
+            clearance=getattr(joint, "clearance", None),
         )
         for pair, link, end, direction in zip(names, rest, ends, directions, strict=True)
     ]

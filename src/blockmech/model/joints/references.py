@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 from blockmech.ground.errors import Problem, listed, path_text, unknown_name
 from blockmech.ground.names import is_name
@@ -20,14 +20,8 @@ Known: TypeAlias = Mapping[str, Collection[str]]
 """Section -> names in it, those of parts that are wrong by themselves included."""
 
 
-class Reference(NamedTuple):
-    """A part of a document that names another one."""
-
-    what: str  # "link", "joint" or "driver"
-    name: str
-    path: tuple[str | int, ...]
-
-
+Reference: TypeAlias = tuple[str, str, tuple[str | int, ...]]
+"""What a part of a document names, "link", "joint" or "driver"; its name; and where it says so."""
 NAMES = {"link": "link", "links": "link", "joint": "joint", "driver": "driver", "driven": "driver"}
 """Key of an item that names other items -> what these are."""
 TWO_LINKS = {"drivers": "drives", "loads": "acts between"}
@@ -40,16 +34,16 @@ def _references(linkage: Any) -> Iterator[Reference]:
             for key in filter(NAMES.get, type(item).model_fields):
                 path, kind, value = (section, name, key), NAMES[key], getattr(item, key)
                 if isinstance(value, list):
-                    yield from (Reference(kind, x, (*path, k)) for k, x in enumerate(value))
+                    yield from ((kind, x, (*path, k)) for k, x in enumerate(value))
                 elif section == "couplings" and key == "driver" and "." in value:
-                    yield Reference("link", value.partition(".")[0], path)
+                    yield "link", value.partition(".")[0], path
                 elif value is not None:
-                    yield Reference(kind, value, path)
+                    yield kind, value, path
     for section in PER_DRIVER[1:]:
         for name in getattr(linkage, section):
             pair = coordinate_of(name) if section == "stops" else None
             kind, named = ("driver", name) if pair is None else ("joint", pair.partition(".")[0])
-            yield Reference(kind, named, (section, name))
+            yield kind, named, (section, name)
 
 
 def coordinate_of(name: str) -> str | None:
