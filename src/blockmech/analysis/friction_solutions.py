@@ -36,7 +36,7 @@ from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import load_norm
 from blockmech.friction.existence import existence
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import refused
+from blockmech.ground.errors import as_names, refused
 from blockmech.ground.tolerances import BLUR
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
@@ -190,24 +190,6 @@ class Tree:
         self.index[group.block] = found.signs
 
 
-class Systems(NamedTuple):
-    """The equations of one group at n branches."""
-
-    group: Group
-    k: Floats  # (n, m)
-    drag: Floats  # (n, m) friction that does not follow the load
-    base: Vectors  # (n, m) loads with that friction
-    rows: Vectors  # (n, m, m)
-
-    @property
-    def kernel_arguments(self) -> tuple[Values, Values, Values]:
-        """k, base and rows as kernels take them."""
-        m = range(len(self.group.k))
-        k = tuple(np.ascontiguousarray(self.k[:, j]) for j in m)
-        rows = tuple(tuple(_planar(self.rows[:, j, i]) for i in m) for j in m)
-        return k, tuple(_planar(self.base[:, j]) for j in m), rows
-
-
 class Solved(NamedTuple):
     """Solutions (s,) of a group at n branches.
 
@@ -216,6 +198,7 @@ class Solved(NamedTuple):
     signs : (s,) indices
     connected : (s,) whether it is the one that is connected with zero friction
     proof : (n,) index in `PROOFS`
+    existence : (n,) the number c of each branch; None where it is not known
     """
 
     of: Indices
@@ -223,6 +206,7 @@ class Solved(NamedTuple):
     signs: NDArray[np.int8]
     connected: Flags
     proof: Indices
+    existence: Floats | None
 
 
 def _planar(z: Complex) -> Planar:
@@ -235,22 +219,18 @@ def _vector(column: Complex, n: int) -> Vectors:
 
 
 @np.errstate(all="ignore")
-def _existence(systems: Systems) -> Floats | None:
-    """The number c of each branch; None where it is not known."""
-    if not systems.group.known:
-        return None
-    k, _, rows = systems.kernel_arguments
-    c: Floats = BOUND["existence"](k, systems.group.contacts, rows)
-    return c
+def _solved(group: Group, k: Floats, drag: Floats, base: Vectors, rows: Vectors) -> Solved:
+    """All solutions of a group at n branches, with what proves them.
 
-
-@np.errstate(all="ignore")
-def _solved(systems: Systems, c: Floats | None) -> Solved:
-    """All solutions of a group at n branches, with what proves them."""
-    group, k, drag, base, rows = systems
-    n, edges = len(k), tuple(count > 0 for count in group.contacts)
+    k, base : (n, m) factors, and loads with the friction ``drag`` that does not follow them
+    rows : (n, m, m)
+    """
+    (n, size), edges = k.shape, tuple(count > 0 for count in group.contacts)
+    k_ = tuple(np.ascontiguousarray(k[:, j]) for j in range(size))
+    base_ = tuple(_planar(base[:, j]) for j in range(size))
+    rows_ = tuple(tuple(_planar(rows[:, j, i]) for i in range(size)) for j in range(size))
+    c = BOUND["existence"](k_, group.contacts, rows_) if group.known else None
     exists = False if c is None else c < 1.0
-    k_, base_, rows_ = systems.kernel_arguments
     first: solvers.Solution = BOUND["newton"](k_, edges, base_, rows_, exists)
     start = np.stack(first.t, axis=1)
     sound = np.isfinite(base).all(axis=1) & np.isfinite(rows).all(axis=(1, 2))
@@ -281,6 +261,7 @@ def _solved(systems: Systems, c: Floats | None) -> Solved:
         np.concatenate([ones.astype(np.int8), solutions.signs])[order],
         np.concatenate([ones > 0, connected])[order],
         proof,
+        c,
     )
 
 
@@ -303,12 +284,11 @@ def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
         base = np.stack([_vector(values[i], n) for i in step.loads], axis=1)
         rows = [np.stack([_vector(values[i], n) for i in row], axis=1) for row in step.rows]
         every = np.stack(rows, axis=1)
-        systems = Systems(step, weights, drag, base + np.einsum("njm,nm->nj", every, drag), every)
-        c = _existence(systems)
-        if c is not None:
+        base = base + np.einsum("njm,nm->nj", every, drag)
+        solved = _solved(step, weights, drag, base, every)
+        if solved.existence is not None:
             tree.existence[step.block] = np.full(taken.n, np.nan)
-            tree.existence[step.block][tree.pose] = c
-        solved = _solved(systems, c)
+            tree.existence[step.block][tree.pose] = solved.existence
         np.maximum.at(tree.proof, tree.pose, solved.proof)
         if len(solved.of) > MOST_BRANCHES:
             why = f"the solutions multiply from group to group: {len(solved.of)} branches"
@@ -356,7 +336,7 @@ def friction_solutions(
     outputs = (
         [n for n in names if n.endswith(DEFAULT)]
         if want is None
-        else names.match([want] if isinstance(want, str) else want)
+        else names.match(as_names("want", want))
     )
     still = static or taken.at_rest
     taken = taken.at(np.tile(np.arange(taken.n), len(factors)))
