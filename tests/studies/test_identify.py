@@ -159,7 +159,7 @@ def test_files_and_frames_are_read(tmp_path):
         ({"crank.drive": [1.0, 2.0]}, "a column is missing for crank.q"),
         ({"crank.q": [1.0, 2.0]}, "no measured column"),
         ({"crank.q": [1.0, 2.0], "crank.drive": [1.0]}, "not equally long"),
-        ({"crank.q": [1.0, 2.0], "dyad.C.p": [1.0, 2.0]}, "name dyad.C.p.x"),
+        ({"crank.q": [1.0, 2.0], "dyad.C.p": [1.0, 2.0]}, "name a part: dyad.C.p.x"),
         ({"crank.q": [1.0, 2.0], "crank.drve": [1.0, 2.0]}, "drve"),
         ("nowhere.csv", "no such file"),
     ],

@@ -208,8 +208,8 @@ def equilibria_of_one(line: Line) -> Equilibria:
         massless = at.M[:, 0, 0] <= EQUAL**2 * system.typical_inertia(low)
         at.M[massless] = 0.0
         for i, q in enumerate(balances):
-            held = interval_about(q, intervals, closed)
-            facts: Arguments = {"potential": energy[i], "interval": held}
+            rest = interval_about(q, intervals, closed)
+            facts: Arguments = {"potential": energy[i], "interval": rest}
             points.append(equilibrium_of({name: q}, units, at, i, **facts))
         for i, q in enumerate(jumps, start=len(balances)):
             kind: Kind = "unstable" if line.jump(q) > 0 else "stable"

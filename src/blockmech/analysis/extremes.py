@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from operator import attrgetter, pos
 from typing import TYPE_CHECKING, Literal
 
 from blockmech.analysis.ranges import cycle_of
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from blockmech.result.result import Result
 
 PARTS = ("x", "y", "magnitude")
+PART_OF: Data = {"x": attrgetter("real"), "y": attrgetter("imag"), "magnitude": abs, "": pos}
 
 Kind = Literal["minimum", "maximum"]
 
@@ -199,6 +201,14 @@ def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
         reason = {"real": "it is a real number without parts"}.get(kind, f"it is a {kind}")
         raise refused(name, reason, "name a real output, or a vector or its part")
     return output, (part,) if part or kind == "real" else PARTS
+
+
+def number_of(mechanism: Compiled, name: str) -> tuple[str, str]:
+    """The output and the part of it that is one number. Raises `RequestError` for a vector."""
+    output, parts = parts_of(mechanism, name)
+    if len(parts) > 1:
+        raise refused(name, "it is a vector", f"name a part: {name}.x, {name}.y, {name}.magnitude")
+    return output, parts[0]
 
 
 def extreme_at(cycle: Cycle, turn: Turn, noise: float = 0.0) -> Extreme:

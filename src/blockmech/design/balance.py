@@ -29,7 +29,7 @@ from blockmech.result.result import Result
 from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import chosen_numbers, sensitivity
 from blockmech.studies.family import in_si_by_address, remade
-from blockmech.studies.objective import INFEASIBLE
+from blockmech.studies.objective import INFEASIBLE, real_parts
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
 from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers, Quantity
@@ -176,8 +176,8 @@ def balance(
         if kept.get("u") != u.tobytes():
             other = remade(mechanism, dict(zip(chosen, (u * sizes).tolist(), strict=True)))
             derivatives = sensitivity(other, outputs, tuple(chosen), at, **poses, **how)
-            y = np.concatenate([_real(derivatives.result[n]) / scale[n] for n in outputs])
-            J = np.hstack([_real(derivatives[n]) / scale[n] for n in outputs]).T * sizes
+            y = np.concatenate([real_parts(derivatives.result[n]) / scale[n] for n in outputs])
+            J = np.hstack([real_parts(derivatives[n]) / scale[n] for n in outputs]).T * sizes
             kept.update(u=u.tobytes(), y=y, J=J)
         return kept["y"], kept["J"]
 
@@ -210,12 +210,6 @@ def balance(
         best, values, {n: left_of(before[n]) for n in outputs},
         {n: left_of(after[n]) for n in outputs}, (before, after), units, bool(linear), held,
     )  # fmt: skip
-
-
-def _real(y: Any) -> Floats:
-    """An output (..., n) as real numbers: of a vector its parts beside each other."""
-    y = np.asarray(y)
-    return np.concatenate([y.real, y.imag], axis=-1) if np.iscomplexobj(y) else y
 
 
 def _bounds(

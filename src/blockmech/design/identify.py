@@ -33,15 +33,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.analysis.deflections import refuse_deflections
+from blockmech.analysis.extremes import PART_OF, number_of
 from blockmech.compiled import Compiled
-from blockmech.design.measurements import Record, part_of, record_of
+from blockmech.design.measurements import Record, record_of
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import slope, value
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import BlockmechError, held, listed, refused
+from blockmech.ground.errors import BlockmechError, as_names, held, listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.ground.tolerances import ROUNDING
@@ -190,7 +191,7 @@ class _Fit:
     def _variation_and_plan(self) -> tuple[Variation, Plan]:
         """The mechanism as these numbers vary, and its plan."""
         variation = Variation.of(self.mechanism, self.chosen.values())
-        outputs = (part_of(self.mechanism, n)[0] for n in self.record.columns)
+        outputs = (number_of(self.mechanism, n)[0] for n in self.record.columns)
         return variation, variation.general.plan(tuple(dict.fromkeys(outputs)), **self.settings)
 
     def _variation_at(self, x: Floats) -> tuple[Variation, Plan, dict[str, Parameter]]:
@@ -217,12 +218,11 @@ class _Fit:
         Raises `BlockmechError` for a design that does not assemble.
         """
         variation, plan, chosen = self._variation_at(x)
-        parts = [part_of(self.mechanism, n) for n in self.record.columns]
+        parts = [number_of(self.mechanism, n) for n in self.record.columns]
         sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])
         seeds = np.diag(sizes)
-        samples = (
-            self.record.samples.at(rows) if not isinstance(rows, slice) else self.record.samples
-        )
+        samples = self.record.samples
+        samples = samples if isinstance(rows, slice) else samples.at(rows)
         refuse_deflections(self.mechanism, plan, "derivatives")
         inputs = {k: np.asarray(v) for k, v in samples.given(plan.program.inputs).items()}
         shape = len(chosen), samples.n
@@ -232,26 +232,21 @@ class _Fit:
         outputs, residuals, slopes = variation.outputs(seeds), [], []
         with np.errstate(all="ignore"):
             for (output, part), measured in zip(parts, self.record.columns.values(), strict=True):
-                output_values = outputs[output].read(*(values[i] for i in plan.layout[output]))
-                output_values = {"x": lambda m: m.real, "y": lambda m: m.imag, "": lambda m: m}[
-                    part
-                ](output_values)
-                residuals.append(measured[rows] - np.broadcast_to(value(output_values), shape[1:]))
-                slopes.append((np.broadcast_to(slope(output_values), shape) / sizes[:, None]).T)
+                output_value = outputs[output].read(*(values[i] for i in plan.layout[output]))
+                y = PART_OF[part](output_value)
+                residuals.append(measured[rows] - np.broadcast_to(value(y), shape[1:]))
+                slopes.append((np.broadcast_to(slope(y), shape) / sizes[:, None]).T)
         return np.array(residuals), np.array(slopes)
 
 
-def _solved(fit: _Fit, free: list[int], start: Floats, sizes: Floats) -> Floats:
-    """Numbers that fit best, those not kept where they are."""
+def _solved(
+    fit: _Fit, free: list[int], start: Floats, sizes: Floats, rows: Array, largest: Floats
+) -> Floats:
+    """Numbers that fit some rows best, those not free kept where they are."""
     from scipy.optimize import least_squares
 
-    n = fit.record.samples.n
-    rows = np.unique(np.linspace(0, n - 1, min(n, PART)).astype(int))
-    measured = np.array([*fit.record.columns.values()])
-    largest = np.abs(measured).max(axis=1)
-    largest = np.where(largest > 0, largest, 1.0)
-    floor = ROUNDING * largest
-    weight = 1.0 / np.maximum(np.std(measured, axis=1), START * largest)
+    scatter = np.std([*fit.record.columns.values()], axis=1)
+    weight = 1.0 / np.maximum(scatter, START * largest)
     last: Data = {}
 
     def evaluated(u: Floats) -> tuple[Floats, Array]:
@@ -283,7 +278,7 @@ def _solved(fit: _Fit, free: list[int], start: Floats, sizes: Floats) -> Floats:
         )
         x[free] = optimum.x * sizes[free]
         noise = np.sqrt(np.mean(evaluated(optimum.x)[0] ** 2, axis=1))
-        weight = 1.0 / np.maximum(noise, floor)
+        weight = 1.0 / np.maximum(noise, ROUNDING * largest)
     return x
 
 
@@ -350,7 +345,7 @@ def identify(
     >>> {number: round(value, 6) for number, value in fit.values.items()}
     {'dyad.links.j.mass': 7.2}
     """
-    chosen = chosen_numbers(mechanism, (numbers,) if isinstance(numbers, str) else tuple(numbers))
+    chosen = chosen_numbers(mechanism, as_names("numbers", numbers))
     record = record_of(mechanism, data)
     if record.samples.n * len(record.columns) <= len(chosen):
         message = f"{record.samples.n} rows for {len(chosen)} numbers"
@@ -369,7 +364,7 @@ def identify(
     visible = [i for i in range(k) if np.abs(J[:, i]).max() > SAME * np.abs(J).max(initial=0.0)]
     columns, dependents, factors = dependent(J[:, visible])
     base, rest = [visible[i] for i in columns], [visible[i] for i in dependents]
-    x = _solved(fit, base, start, sizes) if base else start
+    x = _solved(fit, base, start, sizes, rows, scale) if base else start
     cov = np.empty((0, 0))
     for _ in range(FULL):
         r, d = fit.at(x)
@@ -419,7 +414,7 @@ def _identification(
     units_of_numbers = {a: p.unit for a, p in fit.chosen.items()}
     columns = [*fit.record.columns]
     outputs = fit.mechanism.outputs
-    units = units_of_numbers | {c: outputs[part_of(fit.mechanism, c)[0]].unit for c in columns}
+    units = units_of_numbers | {c: outputs[number_of(fit.mechanism, c)[0]].unit for c in columns}
     order = np.argsort(fit.record.coordinate, kind="stable")
     doubts = [c for c, row in zip(columns, r, strict=True) if _is_pattern(row[order])]
     ordered = dict(sorted(values.items(), key=lambda kv: names.index(kv[0])))

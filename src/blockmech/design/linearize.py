@@ -37,7 +37,7 @@ from blockmech.figures.paper import legend_above, panelled, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import among, listed, needed, refused
+from blockmech.ground.errors import among, as_names, listed, needed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, places, with_unit
 from blockmech.ground.runnable import LazyMethod
@@ -313,9 +313,9 @@ def linearize(
         refuse_friction_states(mechanism)
     drivers = dict(zip(mechanism.drivers, q.tolist(), strict=True))
     efforts = [mechanism._of_driver(d, "drive") for d in mechanism.drivers]
-    selected = _outputs(mechanism, _names(outputs))
+    selected = _outputs(mechanism, as_names("outputs", outputs))
     sources, signal_states = sources_of(mechanism), states_of(mechanism)
-    extra = _names(inputs)
+    extra = as_names("inputs", inputs)
     numbers = chosen_numbers(mechanism, [n for n in extra if n not in sources])
     motion = q, qd, np.zeros_like(q)
     x, notes = _signals(mechanism, motion, time, states or {}, slips)
@@ -410,10 +410,6 @@ def _outputs(mechanism: Compiled, names: tuple[str, ...]) -> tuple[str, ...]:
         if kind != "real":
             raise refused(name, f"it is a {kind}", "name an output that is a number a pose")
     return matched
-
-
-def _names(names: Iterable[str] | str) -> tuple[str, ...]:
-    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _only_stable_equilibrium(mechanism: Compiled) -> Equilibrium:

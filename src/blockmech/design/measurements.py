@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from blockmech.analysis.extremes import number_of
 from blockmech.compiled import Compiled
 from blockmech.ground.errors import Problem, RequestError, listed, refused
 from blockmech.result.samples import Samples
@@ -106,7 +107,7 @@ def record_of(mechanism: Compiled, data: Any) -> Record:
         if name in ("t", "time"):
             continue
         try:
-            part_of(mechanism, name)
+            number_of(mechanism, name)
         except RequestError as error:
             problems += error.problems
             continue
@@ -123,16 +124,3 @@ def record_of(mechanism: Compiled, data: Any) -> Record:
     q: Any = given["q"]
     samples = mechanism.samples(q, None, None, given["rate"], given["acceleration"])
     return Record(samples, {n: x[good] for n, x in measured.items()}, q[mechanism.drivers[0]])
-
-
-def part_of(mechanism: Compiled, name: str) -> tuple[str, str]:
-    """The output and the part that a column is; "" of a real one. Raises `RequestError`."""
-    head, _, tail = name.rpartition(".")
-    if tail in ("x", "y") and head in mechanism.outputs and name not in mechanism.outputs:
-        return head, tail
-    (output,) = mechanism.outputs.match([name])[:1]
-    kind = mechanism.outputs[output].kind
-    if output != name or kind != "real":
-        remedy = f"name {name}.x and {name}.y" if kind == "vector" else "leave the column out"
-        raise refused(name, f"it is a {kind}" if output == name else "it is a pattern", remedy)
-    return output, ""

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.extremes import parts_of
+from blockmech.analysis.extremes import PART_OF, number_of, parts_of
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import TURN
 from blockmech.analysis.turning_points import ROUNDING, Signal, Turns, signal_of, turns_of
@@ -29,14 +29,14 @@ from blockmech.analysis.working_cycle import Cycle
 from blockmech.compiled import Compiled
 from blockmech.design.efforts import with_efforts
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import BlockmechError, listed, refused
+from blockmech.ground.errors import BlockmechError, as_names, listed, refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.studies.family import parameters, remade
 from blockmech.studies.reductions import TEXT
-from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers
+from blockmech.typing import Arguments, Coordinates, Floats, FrictionMethod, Numbers
 
 STARTS = 5  # values of each of several drivers, between which ways to the wanted pose begin
 CLOSE = EPS ** (2 / 3)  # of a size: misfits and steps that count as none
@@ -148,7 +148,7 @@ def solve(
       crank.q = 1.52732558 rad
       crank.q = 5.67017408 rad
     """
-    unknowns = (to,) if isinstance(to, str) else tuple(to)
+    unknowns = as_names("to", to)
     if len(wanted) != len(unknowns or mechanism.drivers):
         what = listed(unknowns) if unknowns else f"driver{'s'[: len(mechanism.drivers) != 1]}"
         found = f"{len(wanted)} wanted for {len(unknowns or mechanism.drivers)} {what}"
@@ -184,7 +184,7 @@ def _of_driver(
     mechanism: Compiled, wanted: Mapping[str, float], how: Arguments, mode: Mapping[str, int]
 ) -> Solutions:
     ((name, value),) = wanted.items()
-    output, part = _part_of(mechanism, name)
+    output, part = number_of(mechanism, name)
     cycle = cycle_of(mechanism, **how)
     driver, unit = mechanism._of_driver(mechanism.drivers[0], "q"), mechanism.outputs[output].unit
     if cycle.by != "coordinate":
@@ -286,17 +286,16 @@ def _reader(
     mechanism: Compiled, wanted: Mapping[str, float], how: Arguments
 ) -> tuple[Callable[[Floats], Floats], dict[str, str]]:
     """Misfits (k,) of wanted outputs at coordinates (k,), and their units."""
-    parts = [_part_of(mechanism, name) for name in wanted]
+    parts = [number_of(mechanism, name) for name in wanted]
     outputs = [output for output, _ in parts]
     units = {n: mechanism.outputs[o].unit for n, o in zip(wanted, outputs, strict=True)}
     turning = [output.endswith(".angle") for output in outputs]
     values = np.array([*wanted.values()])
-    of: Data = {"x": np.real, "y": np.imag, "magnitude": np.abs, "": np.real}
 
     def read(q: Floats) -> Floats:
         at = dict(zip(mechanism.drivers, q[:, None], strict=True))
         run = mechanism.run(at, want=outputs, on_gap="mark", **how)
-        off = np.array([float(of[part](run[output])[0]) for output, part in parts]) - values
+        off = np.array([float(PART_OF[part](run[output])[0]) for output, part in parts]) - values
         return np.where(turning, _within_half_turn(off), off)
 
     return read, units
@@ -352,14 +351,6 @@ def _unit(mechanism: Compiled, name: str) -> str:
     reduced = TEXT.fullmatch(name)
     output, _ = parts_of(mechanism, reduced["output"].strip() if reduced else name)
     return mechanism.outputs[output].unit
-
-
-def _part_of(mechanism: Compiled, name: str) -> tuple[str, str]:
-    """The output and the part of it that is one number. Raises `RequestError` for a vector."""
-    output, parts = parts_of(mechanism, name)
-    if len(parts) > 1:
-        raise refused(name, "it is a vector", f"name a part: {name}.x, {name}.y, {name}.magnitude")
-    return output, parts[0]
 
 
 def _within_half_turn(angle: Floats) -> Floats:

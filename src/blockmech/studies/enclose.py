@@ -17,7 +17,7 @@ from blockmech.compiled import CONTRACTION, Compiled
 from blockmech.engines.enclosed.engine import EnclosedEngine
 from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import Problem, RequestError, listed
+from blockmech.ground.errors import Problem, RequestError, as_names, listed
 from blockmech.ground.report import DEGREES, Facts, Report, sections
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.parameters import Parameter, Path
@@ -193,7 +193,7 @@ def enclose(
         p.address: float(x) for p, x in zip(numbers_of.values(), widths.values(), strict=True)
     }
     catalogue = mechanism.outputs
-    patterns = (want,) if isinstance(want, str) else tuple(want)
+    patterns = as_names("want", want)
     names = [n for n in catalogue.match(patterns) if catalogue[n].kind in ("real", "vector")]
     if not names:
         message = "bounds are of outputs that are a number or a vector a sample"

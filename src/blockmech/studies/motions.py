@@ -48,7 +48,7 @@ from blockmech.studies.reductions import (
 from blockmech.studies.rows import ENDED_EARLY, NO_MOTION, REASONS, Rows
 from blockmech.studies.runner import Runner
 from blockmech.studies.swings import FirstSwings
-from blockmech.typing import Arguments, Array, Complex, Data, Real, Record
+from blockmech.typing import Arguments, Array, Data, Real, Record
 
 FEW = 16  # designs between two words of progress, and for which nothing is compiled
 TOGETHER = 256  # designs that move side by side: their steps stay in some megabytes
@@ -205,7 +205,7 @@ class MotionRunner(Runner):
     def block(self, planned: Together | None, columns: Mapping[Parameter, Array]) -> Rows:
         """Some designs, side by side, and each by itself where that cannot be."""
         m = len(next(iter(columns.values())))
-        values = {w.label: np.array([_empty_column(w, self.n)] * m) for w in self.want}
+        values = {w.label: np.array([w.nothing(self.n)] * m) for w in self.want}
         word, culprit = np.zeros(m, np.int8), np.full(m, "", object)
         alone = range(m) if planned is None else planned.into(values, columns).tolist()
         for i in alone:
@@ -374,7 +374,7 @@ def reduced(w: Wanted, t: Array, y: Array, n: int) -> Real:
     if w.how == "settling":
         return settling(t, y, w.sample)
     if w.how == POSES:
-        row = np.full(n, _empty_column(w, 1)[0])
+        row = w.nothing(n)
         row[: len(y)] = y
         return row
     return w.value(y)[0] if np.ndim(y) else y
@@ -407,12 +407,6 @@ def _share(text: str, name: str) -> float:
         message = f'"{text}" is no share of the change'
         raise refused(f"settling({name}, {text})", message, "give a number between 0 and 1")
     return share
-
-
-def _empty_column(w: Wanted, n: int) -> Complex:
-    """A column of a design without an answer."""
-    nan = complex(math.nan, math.nan) if w.kind == "vector" else math.nan
-    return np.full(n, nan) if w.how == POSES else nan
 
 
 def runner_of(

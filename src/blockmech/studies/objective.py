@@ -66,7 +66,7 @@ class Objective:
         derivatives = sensitivity(
             design, labels, self.addresses, **self._over, **self._runner.settings
         )
-        rows = [_parts(derivatives[label].T) for label in labels]
+        rows = [real_parts(derivatives[label]).T for label in labels]
         jacobian = np.concatenate(rows)
         return jacobian[0] if len(jacobian) == 1 else jacobian
 
@@ -84,7 +84,7 @@ class Objective:
     def _rows(self, x: Array) -> Array:
         columns = {p: x[k : k + 1] for k, p in enumerate(self._runner.family.parameters)}
         values = self._runner.block(self._planned, columns).values
-        rows = [_parts(np.atleast_1d(values[w.label][0])) for w in self._runner.want]
+        rows = [real_parts(np.atleast_1d(values[w.label][0])) for w in self._runner.want]
         return np.concatenate(rows)
 
 
@@ -160,6 +160,6 @@ def objective(
     return Objective(mechanism, runner, poses)
 
 
-def _parts(row: Array) -> Array:
-    """Rows of real numbers: of vectors all x, then all y."""
-    return np.concatenate([row.real, row.imag]) if np.iscomplexobj(row) else row
+def real_parts(y: Array) -> Array:
+    """Real numbers (..., n), of vectors (..., 2 n): all x, then all y."""
+    return np.concatenate([y.real, y.imag], axis=-1) if np.iscomplexobj(y) else y

@@ -26,7 +26,7 @@ from blockmech.outputs.by_block import Catalogue
 from blockmech.plan.plan import Output
 from blockmech.result.samples import Samples
 from blockmech.studies.sampling import as_sequence
-from blockmech.typing import Array, Real, Reals
+from blockmech.typing import Array, Complex, Real, Reals
 
 TEXT = re.compile(r"(?P<how>\w+)\s*\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
 AT = re.compile(r"(?P<how>\w+)\(\s*(?P<at>[^()]+)\s*\)")
@@ -82,10 +82,15 @@ class Wanted:
         """Whether it is of a margin, which poses without an answer have as well."""
         return self.output.endswith(".margin")
 
+    def nothing(self, n: int) -> Complex:
+        """What stands for it in a design without an answer: NaN, (n,) of poses."""
+        nan = complex(math.nan, math.nan) if self.kind == "vector" else math.nan
+        return np.full(n, nan) if self.how == POSES else nan
+
     def of(self, columns: Reals, shape: tuple[int, int], weights: Array) -> Array:
         """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
         if self.how == REST:  # which is followed design by design
-            return np.full(shape[0], complex(np.nan, np.nan) if self.kind == "vector" else np.nan)
+            return np.full(shape[0], self.nothing(1))
         if self.how == WHOLE:
             rows = [np.broadcast_to(x, shape) for x in columns]
             return np.array([self.read(*row, weights) for row in zip(*rows, strict=True)])

@@ -188,11 +188,7 @@ class Runner:
         return block._replace(values=values).without_numbers()
 
     def _without(self, n: int, error: BlockmechError) -> Rows:
-        values: dict[str, Array] = {}
-        for column in self.want:
-            shape = (1, n) if column.how == POSES else (1,)
-            nothing = complex(np.nan, np.nan) if column.kind == "vector" else np.nan
-            values[column.label] = np.full(shape, nothing)
+        values = {w.label: np.array([w.nothing(n)]) for w in self.want}
         reason = f"{error.problems[0].where} ({error.problems[0].found})"
         word = np.array([REASONS.index(NO_ASSEMBLY)], np.int8)
         return Rows(values, word, np.array([reason], object), np.array([0]), np.array([n]))
