@@ -47,8 +47,7 @@ from blockmech.studies.derivatives_at import (
     derivatives_at,
     initial_states,
     refuse_sampled,
-    sources_of,
-    states_of,
+    states_and_sources,
 )
 from blockmech.studies.differentiate import chosen_numbers
 from blockmech.typing import Coordinates, Floats, FrictionMethod, Numbers
@@ -314,7 +313,7 @@ def linearize(
     drivers = dict(zip(mechanism.drivers, q.tolist(), strict=True))
     efforts = [mechanism._of_driver(d, "drive") for d in mechanism.drivers]
     selected = _outputs(mechanism, as_names("outputs", outputs))
-    sources, signal_states = sources_of(mechanism), states_of(mechanism)
+    signal_states, sources = states_and_sources(mechanism)
     extra = as_names("inputs", inputs)
     numbers = chosen_numbers(mechanism, [n for n in extra if n not in sources])
     motion = q, qd, np.zeros_like(q)
@@ -348,7 +347,7 @@ def _signals(
     slips: bool,
 ) -> tuple[Floats, list[str]]:
     """States (n,) of all signal blocks, those that are not given at rest, and what to know."""
-    state_numbers, x = states_of(mechanism), initial_states(mechanism, t)
+    (state_numbers, _), x = states_and_sources(mechanism), initial_states(mechanism, t)
     for name, number in values.items():
         among(state_numbers, "state", name, where=f"states[{name}]")
         x[state_numbers[name]] = float(number)

@@ -46,22 +46,15 @@ class Derivatives(NamedTuple):
     margin: float
 
 
-def states_of(mechanism: Compiled) -> dict[str, int]:
-    """States of signal blocks that move by themselves: ``pid.integral`` -> its place in x."""
-    return {
-        str(ref): i
-        for ref, i in mechanism.structure.states.items()
-        if ref.block in mechanism.structure.signals and not ref.name.startswith(HELD)
-    }
-
-
-def sources_of(mechanism: Compiled) -> dict[str, int]:
-    """Outputs of blocks without inputs that are held from outside: ``setpoint.y`` -> place in x."""
-    return {
-        f"{ref.block}.{ref.name.removeprefix(HELD)}": i
-        for ref, i in mechanism.structure.states.items()
-        if ref.block in mechanism.structure.signals and ref.name.startswith(HELD)
-    }
+def states_and_sources(mechanism: Compiled) -> tuple[dict[str, int], dict[str, int]]:
+    """Numbers in x by name: of states of signal blocks that move by themselves, ``pid.integral``,
+    and of outputs of blocks without inputs that are held from outside, ``setpoint.y``."""
+    states, sources = dict[str, int](), dict[str, int]()
+    for ref, i in mechanism.structure.states.items():
+        if ref.block in mechanism.structure.signals:
+            of = sources if ref.name.startswith(HELD) else states
+            of[f"{ref.block}.{ref.name.removeprefix(HELD)}"] = i
+    return states, sources
 
 
 def refuse_sampled(mechanism: Compiled) -> None:
@@ -74,7 +67,7 @@ def refuse_sampled(mechanism: Compiled) -> None:
 
 def initial_states(mechanism: Compiled, t: float) -> Floats:
     """States (n,) of signal blocks where they begin, those held from outside as at a time [s]."""
-    count = len(states_of(mechanism)) + len(sources_of(mechanism))
+    count = sum(map(len, states_and_sources(mechanism)))
     x = np.array(mechanism.structure.initial_states[:count], float)
     s = schedule(mechanism.structure, mechanism.scene, Friction("none"))
     places = mechanism.structure.states

@@ -184,7 +184,17 @@ def measured(
                     continue
                 if seconds < WARM * clock.left:  # what is compiled once is no cost of a run
                     seconds = min(seconds, _timed(question, setting, clock)[1])
-                point = _point(question, setting, answer, seconds)
+                (error, worst), floor = question.error(answer), question.reference.floor
+                point = Point(
+                    **vars(setting),
+                    seconds=seconds,
+                    slowest=seconds,
+                    repeats=1,
+                    evaluations=question.evaluations(answer),
+                    error=max(error, floor),
+                    worst=worst,
+                    at_floor=error < floor,
+                )
                 key = point.method, point.evaluations, _digest(answer)
                 if key in points:
                     coarser = points[key]
@@ -195,23 +205,6 @@ def measured(
         skipped += [Skipped(unmeasured.label, "interrupted") for unmeasured in rest]
         return tuple(points.values()), tuple(skipped)
     return tuple(_repeated(question, list(points.values()), clock)), tuple(skipped)
-
-
-def _point(question: Question, setting: Setting, answer: Result, seconds: float) -> Point:
-    """A setting that was run once."""
-    (error, worst), floor = question.error(answer), question.reference.floor
-    return Point(
-        setting.method,
-        setting.setting,
-        setting.options,
-        seconds=seconds,
-        slowest=seconds,
-        repeats=1,
-        evaluations=question.evaluations(answer),
-        error=max(error, floor),
-        worst=worst,
-        at_floor=error < floor,
-    )
 
 
 def _digest(answer: Result) -> int:
