@@ -344,8 +344,7 @@ def _held(mechanism: Compiled, moved: str, at: Record) -> dict[str, float]:
         else:
             remedy = f'give at={{"{d}": ...}}, or a law of motion by coordinate'
             problems.append(_wrong(d, "nothing says where this driver is held", "", remedy))
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     return fixed
 
 

@@ -41,8 +41,7 @@ def blocks(
     """List the block types with their joints, links and parameters."""
     chosen = {pattern: fnmatch.filter(REGISTRY, pattern) for pattern in types or ["*"]}
     unknown = [REGISTRY.unknown(pattern, "TYPE") for pattern, names in chosen.items() if not names]
-    if unknown:
-        raise RequestError(unknown)
+    RequestError.raise_for(unknown)
     named = dict.fromkeys(name for names in chosen.values() for name in names)
     say("\n\n".join("\n".join(_describe(name, REGISTRY[name])) for name in named))
 

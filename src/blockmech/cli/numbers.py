@@ -91,8 +91,7 @@ def _by_driver(
             except RequestError as error:
                 problems += error.problems
         named.add(name)
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     return values or None
 
 
@@ -117,8 +116,7 @@ def _start(where: str, text: str, unit: str) -> tuple[float, float]:
             start[i] = number_in(where, part, of)
         except RequestError as error:
             problems += error.problems
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     return start[0], start[1]
 
 

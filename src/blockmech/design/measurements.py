@@ -112,8 +112,7 @@ def record_of(mechanism: Compiled, data: Any) -> Record:
             problems += error.problems
             continue
         measured[name] = x
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     if not measured:
         raise refused("data", "no measured column beside the drivers", "e.g. a column crank.drive")
     rows = np.isfinite([*measured.values(), *(x for k in inputs.values() for x in k.values())])

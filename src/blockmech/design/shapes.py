@@ -152,11 +152,9 @@ def _positive(zero: str = "", /, **sizes: Quantity) -> list[float]:
         name: math.nan if isinstance(x, bool) else number_in_si(x or 0.0, units[name])
         for name, x in sizes.items()
     }
-    problems = [
+    RequestError.raise_for(
         Problem("bad-value", name, f"must be > 0, got {sizes[name]!r}", f"it is in {units[name]}")
         for name, x in numbers.items()
         if not (0 < x < math.inf or (x == 0 and name == zero))
-    ]
-    if problems:
-        raise RequestError(problems)
+    )
     return [*numbers.values()]

@@ -78,6 +78,12 @@ class BlockmechError(Exception):
         self.problems: tuple[Problem, ...] = tuple(problems)
         super().__init__()
 
+    @classmethod
+    def raise_for(cls, problems: Iterable[Problem]) -> None:
+        """Raise it with all of some problems, if there are any."""
+        if problems := tuple(problems):
+            raise cls(problems)
+
     def __str__(self) -> str:
         return "\n".join(str(p) for p in self.problems)
 

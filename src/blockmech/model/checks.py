@@ -68,8 +68,7 @@ def checked_structure(flat: Flat) -> Structure:
         except nx.NetworkXUnfeasible:
             cycles += _cycles(block_dag(blocks, ends), blocks, flat.wires)
         problems += cycles or loop_problems(dag, blocks)
-    if problems:
-        raise GraphError(problems)
+    GraphError.raise_for(problems)
     structure = _formed(blocks, order, zip(flat.wires, ends, strict=True))
     check_couplings(structure)
     return structure

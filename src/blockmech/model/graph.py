@@ -258,9 +258,7 @@ class Graph(Document):
         >>> g.connect("dyad.C", "weight.at")
         """
         wire = Wire(source, target)
-        problems = self.problems_of(wire)
-        if problems:
-            raise GraphError(problems)
+        GraphError.raise_for(self.problems_of(wire))
         self.wires.append(wire)
 
     def problems_of(self, wire: Wire) -> list[Problem]:
@@ -372,8 +370,7 @@ class Graph(Document):
 def _part(path: str) -> Graph:
     """The graph in a file as a part of another one. Raises `FormatError`, `GraphError`."""
     content = Graph.load(path)
-    if problems := in_file(_unfit(content), path):
-        raise GraphError(problems)
+    GraphError.raise_for(in_file(_unfit(content), path))
     return content
 
 
@@ -382,8 +379,7 @@ def _inline(block: Subgraph, file: str, where: str) -> Graph:
     data = {"format": GRAPH_FILE.format, "version": VERSION, **(block.graph or {})}
     try:
         content = Graph.from_data(data, (), file)
-        if problems := list(_unfit(content)):
-            raise GraphError(problems)
+        GraphError.raise_for(_unfit(content))
     except (FormatError, GraphError) as error:
         raise type(error)(
             p if p.file else replace(p, where=f"{where}.graph.{p.where}".rstrip("."))

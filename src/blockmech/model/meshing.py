@@ -26,8 +26,7 @@ def check_couplings(s: Structure) -> None:
         else:
             pair, p = s.coupled_pair(name), coupling_numbers(s, name)
             problems += coupling.faults(name, pair, sides(s, name), p)
-    if problems:
-        raise GraphError(problems)
+    GraphError.raise_for(problems)
 
 
 def _changing_distance(s: Structure, name: str) -> Iterator[Problem]:

@@ -99,8 +99,7 @@ def interface(graph: Any) -> dict[str, tuple[Parameter, tuple[Path, ...]]]:
             problems.append(Problem("wrong-value", f"parameters.{name}", values, valid))
         first, paths = numbers_of_name[0], tuple(p.path for p in numbers_of_name)
         named_parameters[name] = first._replace(address=name, path=("parameters", name)), paths
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     used = {path for _, paths in named_parameters.values() for path in paths}
     used |= {p.path for p in numbers.values() if p.path[:2] == ("scene", "gravity")}  # of all
     return named_parameters | {a: (p, (p.path,)) for a, p in numbers.items() if p.path not in used}
@@ -206,8 +205,7 @@ def named(numbers: Mapping[str, Parameter], requested: Mapping[str, T]) -> dict[
             problems.append(Problem("taken-name", address, message, "", "give it once"))
         else:
             values[parameter] = x
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     return values
 
 

@@ -407,8 +407,7 @@ class Catalogue(Mapping[str, Output]):
             if not names:
                 problems.append(unknown_output(pattern, self, self))
             matched.update(dict.fromkeys(names))
-        if problems:
-            raise RequestError(problems)
+        RequestError.raise_for(problems)
         return tuple(matched)
 
     def plan(

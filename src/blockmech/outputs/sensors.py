@@ -53,8 +53,7 @@ def with_sensors(
             problems.append(replace(sensor, where=f"{address} -> {ref}"))
         else:
             sensors[address] = sensor
-    if problems:
-        raise GraphError(problems)
+    GraphError.raise_for(problems)
     order = _ordered(structure, scene, sensors)
     signals = {name: structure.signals[name] for name in order}
     return replace(structure, sensors=sensors, signals=signals)

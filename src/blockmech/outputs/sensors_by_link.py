@@ -46,8 +46,7 @@ def with_sensors_of_blocks(data: Data, names: Names) -> Data:
             sources[source], added = _block_output(blocks, source, reading)
             wires += added
         wires.append({"from": sources[source], "to": target})
-    if problems:
-        raise GraphError(problems)
+    GraphError.raise_for(problems)
     return {**data, "blocks": blocks, "wires": wires}
 
 

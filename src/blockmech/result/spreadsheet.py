@@ -155,5 +155,4 @@ def _check(separator: str, decimal: str) -> None:
                 'use separator=";" with decimal=","',
             )
         )
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)

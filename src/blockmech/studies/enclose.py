@@ -186,8 +186,7 @@ def enclose(
         message = "tolerances are of the numbers of one graph of blocks"
         remedy = "name those of mech._of_blocks or of the flat graph"
         problems.append(Problem("bad-request", "tolerance", message, "", remedy))
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     numbers_of = chosen_numbers(mechanism, list(widths)) if widths else {}
     tolerances = {
         p.address: float(x) for p, x in zip(numbers_of.values(), widths.values(), strict=True)

@@ -183,8 +183,7 @@ def columns(
                 by_label[reduced.label] = reduced
         except RequestError as error:
             problems += error.problems
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     if not by_label:
         raise refused("want", "nothing is wanted", 'e.g. "max_abs(crank.drive)"')
     return tuple(by_label.values())

@@ -88,8 +88,7 @@ class Runner:
                 tried[p] = np.unique([y.min(), y.max(), *y[y == 0.0][:1], *y[y % 1.0 != 0.0][:1]])
         values = ((p, x) for p, row in tried.items() for x in row.tolist())
         problems = [problem for p, x in values for problem in self.family.problems(p, x)]
-        if problems:
-            raise FormatError(dict.fromkeys(problems))
+        FormatError.raise_for(dict.fromkeys(problems))
         return spans
 
     def samples(self, mechanism: Compiled) -> Samples:

@@ -127,8 +127,7 @@ def designs(vary: Record, sampling: str | Sample | None) -> Designs:
     if not problems and method not in valid:
         message = f'no sampling "{method}" of {"distributions" if random else "arrays"}'
         problems.append(Problem("bad-value", "sampling", message, f"valid: {listed(valid)}", ""))
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     n = _count(sample) if random else _paired(method, {a: len(x) for a, x in values.items()})
     return Designs(values, method, n, sample.seed)
 
@@ -144,8 +143,7 @@ def _count(sample: Sample) -> int:
     elif sample.method == "sobol" and n & (n - 1):
         message, power = f"{n} Sobol points are out of balance", 1 << int(n).bit_length()
         problems.append(_problem("count", message, f"give a power of two, e.g. {power}"))
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     return int(n)
 
 

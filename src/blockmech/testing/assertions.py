@@ -193,8 +193,7 @@ class GraphAssertion:
         if name not in result:
             raise refused("has_output", f"{name} is a pattern", "name one output")
         values = _listed(value, self._mechanism.outputs[name].kind)
-        if problems := list(misfits(self._mechanism, name, values, result.n)):
-            raise RequestError(problems)
+        RequestError.raise_for(misfits(self._mechanism, name, values, result.n))
         outcomes = list(compared(result, name, as_numbers(values), rtol or 0.0, atol or 0.0))
         if not all(o.ok for o in outcomes):
             failed = sum(not o.ok for o in outcomes)

@@ -146,13 +146,11 @@ def check_expectation(
     outputs or drivers that there are not.
     """
     where = path_text(("expect", entry))
-    problems = [
+    RequestError.raise_for(
         replace(problem, where=path_text(("expect", entry, "want", name)))
         for name, values in expectation.want.items()
         for problem in misfits(mechanism, name, values, expectation.samples)
-    ]
-    if problems:
-        raise RequestError(problems)
+    )
     try:
         result = _computed(mechanism, expectation)
     except RequestError as error:

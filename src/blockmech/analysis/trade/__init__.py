@@ -128,5 +128,4 @@ def _refuse_mistakes(question: str, limits: Mapping[str, object], names: Iterabl
         remedy = f"leave it out, or ask the question {asked_by}"
         message = f"the question {question} does not take it"
         problems.append(Problem("useless-setting", name, message, valid, remedy))
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)

@@ -64,10 +64,9 @@ def decompose(linkage: Linkage, general: General = "") -> Parts:
     try:
         items = linkage.form.items().items()
         foreign = chain.from_iterable(x.foreign(getattr(linkage, key), key) for key, x in items)
-        if wrong := [*foreign]:
-            raise GraphError(wrong)
-        if wrong := [*reference_problems(linkage, vars(linkage)), *wrong_units(linkage.sections())]:
-            raise GraphError(wrong)
+        GraphError.raise_for(foreign)
+        problems = reference_problems(linkage, vars(linkage))
+        GraphError.raise_for([*problems, *wrong_units(linkage.sections())])
         linkage = dimensioned(linkage)
         order = sequence(linkage)
         return _as_blocks(linkage, order, general)
@@ -143,8 +142,7 @@ def _as_blocks(linkage: Linkage, order: Sequence, general: General) -> Parts:
         if draft is None or any(draft.seats[link].e != 1 for link in plain & set(draft.seats)):
             draft = general_group(unit, order.pairs)
         diagram.add(unit, draft)
-    if problems:
-        raise GraphError(problems)
+    GraphError.raise_for(problems)
     diagram.add_loads()
     diagram.add_couplings()
     diagram.add_signals()

@@ -77,8 +77,7 @@ def fit_dimensions(linkage: Linkage) -> Dimensions:
 
     Raises `GraphError` for dimensions that contradict each other, and for unknown names.
     """
-    if problems := list(reference_problems(linkage, vars(linkage))):
-        raise GraphError(problems)
+    GraphError.raise_for(reference_problems(linkage, vars(linkage)))
     drawing = _Drawing(linkage)
     if len(drawing.points) < 2:
         return Dimensions(linkage, {}, (), (), 0)

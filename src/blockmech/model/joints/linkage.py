@@ -379,9 +379,7 @@ class Linkage(Document):
         >>> m.connect("driver.motor.rate", "gain.u")
         """
         wire = Wire(source, target)
-        problems = list(wire_problems(self, wire, self.wires))
-        if problems:
-            raise GraphError(problems)
+        GraphError.raise_for(wire_problems(self, wire, self.wires))
         self.wires.append(wire)
 
     @declared
