@@ -433,8 +433,59 @@ def test_roles_that_cannot_be_are_refused(case):
         g.compile().simulate(**{"until": "time=1", **arguments})
 
 
-def test_a_mechanism_whose_only_driver_is_given_is_told_to_run():
-    g = bm.Graph.load("graphs/watt_sixbar.json")
-    g.drive("crank", bm.motion.ConstantRate(rate=1.0))
-    with pytest.raises(bm.RequestError, match=r"run\(\) computes a motion by its law"):
-        g.compile().simulate("time=1", roles={"crank": "prescribed"})
+# -- the only driver -------------------------------------------------------------------------
+
+
+def braked(friction=0.0):
+    """A pendulum of 1 kg, 0.35 kg m2 about its pin."""
+    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
+    pin = {"A": bm.friction.Coulomb(coefficient=friction, radius=0.02)} if friction else {}
+    link = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
+    g.add("arm", bm.Crank(length=1.0, links={"crank": link}, friction=pin))
+    g.connect("frame.O", "arm.A")
+    g.start("arm", q=0.0)
+    return g.compile()
+
+
+BRAKE = bm.Watch("brake", lambda t, q, rate: t - 0.3, then={"arm": "locked"})
+RELEASE = bm.Watch("release", lambda t, q, rate: t - 0.6, then={"arm": "free"})
+
+
+@pytest.mark.parametrize("method", ["auto", "radau", bm.FixedStep("rk4", 1e-3)])
+def test_a_brake_holds_the_only_driver_to_the_end_with_its_impulse_and_moment(method):
+    mechanism = braked()
+    free = mechanism.simulate("time=0.3", want=["*.q", "*.rate"])
+    run = mechanism.simulate("time=1", watch=[BRAKE], method=method, want=["*.q", "*.drive"])
+    q = free["arm.q"][-1]
+    assert run.motion.t_end == 1.0
+    assert run["arm.q"][-1] == pytest.approx(q, abs=1e-8)
+    (jolt,) = run.motion.impacts
+    assert jolt.impulse == pytest.approx(-0.35 * free["arm.rate"][-1], abs=1e-8)
+    drive = run["arm.drive"][run.samples.time > 0.31]
+    assert drive == pytest.approx(np.full(len(drive), 0.5 * 9.81 * math.cos(q)), abs=1e-7)
+    assert run.motion.facts["energy_balance"] < 1e-10
+    assert type(run.motion.q_end) is float
+    assert mechanism.verify(run).ok
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_a_brake_is_released_and_the_pendulum_swings_on(friction):
+    mechanism = braked(friction)
+    run = mechanism.simulate("time=1", watch=[BRAKE, RELEASE], want=["*.q", "*.rate"])
+    still = (run.samples.time > 0.3) & (run.samples.time < 0.6)
+    assert np.ptp(run["arm.q"][still]) == 0.0
+    assert run["arm.rate"][-1] < -1.0
+    assert mechanism.verify(run).ok
+
+
+def test_the_only_driver_follows_its_law_in_a_motion_as_in_a_run():
+    g = bm.Graph.from_data(braked().document.to_data())
+    g.drive("arm", bm.motion.Trajectory(times=[0, 1, 2], values=[0, 1, 0]))
+    g.start("arm", q=0.0, rate=2.0)
+    mechanism, times = g.compile(), [0.2, 0.5, 0.9]
+    run = mechanism.run(times=times, want=["arm.q", "arm.drive"])
+    motion = mechanism.simulate(
+        times=times, roles={"arm": "prescribed"}, want=["arm.q", "arm.drive"]
+    )
+    assert max(run.compare(motion).values()) < 1e-13

@@ -97,7 +97,7 @@ class Equation:
         self.spend(1)
         if self.is_fixed:
             return *[0.0] * (self.layout.size - n), *self.signals(t, y)[:n]
-        return self._alone(t, y) if self.drivers == 1 and not self.sides else self._general(t, y)
+        return self._alone(t, y) if self.layout.scalar and not self.sides else self._general(t, y)
 
     def _alone(self, t: float, y: Floats) -> Sequence[float]:
         """That of one driver without friction, in numbers."""
@@ -130,7 +130,7 @@ class Equation:
 
         None where there can be none, and where they are to be interpreted.
         """
-        if self.is_fixed or self.drivers > 1:
+        if self.is_fixed or not self.layout.scalar:
             return None
         steppers, key = self.system.steppers, (self.q0, self.sides, self.method)
         if key in steppers:
@@ -247,7 +247,7 @@ class Equation:
 
         Of one driver those per unit of its rate: of them a standstill says nothing.
         """
-        friction, alone = self.system.friction, self.drivers == 1
+        friction, alone = self.system.friction, self.layout.scalar
         assert friction is not None
         key = y[: 1 if alone else self.layout.moving].tobytes()
         if key not in self._slips:
@@ -266,20 +266,20 @@ class Equation:
 
     def closeness(self, y: Floats) -> tuple[float, float]:
         """Margin, and inertia relative to a typical one, of one driver, at a state."""
-        k, (q, _) = self.drivers, self.layout.motion(y)
-        coordinates = q if k == 1 else tuple(q)
+        scalar, (q, _) = self.layout.scalar, self.layout.motion(y)
+        coordinates = q if scalar else tuple(q)
         if self._last[0] != coordinates:
             row = self.row(0.0, self.layout.start(q, 0.0 * q))
             if row is not None:
                 n = self.layout.size
                 self._last = coordinates, row[n], row[n + 1]
-            elif k == 1:
+            elif scalar:
                 J, _, _, margin = self.system.scalar_terms(q)
                 self._last = coordinates, margin, J
             else:
                 self._last = coordinates, self.system.terms(q, 0 * q).margin, math.nan
         _, margin, J = self._last
-        return margin, J / self.typical if k == 1 else 1.0
+        return margin, J / self.typical if scalar else 1.0
 
     @cached_property
     def typical(self) -> float:
@@ -300,9 +300,9 @@ class Equation:
 def cached_rates(system: System, method: Callable[[], Method] = dop853) -> CompiledRhs | None:
     """The rates as machine code, made once a mechanism; None where there can be none.
 
-    There is none of several drivers, and of what is no program: series near change points.
+    There is none of several drivers or roles, and of what is no program: series near change points.
     """
-    if len(system.drivers) > 1 or type(system).scalar_terms is not System.scalar_terms:
+    if not system.scalar or type(system).scalar_terms is not System.scalar_terms:
         return None
     about = system.equation_program, system.friction, system.signals
     return system.keep((rates_of, system.method, method), lambda: rates_of(*about, method()))
@@ -335,7 +335,7 @@ def time_left(system: System, kind: str, q: float, qd: float) -> float:
     The margin goes with the square of that time, the inertia with the square of the way. With
     several drivers nothing is known.
     """
-    if len(system.drivers) > 1 or not qd:
+    if not system.scalar or not qd:
         return math.inf
     scalar = system.scalar_terms(q)
     if kind == ends.NO_INERTIA:

@@ -204,7 +204,7 @@ def with_rounding(
             times, sampled = by.times, by.states
         steps = max(0.0, math.sqrt(states / 12) * EPS - ROUNDING)
         share = ROUNDING + system.noise
-        if len(system.drivers) == 1:
+        if system.scalar:
             q, qd = (float(x[0]) for x in sampled)
             usual = np.median(np.abs(sampled.qd)) or np.abs(sampled.qd).max()
             moves = abs(qd) > EPS * float(usual)  # a series' 0 is rounded too

@@ -102,7 +102,7 @@ def general_rules(
     k = len(system.drivers)
     rules = [user_rule(w, StateLayout(k)) for w in request.watch]
     limits = ((ends.DEAD_CENTRE, LEAST_MARGIN), (ends.NO_INERTIA, LEAST_INERTIA))
-    for i, (kind, threshold) in enumerate(limits[:1] if k > 1 else limits):
+    for i, (kind, threshold) in enumerate(limits if system.scalar else limits[:1]):
 
         def above(t: float, y: Floats, i: int = i, threshold: float = threshold) -> float:
             return closeness(y)[i] - threshold

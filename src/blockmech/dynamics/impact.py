@@ -353,11 +353,11 @@ class Bounces(Run):
         """Keep what a stop pushes the drivers with when it comes to lie against it."""
         begin, contact_force = self.since[i]
         self.since[i] = begin, contact_force or push / self._stop(i, self.contacts[i]).slope
-        if len(self.system.drivers) == 1:
+        if self.system.scalar:
             self.facts["contact"] = self.since[i][1]
 
     def _plain(self, x: Floats) -> Real:
-        return float(x[0]) if len(x) == 1 else x
+        return float(x[0]) if self.system.scalar else x
 
     # -- the whole ------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from blockmech.result.motion import Impact, State
+from blockmech.result.motion import Event, Impact, Motion, State, Track
 from blockmech.typing import Floats, Real
 
 if TYPE_CHECKING:
@@ -39,6 +39,11 @@ class StateLayout:
     rubs: bool = False
     initial: tuple[float, ...] = ()
     driven: bool = False
+
+    @cached_property
+    def scalar(self) -> bool:
+        """Whether coordinates are numbers: of one driver that is free at all times."""
+        return self.drivers == 1 and not self.driven
 
     @cached_property
     def q(self) -> slice:
@@ -82,10 +87,33 @@ class StateLayout:
         return y
 
     def motion(self, y: Real) -> tuple[Real, Real]:
-        """Coordinates and rates of a state: numbers of one driver, else arrays (k,)."""
-        if self.drivers == 1:
+        """Coordinates and rates of a state: numbers if it is scalar, else arrays (k,)."""
+        if self.scalar:
             return float(y[0]), float(y[1])
         return y[self.q], y[self.rate]
+
+
+@dataclass(frozen=True)
+class NumberTrack:
+    """States of the only driver as numbers, of a track that has them as arrays."""
+
+    track: Track
+
+    def state(self, t: Floats) -> State:
+        """State at times (m,) [s]."""
+        return State(*(x[..., 0] for x in self.track.state(t)))
+
+    def signal_states(self, t: Floats) -> Floats:
+        """States (m, n) of signal blocks at times (m,) [s]."""
+        states: Floats = self.track.signal_states(t)  # type: ignore[attr-defined]
+        return states
+
+
+def in_numbers(motion: Motion) -> Motion:
+    """A motion of one driver, whose states are arrays where that has a role, by numbers."""
+    events = (Event(e.kind, e.t, *(float(x[0]) for x in e[2:])) for e in motion.events)
+    q, qd = (float(x[0]) for x in (motion.q_end, motion.qd_end))
+    return motion.but(q_end=q, qd_end=qd, events=tuple(events), track=NumberTrack(motion.track))
 
 
 @dataclass(frozen=True)
@@ -101,7 +129,7 @@ class TimeTrack:
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]; of drivers with a law as that says, and after jolts."""
         y, at = self.dense(t), self.layout
-        if at.drivers == 1:
+        if at.scalar:
             still = np.isin(t, self.standstills) if self.standstills else False
             return State(y[0], np.where(still, 0.0, y[1]))
         q, rate = y[at.q].T, y[at.rate].T

@@ -91,9 +91,11 @@ def _with_misfit(system: System, motion: Motion) -> Motion:
 
 def check(system: System, request: SimulationRequest) -> None:
     """Refuse a method that there is not, or that does not fit what moves."""
-    name, goal, several = request.method, request.until.goal, len(system.drivers) > 1
+    name, goal, several = request.method, request.until.goal, not system.scalar
     if several and goal not in ("time", "event", "steady"):
-        raise _unfitting("until", goal, "it needs one driver", ("time", "event", "steady"))
+        raise _unfitting(
+            "until", goal, "it needs one driver that is free", ("time", "event", "steady")
+        )
     if goal == "steady" and request.roles is not None:
         why = "with drivers that are prescribed or locked no steady state is looked for"
         raise _unfitting("until", goal, why, ("time", "event"))
@@ -136,8 +138,8 @@ def _no_search(system: System, t: float) -> str:
 def _unfit(method: Method, system: System, request: SimulationRequest) -> str:
     """Why a method does not fit; empty where it does."""
     goal, also = request.until.goal, sorted(system.depends_on - method.loads)
-    if len(system.drivers) > 1 and not method.several:
-        return "it needs one driver"
+    if not system.scalar and not method.several:
+        return "it needs one driver that is free"
     if also:
         return f"the loads depend on {listed(also)} as well"
     if system.friction is not None and not method.friction:
@@ -162,7 +164,7 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     if request.until.goal == "steady":
         return None
     method = "none" if request.method == "auto" else request.method
-    alone = len(system.drivers) == 1
+    alone = system.scalar
     if (failed := failed_start(system, request)) is not None:
         return replace(failed, method=method)
     if (pressed := _pressed_by_stop(system, request)) is not None:
@@ -229,6 +231,7 @@ def automatic(system: System, request: SimulationRequest) -> Motion:
     """
     in_steps = {
         "several drivers": len(system.drivers) > 1,
+        "drivers have roles": system.roles is not None,
         "a user's event ends the run": request.until.goal == "event",
         "a friction law has a state": system.remembers,
         "the loads depend on the states of signals": "state" in system.depends_on,

@@ -85,8 +85,9 @@ class MotionInputs(Record):
             law = self.mechanism.scene.drive[self.mechanism.drivers[i]] if some.any() else None
             if law is not None:
                 pull[some, column] = law.at_times(t[some])[2]
-        unit = np.broadcast_to(np.eye(q.shape[1])[bound], (len(t), bound.size, q.shape[1]))
-        return constraint.extended(Constraints(unit, -pull, ((-1, 1),) * bound.size, qd[:, bound]))
+        k, speeds = len(self.mechanism.drivers), qd.reshape(len(t), -1)[:, bound]
+        unit = np.broadcast_to(np.eye(k)[bound], (len(t), bound.size, k))
+        return constraint.extended(Constraints(unit, -pull, ((-1, 1),) * bound.size, speeds))
 
     def _pair_stop_inputs(self, pushes: Floats) -> dict[str, Floats]:
         """Inputs of what stops of pairs push with, from that of all stops (n, a)."""

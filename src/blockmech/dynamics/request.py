@@ -270,7 +270,10 @@ def request_of(
     if output_times is None:
         output_times = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
     settings = goal, target, name, step, tuple(output_times.tolist()), events
-    return SimulationRequest(start_of(starts), *settings, roles=at_start), starts
+    begin = start_of(starts)
+    if at_start is not None:
+        begin = Start(np.atleast_1d(begin.q), np.atleast_1d(begin.rate))
+    return SimulationRequest(begin, *settings, roles=at_start), starts
 
 
 def start_of(starts: Pairs) -> Start:

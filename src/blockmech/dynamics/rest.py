@@ -28,7 +28,7 @@ def failed_start(system: System, request: SimulationRequest) -> Motion | None:
     Of several drivers the loads are not looked at.
     """
     q, rate, t = request.start
-    if len(system.drivers) > 1:
+    if not system.scalar:
         bound = [] if request.roles is None else request.roles.bound
         terms, free = system.terms(q, rate, t), np.delete(np.arange(len(system.drivers)), bound)
         J, tau, margin = smallest_inertia(terms.M[np.ix_(free, free)]), 0.0, terms.margin

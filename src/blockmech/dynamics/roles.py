@@ -162,10 +162,6 @@ def roles_of(
         _check_role(scene, drivers, driver, role, where, last)
     if all(role == FREE for _, role, _ in wishes):
         return None, {}
-    if len(drivers) == 1:
-        fault = "the mechanism has one driver, and without a free one nothing is to be integrated"
-        remedy = "run() computes a motion by its law of motion; lock or prescribe one of several"
-        raise refused(wishes[0][2], fault, remedy, code="roles")
     laws = tuple(scene.drive.get(d) for d in drivers)
     roles = Roles(tuple(drivers), tuple(of.get(d, FREE) for d in drivers), laws)
     starts = {d: (role.locked, 0.0) for d, role in choices.items() if isinstance(role, Locked)}

@@ -20,6 +20,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.impact import bounced
+from blockmech.dynamics.layout import in_numbers
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion_outputs import (
     SimulationResult,
@@ -149,6 +150,8 @@ def simulate(
         from blockmech.dynamics.atlas import beyond_dead_centres  # few motions need it
 
         motion = beyond_dead_centres(motion, system, request, stops, prepare, move)
+    if request.roles is not None and len(mechanism.drivers) == 1:
+        motion = in_numbers(motion)
     motion = explained(mechanism, system, request, motion)
     return _at_times(mechanism, motion, None if times is None else request.times, want, settings)
 

@@ -111,7 +111,7 @@ class StickSlip:
     @property
     def _lists_pairs(self) -> bool:
         """Whether pairs are told of one by one: else standstills of the driver tell of all."""
-        return self.equation.drivers > 1
+        return not self.equation.layout.scalar
 
     @property
     def _rubs(self) -> JointFriction:
@@ -216,7 +216,8 @@ class StickSlip:
         y[layout.rate] = friction.sticking_rates(at, sides)
         self.holds = bool(friction.stuck(at, sides))
         prescribed = system.roles is not None and system.roles.prescribed
-        equation.is_fixed = bool(friction.fixed(at, sides)) and not prescribed
+        changes = any(x.then for x in self.request.watch)  # of roles, which may set it free
+        equation.is_fixed = bool(friction.fixed(at, sides)) and not prescribed and not changes
         yield Transition(None, y, None, tuple(events), (Slips(now.t, sides),))
         if equation.is_fixed and at.push.size:
             event = Event(ends.REST, now.t, *layout.motion(y))

@@ -141,6 +141,11 @@ class System:
         inputs = {name.partition("_")[0] for name in self.compiled._once(load_inputs)}
         return variables | {variable for name, variable in of.items() if name in inputs}
 
+    @property
+    def scalar(self) -> bool:
+        """Whether states are numbers: of one driver that is free at all times."""
+        return len(self.drivers) == 1 and self.roles is None
+
     @cached_property
     def period(self) -> float | None:
         """Period [rad] of everything that depends on the only driver's coordinate."""
@@ -468,7 +473,7 @@ class System:
     def quick_states(self) -> bool:
         """Whether machine code says single states, once many of them are asked for."""
         plain = type(self).scalar_terms is System.scalar_terms  # no series
-        return plain and len(self.drivers) == 1 and self.engine != "scalar"
+        return plain and self.scalar and self.engine != "scalar"
 
     def idle_steppers(self, method: Any) -> list[CompiledStepper]:
         """Those of a method that runs of the mechanism have left behind."""

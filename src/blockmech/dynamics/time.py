@@ -430,5 +430,5 @@ def repeats(system: System, request: SimulationRequest) -> bool:
     """
     limited = np.isfinite(system.stops).any() or any(w.terminal or w.then for w in request.watch)
     alike = system.depends_on <= {"q", "rate"} and request.roles is None and not system.remembers
-    timed = request.span < math.inf or len(system.drivers) > 1
+    timed = request.span < math.inf or not system.scalar
     return alike and not limited and not timed
