@@ -290,3 +290,16 @@ def test_a_tile_of_a_single_point_has_a_size():
     mechanism = bm.Graph.load(GRAPHS / "motions" / "sticking_slider.json").compile()
     (axes,) = draw_tile(mechanism).axes
     assert np.ptp(axes.get_xlim()) > 0.0
+
+
+def test_a_legend_of_long_names_stays_on_the_page():
+    m = bm.Linkage("press")
+    m.add_link("connecting_rod", markers={"guided_point": (0.5, 0.1), "second_point": (0.4, 0.1)})
+    m.add_joint("O", "R", ["frame", "connecting_rod"], point=(0.0, 0.0))
+    m.add_driver("motor", "O", bm.motion.ConstantRate(rate=1.0))
+    names = [f"link.connecting_rod.{x}" for x in ("guided_point", "second_point")]
+    figure = draw_mechanism(m.compile(), trace=names).figure
+    figure.canvas.draw()
+    legend = figure.axes[0].get_legend().get_window_extent()
+    assert legend.x0 >= 0.0
+    assert legend.x1 <= figure.bbox.width

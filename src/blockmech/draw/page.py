@@ -12,7 +12,7 @@ import numpy as np
 from blockmech.draw.labels import Crowd, Place
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
-from blockmech.figures.paper import new_figure, wrapped
+from blockmech.figures.paper import fitting_columns, new_figure, wrapped
 from blockmech.typing import Arguments, Complex, Vectors
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
@@ -83,7 +83,8 @@ class Page:
         self.height = float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
         self.corner = low + size / 2 - complex(self.width, self.height) * self.unit / 2
         rows = max((len(self.lines(text)) for text in captions), default=0)
-        rows += math.ceil(len(paths) / (4 if wide else 2))
+        self.legend_columns = fitting_columns([*paths], self.width)
+        rows += math.ceil(len(paths) / max(self.legend_columns, 1))
         total = SIZES.bottom + self.height + SIZES.top + ink.ROW * rows
         left_edge = SIZES.left_margin / columns
         self.figure = new_figure(columns, total)
@@ -107,7 +108,7 @@ class Page:
             look = {"lw": 0.9, "zorder": 4.9, "label": name}
             axes.plot(path.real, path.imag, **ink.curve_style(i), **look)
         if paths:
-            axes.legend(ncols=4 if self.wide else 2, bbox_to_anchor=(0.0, 1.0))
+            axes.legend(ncols=self.legend_columns, bbox_to_anchor=(0.0, 1.0))
 
     def lines(self, text: str) -> list[str]:
         """A caption as lines that fit."""

@@ -49,10 +49,11 @@ class Dimensions(Facts, Report):
 
     Attributes
     ----------
-    linkage : the drawing that satisfies them moved : point -> distance [m] by which it was moved
+    linkage : the drawing that satisfies them
+    moved : point -> distance [m] by which it was moved
     redundant : dimensions that follow from the rest
     free : points that can still move against the first points of the frame, with all dimensions
-    kept freedoms : number of their degrees of freedom
+    freedoms : number of their degrees of freedom
     """
 
     linkage: Linkage
