@@ -146,3 +146,34 @@ def test_at_rest_every_rough_pair_is_flagged_and_nothing_breaks(engine):
         f"{b}.{j}" for b in ("first", "next") for j in "BCD"
     }
     assert r["mechanism.friction_power"][0] == 0.0
+
+
+def guided_group():
+    """Two links as a group without closed form: one slides along the crank, one is on the frame."""
+    pairs = {
+        "S": {"type": "P", "link": "slider"},
+        "C": {"type": "R", "links": ["slider", "arm"], "at": [[0.0, 0.5], [0.6, 0.0]]},
+        "D": {"type": "R", "link": "arm"},
+    }
+    poses = {"slider": [1.52, 0.0, 0.0], "arm": [1.0, 0.2, 0.52]}
+    home = {"drivers": {"crank": 0.0}, "poses": poses}
+    link = bm.Link(mass=1.0, inertia=0.1)
+    g = bm.Graph("guided")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (1.0, 0.2)}))
+    g.add("crank", bm.Crank(length=1.0, links={"crank": link}))
+    links = {"slider": link, "arm": link}
+    g.add("group", bm.GeneralGroup(links=links, pairs=pairs, home=home))
+    return wire(g, "frame.A crank.A", "crank.crank group.S", "frame.D group.D")
+
+
+def test_a_group_that_does_not_close_has_no_rates_in_any_engine():
+    """The slider turns with the crank, but where there is no pose it has no angular velocity."""
+    mech, lost = guided_group().compile(), {}
+    for engine in ("scalar", "numpy", "llvm"):
+        r = mech.run(at=[0.0, 0.1, 0.5], rates=2.0, engine=engine, on_gap="mark")
+        assert r.quality.status == ("ok", "ok", "no-assembly")
+        lost[engine] = {n for n, v in r.items() if np.ndim(v) and np.isnan(v[2])}
+        assert r["group.slider.omega"][:2] == pytest.approx(2.0, rel=1e-14)
+    of_slider = {f"group.slider.{x}" for x in ("angle", "omega", "alpha")}
+    assert of_slider | {"group.S.N", "group.C.reaction", "crank.drive"} <= lost["numpy"]
+    assert lost["scalar"] == lost["numpy"] == lost["llvm"]

@@ -172,3 +172,23 @@ def test_a_users_function_is_asked_and_has_no_derivative_by_what_it_reads():
         jax.grad(drive, 1)(0.3, f.parameters)  # by the inertia it has one
         with pytest.raises(bm.RequestError, match="no known derivative"):
             jax.grad(drive)(0.3, f.parameters)
+
+
+def test_a_group_that_no_driver_moves_is_where_its_home_is():
+    pairs = {
+        "B": {"type": "R", "link": "a"},
+        "C": {"type": "R", "links": ["a", "b"], "at": [[1.0, 0.0], [1.0, 0.0]]},
+        "D": {"type": "R", "link": "b"},
+    }
+    poses = {"a": [2.0, 0.0, 0.6], "b": [3.6, 0.0, 2.5]}
+    graph = crank(0.5, bm.Link(mass=1.0, inertia=0.1), B=(2.0, 0.0), D=(3.6, 0.0))
+    graph.add(
+        "truss", bm.GeneralGroup(links={"a": {}, "b": {}}, pairs=pairs, home={"poses": poses})
+    )
+    graph.connect("frame.B", "truss.B")
+    graph.connect("frame.D", "truss.D")
+    mech = graph.compile()
+    f = mech.function(["crank.q"], ["truss.a.angle"], ["truss.pairs.C.at[0].x"], friction="none")
+    ours = mech.run([0.3, 0.9], want="truss.a.angle")["truss.a.angle"]
+    theirs = jax.jit(lambda p: f(p, {"crank.q": np.array([0.3, 0.9])}))(f.parameters)
+    np.testing.assert_allclose(theirs["truss.a.angle"], ours, rtol=1e-13)

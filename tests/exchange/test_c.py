@@ -12,6 +12,7 @@ from blockmech.ground.errors import RequestError
 from blockmech.ground.plane import EPS
 from blockmech.passes.homotopy import followed
 from blockmech.result.quality import WORDS
+from blockmech.testing.strategies import EVERY, Options, Seeded, random_mechanism
 from tests.exchange.compiled_c import COMPILERS, NEEDS_C, Called, compiled, scalar, states
 from tests.gallery import GRAPHS, JOINTS, SHORT, mechanism
 from tests.machines import ruiz
@@ -168,3 +169,32 @@ def test_documents_of_links_and_joints_have_the_numbers_of_the_scalar_engine(nam
     for j, column in enumerate(program.outputs):
         at = good & np.isfinite(columns[:, j])
         assert (np.abs(values[at, j] - columns[at, j]) <= 8 * EPS * scales[j]).all(), column
+
+
+@NEEDS_C
+@pytest.mark.parametrize("name", ["clock", "random"])
+def test_a_mechanism_with_the_name_of_a_library_function_is_itself(name, tmp_path):
+    graph = ruiz()
+    graph.name = name
+    program = CProgram(graph.compile(), ["crank.drive", "*.p"])
+    samples = states(program.mechanism, 20, seed=1)
+    values, statuses = Called(program, tmp_path)(samples)
+    expected = scalar(program, samples)
+    assert not statuses.any()
+    for column, output in zip(values.T, program.outputs, strict=True):
+        np.testing.assert_array_equal(column, program.column(expected, output))
+
+
+def test_matrices_of_drivers_that_are_pairs_of_groups_are_written():
+    mech = random_mechanism(Seeded(0), Options(groups=(1, 3), kinds=EVERY)).graph.compile()
+    drivers = mech.drivers
+    assert any("." in d for d in drivers)
+    program = CProgram(mech, ["mechanism.M", "mechanism.Q"])
+    samples = states(mech, 5, seed=2)
+    expected = scalar(program, samples)
+    columns = np.stack([program.column(expected, name) for name in program.outputs], axis=1)
+    square = len(drivers) ** 2
+    np.testing.assert_array_equal(columns[:, :square], expected["mechanism.M"].reshape(5, square))
+    np.testing.assert_array_equal(columns[:, square:], expected["mechanism.Q"])
+    assert f"mechanism.M.{drivers[0]}.{drivers[-1]}" in program.outputs
+    assert len(program.test(samples).splitlines()) > 5

@@ -121,7 +121,8 @@ def called(function: Callable[..., Nested], x: Values, like: Nested, dtype: DTyp
     def answer(*x: jax.Array) -> tuple[Array, ...]:
         doubles = [np.asarray(a, np.float64) for a in x]
         y = leaves(function(*jax.tree.unflatten(form, doubles)))
-        return tuple(np.array(np.broadcast_to(column, doubles[0].shape), dtype) for column in y)
+        shape = np.broadcast(*doubles).shape
+        return tuple(np.array(np.broadcast_to(column, shape), dtype) for column in y)
 
     columns = (jnp.broadcast_to(a, kind.shape) for a in numbers)
     count = len(leaves(like))

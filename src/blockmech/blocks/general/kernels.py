@@ -65,11 +65,16 @@ CLOSED = 32.0  # [ulps] of the places, up to which the pairs are closed
 
 
 class Pose(NamedTuple):
-    """Places of the links, both sides of each pair, Jacobian, and how Newton went."""
+    """Places of the links, both sides of each pair, Jacobian, and how Newton went.
+
+    An entry of a solution that hangs on rows of 1 and -1 alone is a number without a pose too:
+    where there is none, ``closed`` makes it NaN in every engine.
+    """
 
     links: tuple[LinkPosition, ...]
     ends: tuple[Ends, ...]
     J: Array  # (..., N, N) lengths by the group's size
+    closed: Real  # 1, NaN where the pairs do not close
     first: Real  # [-] largest first step, size or radians: how far the guess was off
     reached: Real  # [-] share of the path from home that was possible; 1 is all of it
 
@@ -113,10 +118,10 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         for sides in at:
             reach = maximum(reach, hyp(sides.b.P) * (1 / p.size))
         rounding = EPS * reach  # of the places
-        good = where(largest(open_by) <= CLOSED * rounding, 1.0 + 0.0 * rounding, NAN)
-        pose = tuple(LinkPosition(mul(o, good), mul(unit(e), good)) for o, e in pose)
+        closed = where(largest(open_by) <= CLOSED * rounding, 1.0 + 0.0 * rounding, NAN)
+        pose = tuple(LinkPosition(mul(o, closed), mul(unit(e), closed)) for o, e in pose)
         at = tuple(ends(pair, pose, supports, p) for pair in plans)
-        return Pose(pose, at, jacobian(plans, at, links, p), first, guess[1])
+        return Pose(pose, at, jacobian(plans, at, links, p), closed, first, guess[1])
 
     def velocity(pose: Pose, *arguments: Any) -> Velocity:
         *inputs, p = arguments
@@ -124,7 +129,7 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         right: list[Real] = []
         for pair, at in zip(plans, pose.ends, strict=True):
             right += rates_wanted(pair, at, supports, qd, 1 / p.size)
-        solved = vectors(solve(pose.J, right), p.size)
+        solved = vectors(solve(pose.J, right), p.size, pose.closed)
         moving = tuple(LinkVelocity(v, om) for v, om in solved)
         both = zip(plans, pose.ends, strict=True)
         return Velocity(moving, tuple(slide(pair, at, moving, supports) for pair, at in both))
@@ -135,7 +140,7 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         right: list[Real] = []
         for pair, at, sliding in zip(plans, pose.ends, vel.pairs, strict=True):
             right += accelerations_wanted(pair, at, vel.links, sliding, supports, qdd, 1 / p.size)
-        solved = vectors(solve(pose.J, right), p.size)
+        solved = vectors(solve(pose.J, right), p.size, pose.closed)
         return Acceleration(tuple(LinkAcceleration(a, al) for a, al in solved))
 
     def reactions(pose: Pose, *arguments: Any) -> Reactions:
@@ -143,7 +148,7 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         right: list[Real] = []
         for load in loads:
             right += [-load.F.real * p.size, -load.F.imag * p.size, -load.M]
-        solved = solve_transposed(pose.J, right)
+        solved = tuple(x * pose.closed for x in solve_transposed(pose.J, right))
         transmitted, efforts = [], [0.0] * driven
         row = 0
         for pair, at in zip(plans, pose.ends, strict=True):
@@ -226,12 +231,10 @@ def jacobian(plans: Plans, at: tuple[Ends, ...], links: int, p: Parameters) -> A
     return matrix(filled)
 
 
-def vectors(solution: tuple[Real, ...], size: Real) -> list[tuple[Complex, Real]]:
+def vectors(solution: tuple[Real, ...], size: Real, closed: Real) -> list[tuple[Complex, Real]]:
     """Translation and turn of each link from a scaled solution."""
-    return [
-        (planar(solution[k] * size, solution[k + 1] * size), solution[k + 2])
-        for k in range(0, len(solution), 3)
-    ]
+    x = [part * closed for part in solution]
+    return [(planar(x[k] * size, x[k + 1] * size), x[k + 2]) for k in range(0, len(x), 3)]
 
 
 def carried(pair: PairPlan, at: Ends, multipliers: tuple[Real, ...], size: Real) -> Nested:

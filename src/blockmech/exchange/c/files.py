@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from blockmech.exchange.c.program import CProgram, identifier, poses
+from blockmech.exchange.c.program import CProgram, function_name, poses
 from blockmech.exchange.c.statements import DOUBLE
 from blockmech.exchange.formats import Order, Writer
 from blockmech.ground.errors import refused
@@ -18,7 +18,7 @@ def write_c(order: Order, path: Path) -> list[Path]:
     )
     if path.suffix and path.suffix.lower() != ".c":
         raise refused(str(path), "C text is written to a file .c", "name it so")
-    program.name = identifier(path.stem)
+    program.name = function_name(path.stem)
     samples = order.samples() or poses(order.mechanism)
     texts = {"h": program.header, "c": program.source}
     files = {path.with_name(f"{program.name}.{end}"): text for end, text in texts.items()}

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -39,6 +39,8 @@ from blockmech.result.quality import WORDS
 from blockmech.result.samples import Samples
 from blockmech.typing import Array, Nested, Real, Record
 
+Part: TypeAlias = Literal["real", "imag"] | tuple[int, ...]
+"""A component of a vector, or indices of drivers in a matrix."""
 VECTORS = 24  # poses of the test program
 INPUTS = {"q": ("q", ""), "qd": ("rate", "/s"), "qdd": ("acceleration", "/s2")}
 FLAGS = "-std=c99 -O2 -Wall -Wextra -ffp-contract=off"
@@ -48,6 +50,16 @@ RESERVED = {
     *("real", "register", "restrict", "return", "short", "signed", "sizeof", "spread"),
     *("static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while"),
 }
+LIBRARY = {
+    *("abort", "abs", "accept", "access", "advance", "alarm", "bind", "ceil", "clock", "clone"),
+    *("close", "connect", "daemon", "div", "error", "exit", "exp", "floor", "fork", "free"),
+    *("gamma", "index", "kill", "link", "listen", "log", "mount", "nice", "open", "pause", "pipe"),
+    *("poll", "pow", "puts", "raise", "random", "read", "reboot", "remainder", "remove", "rename"),
+    *("rewind", "round", "scalb", "select", "send", "setup", "shutdown", "signal", "sin", "sleep"),
+    *("socket", "splice", "sqrt", "step", "sync", "system", "tan", "tee", "time", "truncate"),
+    *("wait", "warn", "write"),
+}
+"""Words that name functions of a C library, which would be called in place of a mechanism's."""
 TOLERANCES = {DOUBLE: 1e-12, FLOAT: 1e-3}  # of the largest number of a unit, in the test
 
 
@@ -101,7 +113,7 @@ class CProgram:
             message = f"{listed(of_runs)}: a figure of a whole run, not of a pose"
             raise refused("want", message, "want an output that every pose has")
         self.mechanism, self.real = mechanism, real
-        self.name = identifier(mechanism.name.lower())
+        self.name = function_name(mechanism.name.lower())
         friction, static = friction_asked(settings.get("friction")), bool(settings.get("static"))
         self.plan: Plan = catalogue.plan(mechanism.scene, names, friction, static)
         self._settings = settings
@@ -112,9 +124,9 @@ class CProgram:
         try:
             self._trace = ClosedTrace(self.plan.program, eps)
             self._values = self._trace.values
-            named = list(self._columns(names))
-            self._results = {f"{n}.{part}" if part else n: x for n, part, x in named}
-            self._parts = dict(zip(self._results, ((n, p) for n, p, _ in named), strict=True))
+            columns = list(self._columns(names))
+            self._results = {column: x for column, _, _, x in columns}
+            self._parts = {column: (output, part) for column, output, part, _ in columns}
             self._status = status(
                 self.plan, self._values, self._finite_numbers(names), self._blocks
             )
@@ -149,23 +161,24 @@ class CProgram:
         """The unit of an output."""
         return self.catalogue[self._parts[column][0]].unit
 
-    def _columns(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Real]]:
-        """Each real number that is wanted: its output, part of it, and what it is in the trace."""
+    def _columns(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Part, Real]]:
+        """Each real number: its name, its output, part of that, and what it is in the trace."""
         drivers = self.mechanism.drivers
         for name in names:
             output = self.catalogue[name]
             columns = [self._values[i] for i in self.plan.layout[name]]
             if output.kind == "matrix":
-                square = len(columns) == len(drivers) ** 2
-                rows = [f"{a}.{b}" for a in drivers for b in drivers] if square else drivers
-                yield from ((name, row, x) for row, x in zip(rows, columns, strict=True))
+                rank = 2 if len(columns) == len(drivers) ** 2 else 1
+                for part, x in zip(np.ndindex((len(drivers),) * rank), columns, strict=True):
+                    yield ".".join((name, *(drivers[i] for i in part))), name, part, x
                 continue
             with np.errstate(all="ignore"):
                 value = output.read(*columns)
             if isinstance(value, complex | Planar):
-                yield from ((name, "x", value.real), (name, "y", value.imag))
+                yield f"{name}.x", name, "real", value.real
+                yield f"{name}.y", name, "imag", value.imag
             else:
-                yield name, "", value
+                yield name, name, (), value
 
     def _finite_numbers(self, names: tuple[str, ...]) -> list[Real]:
         """The numbers that must be finite, as `Result` has it."""
@@ -311,9 +324,7 @@ class CProgram:
         """A result's numbers (n,) for one member of the outputs."""
         output, part = self._parts[name]
         values = result[output]
-        if part in ("x", "y"):
-            return values.real if part == "x" else values.imag
-        return values[:, *map(self.mechanism.drivers.index, part.split("."))] if part else values
+        return getattr(values, part) if isinstance(part, str) else values[:, *part]
 
 
 def poses(mechanism: Compiled, count: int = VECTORS) -> Samples:
@@ -350,6 +361,12 @@ def identifier(text: str) -> str:
     """A C name like a text."""
     word = re.sub(r"\W", "_", text, flags=re.ASCII)
     return f"m_{word}" if not word or word[0] in "_0123456789" or word in RESERVED else word
+
+
+def function_name(text: str) -> str:
+    """A name like a text for a function, which no function of the C library has."""
+    word = identifier(text)
+    return f"m_{word}" if word in LIBRARY else word
 
 
 def _comment(text: str) -> str:
