@@ -11,6 +11,7 @@ import pytest
 import blockmech as bm
 from blockmech import signals
 from blockmech.builders import opened
+from blockmech.testing.strategies import EVERY, Options, Seeded, random_mechanism
 from tests import machines
 from tests.gallery import GRAPHS, mechanism
 
@@ -281,3 +282,31 @@ def test_a_unit_says_the_units_of_its_variables(fmi, tmp_path):
     torque = bases["N m"]
     assert (torque.kg, torque.m, torque.s) == (1, 2, -2)
     assert bases["rad/s2"].s == -2
+
+
+@NEEDS_C
+def test_an_acceleration_counts_friction_that_doubles_the_slope_of_the_drive(tmp_path):
+    """Steps by the reduced inertia alone swing from side to side of such a one."""
+    options = Options(groups=(1, 3), kinds=EVERY, drivers=(1, 2))
+    case = random_mechanism(Seeded(6), options)
+    mech, (driver,) = case.graph.compile(), case.request["at"]
+    start = float(np.ravel(case.request["at"][driver])[0]), -2.0
+    names = [f"{driver}.{x}" for x in ("q", "rate", "acceleration", "drive")]
+    ours = mech.simulate("time=1e-3", times=[0.0], want=names, start={driver: start})
+    a = ours[f"{driver}.acceleration"][0]
+    drives = [
+        mech.run(start[0], rates=start[1], accelerations=x, want=names[3])[names[3]][0]
+        for x in (a - 1.0, a + 1.0)
+    ]
+    inertia = mech.run(start[0], want=f"{driver}.J_red")[f"{driver}.J_red"][0]
+    assert abs(drives[1] - drives[0]) / 2.0 > 1.9 * inertia
+    (path,) = bm.write(mech, tmp_path / "m.fmu", want=names[3:])
+    result = fmpy.simulate_fmu(
+        str(path),
+        fmi_type="ModelExchange",
+        stop_time=1e-3,
+        start_values=dict(zip(names, start, strict=False)),
+        output=names,
+    )
+    assert result[names[2]][0] == pytest.approx(a, rel=1e-9)
+    assert abs(result[names[3]]).max() < 1e-9 * abs(drives[0])

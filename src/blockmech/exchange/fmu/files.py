@@ -33,6 +33,7 @@ from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.ground.errors import among, listed, printable, refused
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.plan.plan import Output
+from blockmech.result.quality import NOT_CONVERGED, WORDS
 from blockmech.typing import Real
 
 COMPILERS = ("cc", "gcc", "clang")
@@ -149,7 +150,7 @@ class Unit:
         terms = []
         for n, a in enumerate(drivers):
             drive = p.outputs[f"{self.of[a]}.drive"].name
-            terms.append(f"        step[{n}] = m->effort[{n}] - out.{drive};")
+            terms.append(f"        rest[{n}] = m->effort[{n}] - out.{drive};")
             for j, b in enumerate(drivers):
                 entry = f"mechanism.M.{a}.{b}" if len(drivers) > 1 else f"{self.of[a]}.J_red"
                 terms.append(f"        inertia[{n}][{j}] = out.{p.outputs[entry].name};")
@@ -177,6 +178,7 @@ class Unit:
             "GUID": self.guid,
             "INPUTS": "\n".join(inputs),
             "TERMS": "\n".join(terms),
+            "NOTCONVERGED": str(WORDS.index(NOT_CONVERGED)),
             "OUTPUTS": "\n".join(outputs),
             "SETS": "\n".join(sets),
             "START": _row(starts),

@@ -1,8 +1,10 @@
 /* A unit of FMI around a plan of blockmech: what its interfaces of either version call.
 
    States are the coordinates of the drivers and their rates, then those of signal blocks and of
-   friction laws; inputs the efforts on drivers and the blocks that are fed. The acceleration solves  drive(q, q', q'') = effort  by steps of the reduced inertia, so friction
-   in the joints counts as in blockmech. */
+   friction laws; inputs the efforts on drivers and the blocks that are fed. The acceleration solves
+   drive(q, q', q'') = effort, so friction in the joints counts as in blockmech: by Broyden's method,
+   first with the reduced inertia for the slopes (Nocedal & Wright, Numerical Optimization, 2006,
+   11.1). */
 #include "@NAME@.h"
 #include <float.h>
 #include <math.h>
@@ -23,7 +25,8 @@
 #define VARIABLES @VARIABLES@
 #define TIME 0x7fffffffu /* value reference of FMI 3's independent variable */
 #define UNUSED(x) (void)(x)
-#define STEPS 60 /* to an acceleration: friction makes it a fixed point */
+#define STEPS 60 /* to an acceleration, at most */
+#define CLEAR 1e-8 /* of an acceleration: shorter steps are too near to rounding to tell slopes */
 #define GUID "@GUID@"
 
 typedef const char *String;
@@ -75,22 +78,34 @@ static void solved(double a[K][K], double *b)
 static Status update(Instance *m)
 {
     @NAME@_outputs out;
-    double q2[K] = {0};
+    double q2[K] = {0}, step[K] = {0}, slopes[K][K];
+    double most = 0, size = 0, square = 0;
+    int n = 0, ends;
     if (m->fresh) return m->word ? ERROR : OK;
-    for (int n = 0; n < STEPS; ++n) {
-        double inertia[K][K], step[K], most = 0, size = 0;
+    do {
+        double inertia[K][K], rest[K];
         m->word = evaluate(m, q2, &out);
         if (m->word) break;
 @TERMS@
+        if (n == 0) memcpy(slopes, inertia, sizeof slopes);
+        if (most > CLEAR * (1 + size))
+            for (int i = 0; i < K; ++i)
+                for (int j = 0; j < K; ++j) slopes[i][j] -= rest[i] * step[j] / square;
+        memcpy(inertia, slopes, sizeof slopes);
+        memcpy(step, rest, sizeof rest);
         solved(inertia, step);
+        const double last = most;
+        most = size = square = 0;
         for (int i = 0; i < K; ++i) {
             q2[i] += step[i];
+            square += step[i] * step[i];
             if (fabs(step[i]) > most) most = fabs(step[i]);
             if (fabs(q2[i]) > size) size = fabs(q2[i]);
         }
-        if (!(most > 1e-14 * (1 + size))) break;
-    }
-    if (!m->word) m->word = evaluate(m, q2, &out);
+        /* Steps that are as short as rounding get no shorter. */
+        ends = most <= 1e-14 * (1 + size) || (n > 0 && last <= most && most < CLEAR * (1 + size));
+    } while (!ends && ++n < STEPS);
+    if (!m->word) m->word = n < STEPS ? evaluate(m, q2, &out) : @NOTCONVERGED@;
     memcpy(m->acceleration, q2, sizeof q2);
 @OUTPUTS@
     m->fresh = 1;
