@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -125,3 +127,30 @@ def test_first_result_of_a_process(tmp_path: Path) -> None:
     seconds = min(float(python(SECOND, graph, byte_code=tmp_path)) for _ in range(5))
     ROWS.append(Row("first result of a process, llvm", seconds, 0.75, "goal of 0.75 s", 1.0))
     assert seconds > 0
+
+
+@pytest.mark.parametrize(("name", "goal"), [("ruiz_fourbar", 3e-3), ("scissor_lift", 15e-3)])
+def test_first_run_of_a_known_structure(name: str, goal: float) -> None:
+    """From the file's data: of other masses, and of other lengths, which general groups follow."""
+    text = (ROOT / "graphs" / f"{name}.json").read_text("utf-8")
+    for changed in ("mass", "at", "l_i"):
+        seconds = []
+        for k in range(20):
+            data = json.loads(text, object_hook=partial(scaled, changed, 1.0 + 1e-7 * k))
+            start = time.process_time()
+            bm.Graph.from_data(data).compile().run(samples=361, engine="llvm")
+            seconds.append(time.process_time() - start)
+        what = f"{name}, first run of a known structure, other numbers: {changed}"
+        ROWS.append(Row(what, min(seconds[1:]), goal, f"goal of {goal * 1e3:g} ms", 1.0))
+
+
+def scaled(key: str, factor: float, data: dict[str, object]) -> dict[str, object]:
+    """Data of a file with the numbers at a key changed."""
+    return {k: times_all(factor, x) if k == key else x for k, x in data.items()}
+
+
+def times_all(factor: float, x: object) -> object:
+    """Numbers in lists, each times a factor."""
+    if isinstance(x, list):
+        return [times_all(factor, part) for part in x]
+    return factor * x if isinstance(x, float) else x

@@ -15,7 +15,7 @@ from blockmech.dynamics.equation import cached_rates
 from blockmech.dynamics.system import System
 from blockmech.engines import dense, loops, radau, stages
 from blockmech.engines.assembly import Text, piece
-from blockmech.engines.kinds import Counts, Reals
+from blockmech.engines.kinds import Counts, Reals, arrays_of
 from blockmech.engines.nodes import SAMPLE
 from blockmech.engines.singular_values import Lanes, spread
 from blockmech.engines.trace import Trace, solve
@@ -263,7 +263,7 @@ def test_steps_are_those_of_python(name, lanes, weight):
             *(np.zeros(lanes * capacity, np.int64), np.ones(lanes, np.int64)),
             *(np.linspace(0.0, 0.1, capacity + 2), np.array([capacity + 1])),
         )
-        work = stages.Workspace(*arrays(stages.workspace, sizes, capacity))
+        work = stages.Workspace(*arrays(stages.Workspace, sizes))
         call(stages.Rhs(*rhs), by, run, work, capacity)
         return run
 
@@ -274,9 +274,9 @@ def test_steps_are_those_of_python(name, lanes, weight):
         np.testing.assert_array_equal(compiled_array, expected)
 
 
-def arrays(room, of, capacity):
+def arrays(workspace, of):
     """Those beside the steps of a method."""
-    return [np.zeros(shape, kind) for _, kind, shape in room(of, capacity)]
+    return [np.zeros(shape, kind) for _, kind, shape in arrays_of(workspace, {"of": of})]
 
 
 def by_places(over, rates):
@@ -311,7 +311,7 @@ def test_stiff_steps_are_those_of_python(name):
             *(np.zeros((capacity, 8, n)), np.zeros(capacity, np.int64), np.zeros(1, np.int64)),
             *(np.linspace(0.0, 0.3, capacity + 2), np.array([capacity + 1])),
         )
-        work = radau.Workspace(*arrays(radau.workspace, of, capacity))
+        work = radau.Workspace(*arrays(radau.Workspace, of))
         call(stages.Rhs(*rhs), by.scheme, run, work, capacity)
         return run
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from blockmech.engines import loops
 from blockmech.engines.assembly import Text
+from blockmech.engines.kinds import arrays_of
 from blockmech.engines.llvm import FILL, addresses_of, machine_code, row_of
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import (
@@ -26,15 +27,14 @@ from blockmech.engines.stages import (
     THIRD,
     TRIED,
     TRY,
-    Arrays,
     Integration,
     Method,
     Rhs,
     Sizes,
+    Workspace,
     dop853,
     fleet,
     scheme,
-    workspace,
 )
 from blockmech.engines.trace import FOLLOWED, Body, Trace
 from blockmech.plan.plan import Program
@@ -116,7 +116,8 @@ class CompiledRhs:
         slots, parameters, control, tolerances, plan = map(
             np.ascontiguousarray, (slots, parameters, control, tolerances, plan)
         )
-        work = [np.zeros(shape, kind) for _, kind, shape in workspace(self.sizes(1), count)]
+        sizes = {"of": self.sizes(1), "count": count}
+        work = [np.zeros(shape, kind) for _, kind, shape in arrays_of(Workspace, sizes)]
         x, (_, over) = addresses_of(state), self.of_designs
         rhs = loops.addresses_of(Rhs(np.frombuffer(x), slots, K, state))
         planned = np.ascontiguousarray(planned)
@@ -173,30 +174,17 @@ class Steps(NamedTuple):
 
 @cache
 def buffers(
-    workspace: Callable[[Sizes, int], Arrays], of: Sizes, inputs: int, count: int
+    workspace: Any, of: Sizes, inputs: int, count: int
 ) -> tuple[np.dtype[Any], tuple[int, ...]]:
     """Arrays of `Rhs`, `Integration` and workspace one behind the other; where each begins.
 
     But for the numbers of the program, which it has itself.
     """
-    n, lanes, real, integer = of.state, of.lanes, np.float64, np.int64
-    arrays: Arrays = [
-        ("x", integer, (inputs,)),
-        ("K", real, (of.stages, of.width, lanes)),
-        ("state", real, (inputs, lanes)),
-        ("states", real, (lanes * (count + 1), n)),
-        ("times", real, (lanes * (count + 1),)),
-        ("tolerances", real, (2, n, lanes)),
-        ("controls", real, (lanes, 6)),
-        ("series", real, (lanes * count, 8, n)),
-        ("turns", integer, (lanes * count,)),
-        ("counts", integer, (lanes,)),
-        ("plan", real, (count + 2,)),
-        ("planned", integer, (1,)),
-        *workspace(of, count),
-    ]
-    sizes = (8 * math.prod(shape) for *_, shape in arrays)
-    return np.dtype(arrays), tuple(accumulate(sizes, initial=0))[:-1]
+    sizes = {"of": of, "inputs": inputs, "count": count}
+    records = (Rhs, Integration, workspace)
+    arrays = [array for record in records for array in arrays_of(record, sizes)]
+    lengths = (8 * math.prod(shape) for *_, shape in arrays)
+    return np.dtype(arrays), tuple(accumulate(lengths, initial=0))[:-1]
 
 
 class CompiledStepper:
@@ -215,7 +203,7 @@ class CompiledStepper:
         self._plan, self._planned, self._now = parts[10:13]
         first, row = int(memory.ctypes.data), 8 * by.lanes
         x, K, state, *rest = (first + begin for begin in begins)
-        inputs[:] = range(state, state + row * rates.inputs, row)
+        inputs.view(np.int64)[:] = range(state, state + row * rates.inputs, row)
         records = x, rates.place, K, state, *rest
         self._kept = (ctypes.c_void_p * len(records))(*records), loops.addresses_of(by.scheme)
         rhs, scheme = map(ctypes.addressof, self._kept)

@@ -272,7 +272,8 @@ class DualEngine:
 
     def __init__(self, program: Program, primitives: Record = PRIMITIVES) -> None:
         self.program = program
-        self._program = bind(program, primitives, CONSTANTS, _by_value)
+        # what is no kernel, such as a general group's path from home, is asked by value
+        self._program = bind(program, primitives, CONSTANTS, lambda f: lambda *x: f(*values(x)))
 
     def run(self, inputs: Record, parameters: Values, n: int, m: int) -> Values:
         """Values of n samples with tangents (m, n): `Dual`, or `Planar` pairs of them.
@@ -281,7 +282,7 @@ class DualEngine:
         (m, 1), in the order of the program's.
         """
         chunk = max(CHUNK // (m + 1), 1)
-        numbers = each_part(_double, tuple(parameters))
+        numbers = each_part(lambda x: x if isinstance(x, Dual) else np.float64(x), parameters)
         arrays = [
             x if isinstance(x, Dual) else np.asarray(x)
             for x in map(inputs.get, self.program.inputs)
@@ -295,15 +296,6 @@ class DualEngine:
                 size = part.stop - part.start
                 chunks.append(each_part(lambda x, size=size: _of_samples(x, m, size), values))
         return tuple(each_part(_joined, *columns) for columns in zip(*chunks, strict=True))
-
-
-def _by_value(function: Callable[..., Nested]) -> Callable[..., Nested]:
-    """A function that is no kernel, such as a general group's path from home, asked by value."""
-    return lambda *arguments: function(*values(arguments))
-
-
-def _double(x: Real) -> Real:
-    return x if isinstance(x, Dual) else np.float64(x)
 
 
 def _of_samples(x: Real, m: int, n: int) -> Dual:

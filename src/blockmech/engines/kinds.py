@@ -21,6 +21,13 @@ Reals: TypeAlias = NDArray[np.float64]
 Counts: TypeAlias = NDArray[np.int64]
 ROW = "row"
 
+
+class First(str):
+    """How many blocks an array of a record has; what else says its shape are sizes of a block."""
+
+    __slots__ = ()
+
+
 REAL, COUNT, TRUTH, PLACE, NOTHING = "double", "i64", "i1", "ptr", "void"
 KINDS = {float: REAL, int: COUNT, bool: TRUTH, type(None): NOTHING}
 IN_C: Data = {
@@ -87,9 +94,9 @@ def meaning_of(hint: Any, sizes: Record = MappingProxyType({})) -> Value:
     if hint in KINDS:
         return Value("", KINDS[hint])
     if hasattr(hint, "__metadata__"):
-        first, *_ = blocks = hint.__metadata__
+        blocks = [x for x in hint.__metadata__ if not isinstance(x, First)]
         shape = tuple(eval(x, {}, dict(sizes)) for x in blocks if sizes and x != ROW)
-        row = shape[0] if first == ROW and sizes else 0
+        row = shape[0] if ROW in blocks and sizes else 0
         return meaning_of(hint.__origin__)._replace(shape=() if row else shape, row=row)
     if hint in (Reals, Counts):
         return Value("", PLACE, REAL if hint == Reals else COUNT)
@@ -102,6 +109,18 @@ def meaning_of(hint: Any, sizes: Record = MappingProxyType({})) -> Value:
     return Value(
         "", PLACE, takes=tuple(meaning_of(x).kind for x in takes), gives=meaning_of(gives).kind
     )
+
+
+def arrays_of(record: Any, sizes: Record) -> list[tuple[str, Any, tuple[int, ...]]]:
+    """Names, kinds and shapes of a record's arrays, but for those without a size."""
+    arrays = []
+    for name, hint in get_type_hints(record, include_extras=True).items():
+        if metadata := getattr(hint, "__metadata__", ()):
+            value = meaning_of(hint, sizes)
+            count = [eval(x, {}, dict(sizes)) for x in metadata if isinstance(x, First)]
+            shape = (*(count or [value.row]), *value.shape)
+            arrays.append((name, np.float64 if value.of == REAL else np.int64, shape))
+    return arrays
 
 
 def number(x: float) -> Value:

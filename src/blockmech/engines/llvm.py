@@ -293,17 +293,13 @@ class LlvmEngine:
         designs, count = slots.shape
         is_shared = designs > 1 and not by_design
         cache = np.empty(self.code.traced.shared * n + LANES if is_shared else 0)
-        room = None if by_design else _aligned(cache)
+        # the first place in it at which a block may begin
+        room = None if by_design else -(-int(cache.ctypes.data) // LINE) * LINE
         addresses = self._addresses(*(c.ctypes.data for c in columns), room)
         total: float = self.code.fill(
             addresses, slots.ctypes.data, out.ctypes.data, stride, n, count, designs
         )
         return total
-
-
-def _aligned(room: Floats) -> int:
-    """The first place in a room of numbers at which a block may begin."""
-    return -(-int(room.ctypes.data) // LINE) * LINE
 
 
 def _padded(columns: Floats) -> Floats:

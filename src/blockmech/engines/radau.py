@@ -23,14 +23,13 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.engines.kinds import Counts, Reals
+from blockmech.engines.kinds import Counts, First, Reals
 from blockmech.engines.stages import (
     BOUND,
     HIGH,
     LOW,
     TRIED,
     TRY,
-    Arrays,
     Fill,
     Integration,
     Lane,
@@ -58,6 +57,7 @@ STEP = sqrt(EPS)  # of a component, by which it is changed for the slopes
 ROOT = sqrt(6.0)
 REAL = 3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0)  # the real eigenvalue of A^-1
 Threes: TypeAlias = Annotated[Reals, "3"]
+Vector: TypeAlias = Annotated[Reals, First("of.state")]
 Vectors: TypeAlias = Annotated[Reals, "of.state"]
 
 
@@ -93,29 +93,19 @@ class Workspace(NamedTuple):
     rate: Lane
     fresh: Lane
     factored: Lane
-    y: Lanes
-    Z: Vectors
-    off: Reals
-    scale: Reals
-    estimate: Reals
-    error: Reals
-    sizes: Reals
-    J: Vectors
-    system: Reals
-    real: Reals
-    past: Vectors
-    pivots: Counts
-    exchanged: Counts
-
-
-def workspace(of: Sizes, count: int) -> Arrays:
-    """Arrays of a `Workspace`."""
-    n = of.state
-    row, threes, square = (n,), (3, n), (n, n)
-    states = (n, 1), threes, (3 * n,), row, row, row, row, square, (9 * n * n,), (n * n,), threes
-    shapes = *[(1,)] * 9, *states, (3 * n,), row
-    kinds = *[np.float64] * 20, np.int64, np.int64
-    return [*zip(Workspace._fields, kinds, shapes, strict=True)]
+    y: Annotated[Lanes, First("of.state")]
+    Z: Annotated[Vectors, First("3")]
+    off: Annotated[Reals, First("3 * of.state")]
+    scale: Vector
+    estimate: Vector
+    error: Vector
+    sizes: Vector
+    J: Annotated[Vectors, First("of.state")]
+    system: Annotated[Reals, First("9 * of.state * of.state")]
+    real: Annotated[Reals, First("of.state * of.state")]
+    past: Annotated[Vectors, First("3")]
+    pivots: Annotated[Counts, First("3 * of.state")]
+    exchanged: Annotated[Counts, First("of.state")]
 
 
 @cache
@@ -132,7 +122,7 @@ def radau() -> Method:
     high = np.array([10.0 / 3.0 + 5.0 * ROOT, 10.0 / 3.0 - 5.0 * ROOT, 10.0 / 3.0])
     square = np.array([-23.0 - 22.0 * ROOT, -23.0 + 22.0 * ROOT, -8.0]) / 3.0
     D = np.array([-high, -(square + high)])
-    return Method(steps, 1, C.size, 4, Scheme(C, back, E, D), (1, 0), workspace)
+    return Method(steps, 1, C.size, 4, Scheme(C, back, E, D), (1, 0), Workspace)
 
 
 def factor(A: Reals, pivots: Counts, n: int) -> None:

@@ -36,7 +36,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.engines.assembly import piece
-from blockmech.engines.kinds import ROW, Counts, Reals
+from blockmech.engines.kinds import ROW, Counts, First, Reals
 from blockmech.ground.plane import EPS
 from blockmech.typing import Floats
 
@@ -69,7 +69,6 @@ States: TypeAlias = Annotated[Reals, "of.state"]
 Series: TypeAlias = Annotated[Reals, "8", "of.state"]
 Limits: TypeAlias = Annotated[Reals, "of.state", "of.lanes"]
 Controls: TypeAlias = Annotated[Reals, "6"]
-Arrays: TypeAlias = list[tuple[str, Any, tuple[int, ...]]]
 Fill: TypeAlias = Callable[[Reals, Reals, Reals, int, int, int, int], float]
 
 
@@ -81,10 +80,10 @@ class Rhs(NamedTuple):
     K : its rows at the stages of a step
     """
 
-    x: Reals
+    x: Annotated[Reals, First("inputs")]
     numbers: Reals
-    K: Rows
-    state: Lanes
+    K: Annotated[Rows, First("of.stages")]
+    state: Annotated[Lanes, First("inputs")]
 
 
 class Integration(NamedTuple):
@@ -101,15 +100,15 @@ class Integration(NamedTuple):
     plan : [s] times of a coarser run, planned : how many steps these are; of the first lane
     """
 
-    states: States
-    times: Reals
-    tolerances: Limits
-    controls: Controls
-    series: Series
-    turns: Counts
-    counts: Counts
-    plan: Reals
-    planned: Counts
+    states: Annotated[States, First("of.lanes * (count + 1)")]
+    times: Annotated[Reals, First("of.lanes * (count + 1)")]
+    tolerances: Annotated[Limits, First("2")]
+    controls: Annotated[Controls, First("of.lanes")]
+    series: Annotated[Series, First("of.lanes * count")]
+    turns: Annotated[Counts, First("of.lanes * count")]
+    counts: Annotated[Counts, First("of.lanes")]
+    plan: Annotated[Reals, First("count + 2")]
+    planned: Annotated[Counts, First("1")]
 
 
 class Scheme(NamedTuple):
@@ -154,8 +153,8 @@ class Method(NamedTuple):
     stages, ends : see `Sizes`
     scheme : arrays of coefficients
     states : for how many states a step asks that is tried, and one more that is taken
-    workspace : what its loop needs beside, for so many steps: names, kinds and shapes; the first is
-        what it knows of a step when the next steps are asked for
+    workspace : the record of what its loop needs beside; the first of its arrays is what it knows
+        of a step when the next steps are asked for
     """
 
     steps: Callable[..., None]
@@ -164,7 +163,7 @@ class Method(NamedTuple):
     ends: int
     scheme: tuple[Floats, ...]
     states: tuple[int, int]
-    workspace: Callable[[Sizes, int], Arrays]
+    workspace: Any
 
 
 class Workspace(NamedTuple):
@@ -184,23 +183,16 @@ class Workspace(NamedTuple):
     grows: Lane
     off: Lane
     thirds: Lane
-    y: Lanes
-    highest: Lanes
-    is_at: Counts
-
-
-def workspace(of: Sizes, count: int) -> Arrays:
-    """Arrays of a `Workspace`."""
-    rows = {"y": (of.state, of.lanes), "highest": (4 * of.state, of.lanes)}
-    kinds = {"is_at": np.int64}
-    return [(x, kinds.get(x, np.float64), rows.get(x, (of.lanes,))) for x in Workspace._fields]
+    y: Annotated[Lanes, First("of.state")]
+    highest: Annotated[Lanes, First("4 * of.state")]
+    is_at: Annotated[Counts, First("of.lanes")]
 
 
 @cache
 def dop853() -> Method:
     """The explicit method of order 8."""
     by, stages, ends = scheme(), scheme().C.size, scheme().E.shape[1]
-    return Method(steps, LANES, stages, ends, by, (ends - 1, stages - ends), workspace)
+    return Method(steps, LANES, stages, ends, by, (ends - 1, stages - ends), Workspace)
 
 
 TRY, BOUND, TRIED, LOW, HIGH, WEIGHT = range(6)  # columns of a control

@@ -97,14 +97,10 @@ class EnclosedEngine:
     def __init__(self, program: Program) -> None:
         self.program = program
         constants = {"ZERO": forms_of(0j), "ONE": forms_of(1 + 0j), "REST": REST_SHARE}
-        self._program = bind(program, PRIMITIVES, constants, _at_planned)
+        # what is no kernel, such as a group's path from home, is asked of the planned design
+        self._program = bind(program, PRIMITIVES, constants, lambda f: lambda *x: f(*planned(x)))
 
     def one(self, inputs: Sequence[Form | float], parameters: Values) -> Values:
         """Values of one sample, forms or `Planar` pairs of them."""
         with np.errstate(all="ignore"):  # what is not finite has no bounds
             return self._program(*map(form, inputs), tuple(map(forms_of, parameters)))
-
-
-def _at_planned(function: Callable[..., Nested]) -> Callable[..., Nested]:
-    """A function that is no kernel, such as a group's path from home, of the planned design."""
-    return lambda *arguments: function(*planned(arguments))

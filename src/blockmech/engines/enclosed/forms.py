@@ -416,11 +416,6 @@ def arctangent(y: Form, x: Form) -> Form:
     return total.planned_at(at) if inside else Form(at, -PI, PI)
 
 
-def _rint(x: Form) -> Form:
-    """The nearest integer."""
-    return Form(np.rint(x.at), float(np.rint(x.low)), float(np.rint(x.high)))
-
-
 FUNCTIONS: dict[np.ufunc, Callable[..., Form]] = {
     np.add: operator.add,
     np.subtract: operator.sub,
@@ -430,7 +425,7 @@ FUNCTIONS: dict[np.ufunc, Callable[..., Form]] = {
     np.hypot: lambda x, y: (x * x + y * y).sqrt(),
     np.minimum: lambda x, y: -maximum(-x, -y),
     np.maximum: maximum,
-    np.rint: _rint,
+    np.rint: lambda x: Form(np.rint(x.at), float(np.rint(x.low)), float(np.rint(x.high))),
     np.absolute: abs,
     np.negative: operator.neg,
 }

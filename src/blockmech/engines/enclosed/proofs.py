@@ -76,16 +76,11 @@ def implicit(step: Kernel, state: Values, *data: Nested) -> Values:
         errors = _proved_errors(newton, x0, np.array(misfit), _bounds(data))
         if errors is not None:
             solution = [y.widened(e) for y, e in zip(first, errors.tolist(), strict=True)]
-            image = newton(
-                solution, *data
-            )  # holds it too, and is off by the square of their errors
-            solution = [min(x, key=_width) for x in zip(solution, image, strict=True)]
+            # It holds the image as well, which is off by the square of their errors.
+            both = zip(solution, newton(solution, *data), strict=True)
+            solution = [min(x, key=lambda y: y.high - y.low) for x in both]
             return (unknowns.state_of(solution), *state[1:])
     return (without_bounds(unknowns.state), *state[1:])
-
-
-def _width(x: Form) -> float:
-    return x.high - x.low
 
 
 def _proved_errors(
