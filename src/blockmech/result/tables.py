@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 ROWS = 13  # of a turn in 361 samples these are steps of 30 degrees
 NARROWEST = len("[N m]  ")  # of the columns of a table: the unit, and the gap to the next
 LINES = 4  # remarks of one kind, names of further outputs
-FIRST = (".drive", "mechanism.friction_power", ".reaction")
+FRICTION_POWER = "mechanism.friction_power"
+FIRST = (".drive", FRICTION_POWER, ".reaction")
 """What a reader looks for first, by the end of the name; then the order of the result."""
 
 FRICTION_ALONE = "  no load keeps work over the run: friction takes all that the drive gives"
@@ -146,7 +147,11 @@ def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
     omitted: list[str] = []
     has_columns = False
     everything = len(of) == len(result.mechanism.outputs)
-    for name in sorted(rest, key=_rank) if everything else rest:  # else as they were asked for
+    rubs = FRICTION_POWER not in result or bool(np.any(result[FRICTION_POWER]))
+    if everything:
+        rest.sort(key=lambda name: (name == FRICTION_POWER and not rubs, _rank(name)))
+        numbers = [name for name in numbers if rubs or not name.endswith(".friction_efficiency")]
+    for name in rest:  # as they were asked for, but where that is everything
         # Once one does not fit, smaller ones must not jump the queue.
         parts = output_columns(result, name) if name in result and not omitted else []
         if everything and len(parts) == 2 and result.output(name).kind == "vector":
