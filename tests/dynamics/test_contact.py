@@ -10,6 +10,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.contacts import Constraints, constrained
 from blockmech.plan.plan import Friction
 from tests import machines
 from tests.gallery import changed, document
@@ -212,3 +213,10 @@ def test_of_one_driver_what_holds_it_is_what_sticking_needs():
         settled, qdd, _ = friction.from_state(np.array([q]), np.zeros(1), 0.0, None)
         assert any(settled.sides) is not bool(a <= 0 <= b)
         assert np.sign(qdd[0]) == (0 if a <= 0 <= b else 1 if b < 0 else -1)
+
+
+def test_where_no_pose_is_nothing_that_lies_against_a_stop_has_an_acceleration():
+    """A step may look beyond where links reach: it is taken back, and raises nothing."""
+    nowhere = Constraints(np.full((1, 2), np.nan), np.array([np.nan]), ((0, 1),))
+    for numbers in constrained(np.eye(2), np.ones(2), nowhere):
+        assert np.isnan(numbers).all()

@@ -19,6 +19,7 @@ from tests.gallery import changed, document
 
 G = 9.81  # [m/s2]
 LOWEST = -math.pi / 2  # [rad] hanging
+PRESS = {"first": -20.0, "second": 20.0}  # [N m] on links whose knee lies against its stop
 
 
 def coulomb(arm):
@@ -258,6 +259,39 @@ def test_drivers_that_lie_against_stops_and_bounce_rub_as_well():
     assert lies.any()
     assert np.abs(result["upper.q"][lies] + 1.0).max() <= 1e-12
     assert np.abs(result["fore.drive"]).max() <= 1e-9
+
+
+def test_a_pair_turns_back_while_the_machine_lies_against_a_stop():
+    """A five-bar whose knee is pressed against its stop is a four-bar: its rocker's pin D turns."""
+    points = {"A": 0j, "B": 0.5 + 0j, "K": 0.775 + 0.533j, "C": 0.8 + 0.85j, "D": 1.1 + 0j}
+    ends = {"crank": "AB", "first": "BK", "second": "KC", "rocker": "DC"}
+
+    def machine(knee):
+        m = bm.Linkage("knee", gravity=(0.0, -G))
+        for link, (a, b) in ends.items():
+            middle = (points[a] + points[b]) / 2
+            m.add_link(link, mass=1.0, inertia=0.05, cm=(middle.real, middle.imag))
+            m.add_load(f"press {link}", "couple", link=link, moment=PRESS.get(link, 0.0))
+        pairs = {"A": ("frame", "crank"), "B": ("crank", "first"), "C": ("second", "rocker")}
+        for joint, links in (pairs | {"D": ("frame", "rocker"), "K": ("first", "second")}).items():
+            point, kind = (points[joint].real, points[joint].imag), knee if joint == "K" else "R"
+            pin = {"friction": coulomb(0.005)} if joint == "D" else {}
+            m.add_joint(joint, kind, links, point=point, **pin)
+        m.add_driver("motor", "A")
+        m.start("motor", q=0.0, rate=4.0)
+        return m
+
+    four = machine("weld").compile()
+    (rate,) = four.run(at=[0.0], rates=4.0, want=["joint.D.slip"])["joint.D.slip"]
+    five = machine("R")
+    five.add_driver("arm", "D")
+    five.start("arm", q=0.0, rate=float(rate))
+    five.add_stop("joint.K.coordinate", high=0.0, restitution=0.0)
+    runs = [m.simulate(times=[0.01, 0.3, 0.8], want="joint.*") for m in (four, five.compile())]
+    assert [event.kind for event in runs[1].motion.events] == ["rest", "reversal of joint.D"]
+    for name in ("joint.A.coordinate", "joint.D.friction", "joint.D.reaction"):
+        np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=1e-9)
+    assert np.ptp(np.sign(runs[0]["joint.D.slip"])) == 2
 
 
 def test_a_motion_that_only_begins_has_the_friction_of_what_begins():

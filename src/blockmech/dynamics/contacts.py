@@ -57,8 +57,12 @@ class Constraints(NamedTuple):
         return Constraints(self.rows[0], self.drift[0], self.pairs, speeds)
 
     def free(self) -> tuple[Floats, Floats, Floats]:
-        """Z (..., k, z), q_p (..., k), and W (..., a, k) with P = W (sum n^T P)."""
+        """Z (..., k, z), q_p (..., k), and W (..., a, k) with P = W (sum n^T P).
+
+        A state without a pose is told by its drift, which is NaN.
+        """
         rows, drift = self.rows, self.drift
+        rows = np.where(np.isfinite(rows), rows, np.eye(*rows.shape[-2:]))
         if ((rows == 0) | (rows == 1)).all() and (rows.sum(axis=-1) == 1).all():
             which = rows.reshape(-1, rows.shape[-1]).any(axis=0)  # drivers alone: exactly
             shift = -(np.swapaxes(rows, -1, -2) @ drift[..., None])[..., 0]

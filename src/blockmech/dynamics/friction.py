@@ -106,7 +106,7 @@ class Instant(NamedTuple):
     def against(self, constraint: Constraints, loads: Vectors, lasting: bool = True) -> Instant:
         """The same while it lies against stops, of which a unit push adds ``loads`` (..., m, a).
 
-        ``lasting`` : pairs that stops alone leave no freedom do not move; in an impact they may
+        ``lasting`` : pairs that stops and drives hold do not move; in an impact they may
         """
         Z, shift, back = constraint.free()
         at_shift = self.push - (self.M @ shift[..., None])[..., 0]
@@ -116,14 +116,14 @@ class Instant(NamedTuple):
         shifted = (self.G @ shift[..., None] + loads @ push[..., None])[..., 0]
         S, b = self.S @ Z, self.b + (self.S @ shift[..., None])[..., 0]
         tied = np.abs(S).max(axis=-1, initial=0.0) <= DEPENDENT * np.abs(self.S).max(axis=-1)
-        still = tied & lasting
+        fast, moved = np.abs(self.rate).max(axis=-1), np.abs(shift)
+        parts = np.abs(self.S) @ (moved + fast[..., None] ** 2)[..., None]
+        still = tied & lasting & (np.abs(b) <= DEPENDENT * (np.abs(self.b) + parts[..., 0]))
         rates: Floats | float = 0.0
         carried: Floats | float = 0.0
         if constraint.speeds is not None:
             rates = (np.swapaxes(back, -1, -2) @ constraint.speeds[..., None])[..., 0]
             carried = (self.S @ rates[..., None])[..., 0]
-            size = np.abs(self.b) + (np.abs(self.S) @ np.abs(shift)[..., None])[..., 0]
-            still &= np.abs(b) <= DEPENDENT * size  # a law moves those that it alone moves
         return self._replace(
             M=turned @ self.M @ Z,
             push=(turned @ at_shift[..., None])[..., 0],
