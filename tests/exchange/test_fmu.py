@@ -310,3 +310,31 @@ def test_an_acceleration_counts_friction_that_doubles_the_slope_of_the_drive(tmp
     )
     assert result[names[2]][0] == pytest.approx(a, rel=1e-9)
     assert abs(result[names[3]]).max() < 1e-9 * abs(drives[0])
+
+
+@NEEDS_C
+def test_a_machine_that_locks_at_no_acceleration_moves_at_its_own(tmp_path):
+    """Friction has no solution for the loads of a machine without acceleration; it has one."""
+    options = Options(groups=(1, 3), kinds=EVERY, drivers=(1, 2))
+    case = random_mechanism(Seeded(36), options)
+    mech, pose = case.graph.compile(), case.request
+    q, rate, acceleration = (
+        [f"{d}.{x}" for d in mech.drivers] for x in ("q", "rate", "acceleration")
+    )
+    coordinates = [float(np.ravel(pose["at"][d])[0]) for d in mech.drivers]
+    speeds = [float(np.clip(np.ravel(pose["rates"][d])[0], -2, 2)) for d in mech.drivers]
+    at, rates = (dict(zip(mech.drivers, x, strict=True)) for x in (coordinates, speeds))
+    locked = mech.run(at, rates=rates, want="*.drive", on_gap="mark")
+    assert locked.quality.status == ("jammed",)
+    start = {d: (at[d], rates[d]) for d in mech.drivers}
+    ours = mech.simulate("time=1e-3", times=[0.0], want=acceleration, start=start)
+    (path,) = bm.write(mech, tmp_path / "m.fmu", want=["*.drive"])
+    result = fmpy.simulate_fmu(
+        str(path),
+        fmi_type="ModelExchange",
+        stop_time=1e-3,
+        start_values=dict(zip(q + rate, coordinates + speeds, strict=True)),
+        output=acceleration,
+    )
+    for name in acceleration:
+        assert result[name][0] == pytest.approx(ours[name][0], rel=1e-9)

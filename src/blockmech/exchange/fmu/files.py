@@ -83,7 +83,9 @@ class Unit:
         drivers = mechanism.drivers
         self.of = {d: mechanism._of_driver(d, "")[:-1] for d in drivers}
         many = len(drivers) > 1
-        dynamics = [f"{self.of[d]}.drive" for d in drivers]
+        dynamics, frictionless = (
+            [f"{self.of[d]}.{x}" for d in drivers] for x in ("drive", "drive_by_reduction")
+        )
         dynamics += ["mechanism.M"] if many else [f"{self.of[drivers[0]]}.J_red"]
         names = mechanism.outputs.match(order.want)
         requested = [n for n in names if mechanism.outputs[n].kind != "number"]
@@ -93,7 +95,7 @@ class Unit:
             requested = [n for n in requested if n.startswith("mechanism.") or n in defaults]
         self.program = CProgram(
             mechanism,
-            tuple(dict.fromkeys([*dynamics, *requested])),
+            tuple(dict.fromkeys([*dynamics, *frictionless, *requested])),
             rates=self.states.rates.values(),
             **dict(order.settings),
         )
@@ -147,13 +149,14 @@ class Unit:
             value = {"q": f"m->q[{i}]", "qd": f"m->rate[{i}]", "qdd": f"acceleration[{i}]"}
             value |= {"x": f"m->x[{i}]"}
             inputs.append(f"    in.{member.name} = {value.get(quantity, 'm->time')};")
-        terms = []
+        terms, first = list[str](), list[str]()
         for n, a in enumerate(drivers):
-            drive = p.outputs[f"{self.of[a]}.drive"].name
-            terms.append(f"        rest[{n}] = m->effort[{n}] - out.{drive};")
+            for lines, drive in ((terms, "drive"), (first, "drive_by_reduction")):
+                name = p.outputs[f"{self.of[a]}.{drive}"].name
+                lines.append(f"            rest[{n}] = m->effort[{n}] - out.{name};")
             for j, b in enumerate(drivers):
                 entry = f"mechanism.M.{a}.{b}" if len(drivers) > 1 else f"{self.of[a]}.J_red"
-                terms.append(f"        inertia[{n}][{j}] = out.{p.outputs[entry].name};")
+                first.append(f"            inertia[{n}][{j}] = out.{p.outputs[entry].name};")
         rates = {name: f"out.{p.outputs[name].name}" for name in states.rates}
         slopes = [rates[f"der({n})"] for n in states.continuous]
         outputs = [
@@ -178,6 +181,7 @@ class Unit:
             "GUID": self.guid,
             "INPUTS": "\n".join(inputs),
             "TERMS": "\n".join(terms),
+            "FRICTIONLESS": "\n".join(first),
             "NOTCONVERGED": str(WORDS.index(NOT_CONVERGED)),
             "OUTPUTS": "\n".join(outputs),
             "SETS": "\n".join(sets),

@@ -85,8 +85,12 @@ static Status update(Instance *m)
     do {
         double inertia[K][K], rest[K];
         m->word = evaluate(m, q2, &out);
-        if (m->word) break;
+        if (n == 0) { /* without friction, which may lock the machine where it does not move */
+@FRICTIONLESS@
+        } else {
+            if (m->word) break;
 @TERMS@
+        }
         if (n == 0) memcpy(slopes, inertia, sizeof slopes);
         if (most > CLEAR * (1 + size))
             for (int i = 0; i < K; ++i)
