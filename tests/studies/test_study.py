@@ -1,10 +1,15 @@
 """A study keeps of each design what a run of it alone would say."""
 
+import itertools
+import re
+
 import numpy as np
 import pytest
 
 import blockmech as bm
 from blockmech.analysis.extremes import extremes
+from blockmech.figures.palette import SMALL
+from blockmech.figures.paper import text_width
 from blockmech.studies.family import remade
 from blockmech.studies.runner import Runner
 from tests.gallery import JOINTS, mechanism
@@ -305,3 +310,19 @@ def test_settings_of_a_motion_and_of_a_flywheel_are_read_with_units(fourbar):
     engine = mechanism("engine")
     by_text = bm.design.flywheel(engine, speed="100 rad/s", fluctuation="2 %").inertia
     assert by_text == bm.design.flywheel(engine, speed=100.0, fluctuation=0.02).inertia
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_words_of_ticks_stand_apart(tmp_path, count):
+    numbers = {"crank.length": 0.05, "piston.l": 0.2, "piston.h": 0.001}
+    vary = {k: np.linspace(x - 5e-4, x + 5e-4, 4) for k, x in [*numbers.items()][:count]}
+    want, path = {"crank.drive": ["max_abs", "rms"]}, tmp_path / "study.svg"
+    mechanism("slider_crank").study(vary, want=want, at=np.linspace(0.0, 6.0, 9)).plot(path)
+    tick = r'text-anchor: middle" x="([\d.]+)" y="([\d.]+)"[^>]*>([\d.]+)<'
+    ticks = re.findall(tick, path.read_text("utf-8"))
+    rows = itertools.groupby(ticks, key=lambda word: word[1])
+    assert ticks
+    for _, row in rows:
+        for (x, _, a), (y, _, b) in itertools.pairwise(row):
+            width = (text_width(a, SMALL) + text_width(b, SMALL)) / 2
+            assert abs(float(y) - float(x)) > width + 2

@@ -245,6 +245,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                 bar = axes.figure.colorbar(mesh, ax=axes, pad=0.02, extend="both")
                 bar.set_label(axis_label(column.name, unit, PANEL), labelpad=2)
                 axes.grid(False)
+                axes.locator_params(axis="x", nbins=4)  # of a column beside its colours
                 axes.set_xlabel(axis_label(first.name, first.unit, ink.COLUMN * 0.7), labelpad=1)
                 axes.set_ylabel(axis_label(second.name, second.unit, PANEL), labelpad=2)
         return panels[0, 0].figure
@@ -277,6 +278,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                         dots = {"color": ink.FORWARD, "s": ink.DOT, "lw": 0, "rasterized": True}
                         axes.scatter(number.values, y, **dots)
                         axes.locator_params(nbins=4)
+                        axes.locator_params(axis="x", nbins=3)
                     foot, transform = np.full(bad.sum(), FOOT), axes.get_xaxis_transform()
                     style = {"marker": "x", "s": 8, "lw": 0.6, "color": ink.ALARM, "zorder": 3}
                     axes.scatter(number.values[bad], foot, transform=transform, **style)
