@@ -362,3 +362,10 @@ def test_parts_of_vectors_are_outputs_everywhere(make):
     for wrong in (f"{vector}.z", f"{mech.drivers[0]}.q.x"):
         with pytest.raises(RequestError, match="no output has that name"):
             mech.run(samples=5, want=wrong)
+
+
+def test_a_distribution_says_its_arguments_to_a_call_that_does_not_fit():
+    with pytest.raises(TypeError, match=r'did you mean "deviation".*arguments: mean, deviation'):
+        bm.dist.Normal(mean=6.0, std=0.1)
+    with pytest.raises(TypeError, match=r"missing 1 required.*arguments: "):
+        bm.dist.Uniform(1.0)

@@ -25,6 +25,7 @@ import numpy as np
 from blockmech.ground.errors import Problem, RequestError, close_match, listed
 
 F = TypeVar("F", bound=Callable[..., object])
+T = TypeVar("T")
 
 WORDS: Mapping[Any, str] = {
     str: "a text",
@@ -72,6 +73,22 @@ def declared(function: F) -> F:
             raise TypeError(_misfit(error, function, signature(), kwargs)) from None
 
     return cast(F, call)
+
+
+def constructed(cls: type[T]) -> type[T]:
+    """Let a dataclass say its arguments to a call that does not fit them, as functions do."""
+    init: Callable[..., None] = cls.__init__
+
+    @functools.wraps(init)
+    def __init__(self: T, *args: Any, **kwargs: Any) -> None:
+        try:
+            init(self, *args, **kwargs)
+        except TypeError as error:
+            names = inspect.signature(cls).parameters
+            raise TypeError(_misfit(error, cls, names, kwargs)) from None
+
+    cls.__init__ = __init__  # type: ignore[assignment, method-assign]
+    return cls
 
 
 def _positional(parameters: Iterable[inspect.Parameter]) -> tuple[tuple[str, ...], str]:

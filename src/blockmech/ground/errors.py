@@ -268,6 +268,7 @@ SYNONYMS = {
         ("m weight density", ("mass",)),
         ("i j", ("inertia",)),
         ("mu coeff friction_coefficient", ("coefficient",)),
+        ("std sigma sd standard_deviation", ("deviation",)),
         ("radii d diameter", ("radius", "mean_diameter")),
         ("r", ("radius", "length")),
         ("l", ("length", "l_i")),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
+from blockmech.ground.arguments import constructed
 from blockmech.ground.errors import refused
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.ground.values import is_number
@@ -22,6 +23,7 @@ __all__ = ["Normal", "Sample", "Uniform"]
 __dir__ = __all__.copy  # completion shows these alone
 
 
+@constructed
 @dataclass(frozen=True)
 class Normal:
     """Normal distribution of a number: mean and standard deviation, in its unit.
@@ -52,6 +54,7 @@ class Normal:
         return np.asarray(self.mean + self.deviation * ndtri(share))
 
 
+@constructed
 @dataclass(frozen=True)
 class Uniform:
     """Uniform distribution of a number between two values, in its unit or as texts with one.
