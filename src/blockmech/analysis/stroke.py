@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
+from blockmech.analysis.paths import principal_axes
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turning_points import Turn, Turns, signal_of, turns_of
@@ -27,10 +28,9 @@ from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import fit, panels
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
-from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, with_unit
 from blockmech.ground.tolerances import BLUR, EQUAL
-from blockmech.typing import Data, Floats, FrictionMethod, Vectors
+from blockmech.typing import Data, Floats, FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -168,24 +168,6 @@ def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:
     high = turns.high._replace(value=chord) if is_straight else turns.high
     path: Path = "straight" if is_straight else "curved"
     return turns._replace(low=turns.low._replace(value=0.0), high=high), path, chord
-
-
-def principal_axes(z: Vectors) -> tuple[Vectors, Vectors, NDArray[np.bool_]]:
-    """Lines through the places (m, n) of m markers at n poses.
-
-    Returns a place (m,) on each line, its unit direction (m,), 0 of a marker that does not move,
-    and whether the marker stays on it.
-    """
-    m, first = np.arange(len(z)), z[:, 0]
-    middle = (z[m, np.abs(z - first[:, None]).argmax(axis=1)] + first) / 2
-    off = z - middle[:, None]
-    spread = np.abs(off).max(axis=1)
-    moves = spread > EPS * np.abs(z).max(axis=1)
-    # the square forgets which way along the axis places lie
-    u = np.sqrt(np.where(moves, (off**2).sum(axis=1), 0.0))
-    u /= np.where(moves, np.abs(u), 1.0)
-    aside = np.abs((off * u.conj()[:, None]).imag).max(axis=1)
-    return middle, u, moves & (aside <= EQUAL * spread)
 
 
 def _curve(cycle: Cycle, output: str) -> Turns:

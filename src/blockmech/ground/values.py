@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cmath
-import inspect
 import math
 import sys
 from collections.abc import Collection, Mapping, Sequence
@@ -28,7 +27,6 @@ from typing import (
 from pydantic import (
     AfterValidator,
     AllowInfNan,
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -44,6 +42,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from blockmech.ground.errors import GraphError, Problem, listed, shown, unknown_key
 from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import apply
+from blockmech.ground.signatures import Signed
 from blockmech.ground.texts import in_metres, read_texts
 from blockmech.ground.units import NoQuantity
 from blockmech.ground.validation_errors import problems_of
@@ -283,34 +282,6 @@ class FrozenDict(dict[Any, Any]):
 
     def __reduce__(self) -> tuple[object, ...]:
         return FrozenDict, (dict(self),)
-
-
-class FieldsByKeyword(type(BaseModel)):  # type: ignore[misc]
-    """The class of models, whose signature is what a call of theirs takes."""
-
-    @property
-    def __signature__(cls) -> inspect.Signature:
-        kind, empty = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.empty
-        fields = [(n, x) for n, x in cls.model_fields.items() if n != cls.kind_key]
-        fields.sort(key=lambda field: not field[1].is_required())
-        defaults = {
-            name: empty if x.is_required() else x.get_default(call_default_factory=True)
-            for name, x in fields
-        }
-        parameters = [inspect.Parameter(n, kind, default=x) for n, x in defaults.items()]
-        return inspect.Signature(parameters)
-
-    @__signature__.setter
-    def __signature__(cls, signature: object) -> None:
-        """Leave pydantic's own, which repeats the checks of each field, unused."""
-
-
-if TYPE_CHECKING:  # type checkers know pydantic's class alone
-    Signed = BaseModel
-else:
-
-    class Signed(BaseModel, metaclass=FieldsByKeyword):
-        """A model that shows its fields as a function shows its arguments."""
 
 
 class StrictModel(Signed):
