@@ -27,6 +27,23 @@ def remainder_of_friction(method: object, bounds: Floats, status: Sequence[str])
     return f'friction "{method}": {remark}'
 
 
+def missing_data(result: Any, rates: Callable[[Sequence[LinkRef]], Sequence[float]]) -> list[str]:
+    """What the mechanism or the request lacks, perhaps, for what a result's outputs shall say.
+
+    rates : of links [rad/s], at the first sample
+    """
+    mechanism, units = result.mechanism, {result.output(name).unit for name in result}
+    notes = []
+    if result.motion is None and units and result.n:
+        notes += missing_rates(mechanism, result.samples.inputs, units)
+        notes += missing_turns(mechanism, result.samples.inputs)
+    if {"N", "N m"} & units:
+        notes += missing_places(mechanism.document)
+        if result.n and not result.settings["static"]:
+            notes += missing_inertia(mechanism, rates)
+    return notes
+
+
 def missing_places(document: Any) -> list[str]:
     """Loads of links and joints that say no place on their link, and so act at its origin."""
     loads = getattr(document, "loads", {}).items() if hasattr(document, "joints") else ()

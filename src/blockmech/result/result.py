@@ -22,13 +22,7 @@ from blockmech.plan.plan import Output, Plan, Undefined
 from blockmech.result.exported import Exported
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Failures, Flag, Quality, assess, failures
-from blockmech.result.remarks import (
-    missing_inertia,
-    missing_places,
-    missing_rates,
-    missing_turns,
-    remainder_of_friction,
-)
+from blockmech.result.remarks import missing_data, remainder_of_friction
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
 from blockmech.typing import (
@@ -383,15 +377,7 @@ class Result(Exported, Generic[M]):
         if (bounds := self.friction_error) is not None:
             method, status = self.settings["friction"], self.quality.status
             notes.append(remainder_of_friction(method, bounds, status))
-        units = {self.output(name).unit for name in self}
-        if self.motion is None and units and self.n:
-            notes += missing_rates(self._compiled, self.samples.inputs, units)
-            notes += missing_turns(self._compiled, self.samples.inputs)
-        forces = {"N", "N m"} & units
-        notes += missing_places(self._compiled.document) if forces else []
-        if forces and self.n and not self.settings["static"]:
-            notes += missing_inertia(self._compiled, self._first_rates)
-        return motion + notes
+        return motion + notes + missing_data(self, self._first_rates)
 
     def _first_rates(self, links: Sequence[LinkRef]) -> list[float]:
         """Rates [rad/s] of some links at the first sample."""
