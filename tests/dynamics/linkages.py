@@ -194,7 +194,7 @@ def motored(stall: float = 60.0, idle: float = 20.0, damper: float = 0.3) -> Syn
         return result.J, result.tau + motor(q, qd) - damping(q) * qd, result.margin
 
     def one(q: float, qd: float, t: float) -> tuple[float, float, float, float]:
-        J, tau, dJ, margin = base.scalar_terms(q)
+        J, tau, dJ, margin, _ = base.scalar_terms(q)
         return J, tau + float(motor(q, qd)) - float(damping(q)) * qd, dJ, margin
 
     return Synthetic(one, batch, depends_on=frozenset({"q", "rate"}))

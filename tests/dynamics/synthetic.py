@@ -83,7 +83,7 @@ class Synthetic(System):
     def roundings(self, q):
         return 8 * EPS * np.ones(q.shape)
 
-    def scalar_terms(self, q, qd=0.0, t=0.0):
+    def scalar_terms(self, q, qd=0.0, t=0.0, *states):
         self._count(1, False)
         return ScalarTerms(*self._scalar(q, qd, t))
 
@@ -101,7 +101,7 @@ class Synthetic(System):
         J, tau, _, margin = (np.array(c, dtype=float).reshape(q.shape) for c in columns)
         return Sample(J, tau, margin)
 
-    def terms(self, q, qd, t=0.0):
+    def terms(self, q, qd, t=0.0, *states):
         if self._full_terms is None:
             return super().terms(q, qd, t)
         self._count(1, False)

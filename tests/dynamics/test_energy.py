@@ -29,7 +29,7 @@ def truth(system, q, rate, times):
     from scipy.integrate import solve_ivp
 
     def right(t, y):
-        J, tau, dJ, _ = system.scalar_terms(y[0], y[1], t)
+        J, tau, dJ, *_ = system.scalar_terms(y[0], y[1], t)
         return [y[1], (tau - dJ * y[1] ** 2 / 2) / J]
 
     solution = solve_ivp(
@@ -191,7 +191,7 @@ def test_a_torsion_spring_on_the_crank_has_no_period():
     base = pendulum()
 
     def one(q, qd, t):
-        J, tau, dJ, margin = base.scalar_terms(q, qd, t)
+        J, tau, dJ, margin, _ = base.scalar_terms(q, qd, t)
         return J, tau - 0.05 * q, dJ, margin
 
     system = Synthetic(one, period=None)

@@ -226,7 +226,7 @@ def test_a_rocking_linkage_with_a_damper_ends_in_its_dead_centre():
     plain = fourbar()
 
     def one(q, qd, t):
-        J, tau, slope, margin = plain.scalar_terms(q)
+        J, tau, slope, margin, _ = plain.scalar_terms(q)
         return J, tau - 0.1 * qd, slope, margin
 
     damped = plain.but(one=one, depends_on=frozenset({"q", "rate"}))

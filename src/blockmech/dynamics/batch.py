@@ -60,7 +60,6 @@ if TYPE_CHECKING:
 
 TOGETHER = 16  # steps of a design between two looks at it
 FIRST = 3.0  # the first tolerance below that of single motions: one design misses for all
-MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`
 # What happens in a step: too much, nothing, a standstill, arrival at the first goal or another one.
 SEVERAL, NOTHING, STANDS, ARRIVES = range(-1, 3)
 
@@ -125,12 +124,8 @@ def _judged(
     spent : (m,) states that the finer ones asked for
     """
     remainder = SMOOTH if system.smooth else 1.0
-    same = (
-        (coarse.end == fine.end)
-        & (coarse.standstills == fine.standstills)
-        & ~coarse.alone
-        & ~fine.alone
-    )
+    same = ~coarse.alone & ~fine.alone & (coarse.end == fine.end)
+    same &= coarse.standstills == fine.standstills
     same &= np.isnan(coarse.rest) == np.isnan(fine.rest)
     last, t0 = np.minimum(coarse.t, fine.t), request.start.t
     share = (spread(0.0, 1.0)[None, :]) * (last - t0)[:, None] + t0
@@ -251,9 +246,9 @@ class _Run:
     def _slip(self, which: Designs, sense: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
         row = self._rows(which, self.y[which, 0], 0.0)
-        slips = row[:, -self.rates.watched + SLIPS : -1]
-        self.given[which, 3:] = sense[:, None] * np.sign(slips)
-        self.alone[which] |= ~(np.abs(slips) > math.sqrt(EPS)).all(axis=1)
+        _, _, *slips, _ = row[:, -self.rates.watched :].T
+        self.given[which, 3:] = (sense * np.sign(slips)).T
+        self.alone[which] |= ~(np.abs(slips) > math.sqrt(EPS)).all(axis=0)
         return self._rows(which, self.y[which, 0], 0.0)
 
     def _leave(self, which: Designs) -> None:
@@ -295,17 +290,9 @@ class _Run:
             self._round(which)
         track = Track.of(self.pieces, self.m)
         friction_work = self.y[:, 3] if self.rubs else np.zeros(self.m)
-        nothing = np.zeros(self.m)
-        state = (
-            self.end,
-            self.t,
-            self.y[:, 0],
-            self.y[:, 1],
-            self.rest,
-            self.standstills,
-            friction_work,
-        )
-        return Motions(self.alone, *state, nothing, nothing, track)
+        state = self.end, self.t, self.y[:, 0], self.y[:, 1], self.rest, self.standstills
+        none = np.zeros(self.m)
+        return Motions(self.alone, *state, friction_work, none, none, track)
 
     def _steps(self, which: Designs, bound: Floats, h: Floats, count: int) -> FleetSteps:
         """Steps of designs from where they are."""
@@ -328,12 +315,12 @@ class _Run:
         alone = (steps.number == 0) | (self.spent[which] > EVALUATIONS)
         series = _series(steps)
         K, y0, y1 = steps.K, steps.y[row, last], steps.y[row, last + 1]
-        watched = K[:, :, -self.rates.watched :]
+        margin, _, *slips, _ = np.moveaxis(K[:, :, -self.rates.watched :], -1, 0)
         in_doubt = steps.doubtful & ~alone
-        close = _may_dip(watched[..., MARGIN] + LEAST_MARGIN) | _may_dip(K[:, :, self.n + 1])
-        slips = watched[..., SLIPS:-1]
-        turns = (slips * slips[:, -1:] <= 0).any(axis=(1, 2)) if slips.shape[2] else False
-        alone |= in_doubt & (close | turns)
+        close = _may_dip(margin + LEAST_MARGIN) | _may_dip(K[:, :, self.n + 1])
+        for slip in slips:  # that of the last stage is that of the end
+            close |= (slip * slip[:, -1:] <= 0).any(axis=1)
+        alone |= in_doubt & close
         share, kind = np.ones(len(which)), np.zeros(len(which), np.int64)
         for d in np.flatnonzero(in_doubt & ~alone).tolist():
             step = np.ascontiguousarray(steps.series[d, last[d], :, :2])

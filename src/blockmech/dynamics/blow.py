@@ -18,6 +18,7 @@ Dynamics of a System of Rigid Bodies, 1905, ch. 5; Stronge, Impact Mechanics, 20
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ import numpy as np
 
 from blockmech.dynamics.contacts import (
     DEPENDENT,
+    INSTANT,
     SETTLED,
     STILL,
     Constraints,
@@ -35,13 +37,12 @@ from blockmech.dynamics.contacts import (
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.sticking import JointFriction
+from blockmech.dynamics.sticking import BALANCED, JointFriction
 from blockmech.ground.errors import refused
 from blockmech.result.motion import Impact
-from blockmech.typing import Floats, Real
+from blockmech.typing import Floats
 
-STAGES = 64  # of an impact at most: each ends with a slip
-SUDDEN = 2.0**20  # [1/s]: an impact takes a microsecond for laws that are not linear in the load
+SUDDEN = 2.0 ** -round(math.log2(INSTANT))  # [1/s], for laws that are not linear in the load
 
 
 class Before(NamedTuple):
@@ -175,7 +176,7 @@ def _rubbed(
     pushes, T, elapsed, gained, reverses = np.zeros(len(stops.rows)), np.zeros(m), 0.0, 0.0, False
     constraint = _of(stops, some, SUDDEN * change[some])
     loads = friction.pressed(at.q, constraint)
-    for _ in range(STAGES):
+    for _ in range(BALANCED):  # stages, each of which ends with a slip
         w = at.S @ rate
         now = still._replace(rate=rate, w=w)
         stage = now.against(constraint, loads, lasting=False)
@@ -185,7 +186,9 @@ def _rubbed(
             return None
         jump = response.qdd / SUDDEN
         slips = np.setdiff1d(np.flatnonzero(~friction.signed), zero).astype(int)
-        ends = _until(w, at.S @ jump, slips)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = -w[slips] / (at.S @ jump)[slips]
+        ends = np.where(share > 0, share, np.inf)  # when slips come to theirs
         step = min(1.0 - elapsed, float(ends.min(initial=np.inf)))
         P = step / SUDDEN * response.pushes
         pushes[some] += P
@@ -198,13 +201,6 @@ def _rubbed(
         reverses = True
         zero = [*(j for j in zero if settled.sides[j] == 0), *slips[ends <= step * (1 + DEPENDENT)]]
     return None
-
-
-def _until(w: Floats, jump: Floats, slips: Real) -> Floats:
-    """Shares of an impact after which slips come to their end; infinite of those that do not."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = -w[slips] / jump[slips]
-    return np.where(share > 0, share, np.inf)
 
 
 # -- of drives ---------------------------------------------------------------------------
@@ -235,8 +231,8 @@ def jolt_of(
     moving = np.abs(jump) > STILL * np.abs(before).max(initial=0.0)
     if not moving.any():
         return None, 0.0
-    x = y[equation.layout.signals] if equation.layout.initial else None
-    state = Before(t, q, before, system.terms_of(q, before, t, x)[0].M, x)
+    x = equation.layout.states(y)
+    state = Before(t, q, before, system.terms(q, before, t, x).M, x)
     those, friction = sorted(system.contacts), system.friction
     stops, ways = system.pairs.constraints(q, before, those), [system.contacts[i] for i in those]
     bound = target._replace(drift=-jump, speeds=None)

@@ -149,8 +149,10 @@ class FollowingSystem(System):
             rows[TAU] = (tau * (values @ rule(n).to_series)).sum(axis=1)
         return rows
 
-    def scalar_terms(self, q: float, qd: float = 0.0, t: float = 0.0) -> ScalarTerms:
-        """One state."""
+    def scalar_terms(
+        self, q: float, qd: float = 0.0, t: float = 0.0, *states: Floats | float | None
+    ) -> ScalarTerms:
+        """One state; of ``states`` there are none."""
         for piece in self.pieces:
             d = float(self._offset(q, piece))
             if abs(d) < USED:

@@ -33,6 +33,7 @@ REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
 DEFLECTION_KINK = "bristles turn"  # a pair reverses whose friction law has a state
 STICKS, SLIPS, REVERSES = "sticking", "slipping", "reversal"  # of a pair, with several drivers
 SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal
+KINKS = GUIDE_SIDE, SIGNAL_KINK, DEFLECTION_KINK  # over which it just goes on
 
 
 STOPPED = INTERRUPTED, BUDGET  # by who asked

@@ -74,11 +74,6 @@ class Equation:
         roles, (q, qd) = self.system.roles, self.layout.motion(y)
         return (q, qd) if roles is None else roles.motion(q, qd, t)
 
-    @cached_property
-    def drivers(self) -> int:
-        """Number k of drivers."""
-        return len(self.system.drivers)
-
     def __call__(self, t: float, y: Floats) -> Sequence[float] | Floats:
         """y' at a state; NaN where there is no pose. What is raised on the way is kept."""
         try:
@@ -102,12 +97,8 @@ class Equation:
     def _alone(self, t: float, y: Floats) -> Sequence[float]:
         """That of one driver without friction, in numbers."""
         q, qd = self.layout.motion(y)
-        if self.system.signals.values:
-            (J, tau, dJ, margin), signal_values = self.system.scalar_terms_of(
-                q, qd, t, y[self.layout.signals]
-            )
-        else:
-            (J, tau, dJ, margin), signal_values = self.system.scalar_terms(q, qd, t), ()
+        terms = self.system.scalar_terms(q, qd, t, y[self.layout.signals])
+        J, tau, dJ, margin, signal_values = terms
         self._last = q, margin, J
         if not margin > 0:
             return (math.nan,) * self.layout.size
@@ -162,14 +153,9 @@ class Equation:
 
     def _general(self, t: float, y: Floats) -> Floats:
         q, qd = map(np.atleast_1d, self.motion(t, y))
-        signal_values: Sequence[float] = ()
         response = self.resisted(t, y) if self.sides else None
-        if self.system.signals.values:
-            x, qdd = y[self.layout.signals], None if response is None else response.qdd
-            terms, signal_values = self.system.terms_of(q, qd, t, x, qdd)
-        else:
-            terms = self.system.terms(q, qd, t)
-        M, c, Q, margin = terms
+        qdd = None if response is None else response.qdd
+        M, c, Q, margin, signal_values = self.system.terms(q, qd, t, y[self.layout.signals], qdd)
         self._last = (tuple(q), margin, math.nan) if len(q) > 1 else (q[0], margin, M[0, 0])
         if not margin > 0:
             return np.full(self.layout.size, math.nan)
@@ -212,18 +198,18 @@ class Equation:
 
     def signals(self, t: float, y: Floats) -> Sequence[float]:
         """Rates of states of signal blocks, and where these have kinks; see `SignalProgram`."""
-        qdd = np.zeros(self.drivers) if self.is_fixed else None
+        qdd = np.zeros(self.layout.drivers) if self.is_fixed else None
         if not self.is_fixed and self.sides and self.system.follows_acceleration:
             qdd = self.resisted(t, y).qdd
-        return self.system.terms_of(*self.motion(t, y), t, y[self.layout.signals], qdd)[1]
+        return self.system.terms(*self.motion(t, y), t, y[self.layout.signals], qdd).signals
 
     def resisted(self, t: float, y: Floats) -> Response:
         """Acceleration and friction of the pairs at a state."""
         friction = self.system.friction
         assert friction is not None
-        x = y[self.layout.signals] if self.layout.initial else None
         q, qd = map(np.atleast_1d, self.motion(t, y))
-        return friction.at(q, qd, t, self.sides, x, self.system.against(q, qd, t))
+        constraint = self.system.against(q, qd, t)
+        return friction.at(q, qd, t, self.sides, self.layout.states(y), constraint)
 
     def stop_force(self, i: int, t: float, y: Floats) -> float:
         """What a stop that it lies against pushes with [N m or N], along its coordinate."""
@@ -231,7 +217,7 @@ class Equation:
         if self.sides:
             return float(self.resisted(t, y).pushes[which])
         q, qd = self.motion(t, y)
-        return float(self.system.pushes(q, qd, t, y[self.layout.signals])[which])
+        return float(self.system.response(q, qd, t, y[self.layout.signals])[1][which])
 
     def pair_loads(self, t: float, y: Floats) -> Sequence[complex] | Vectors:
         """Loads on the pairs with friction."""
@@ -249,7 +235,7 @@ class Equation:
         """
         friction, alone = self.system.friction, self.layout.scalar
         assert friction is not None
-        key = y[: 1 if alone else self.layout.moving].tobytes()
+        key = y[: 1 if alone else self.layout.work].tobytes()
         if key not in self._slips:
             if len(self._slips) > KNOWN:
                 self._slips.clear()
@@ -274,8 +260,8 @@ class Equation:
                 n = self.layout.size
                 self._last = coordinates, row[n], row[n + 1]
             elif scalar:
-                J, _, _, margin = self.system.scalar_terms(q)
-                self._last = coordinates, margin, J
+                terms = self.system.scalar_terms(q)
+                self._last = coordinates, terms.margin, terms.J
             else:
                 self._last = coordinates, self.system.terms(q, 0 * q).margin, math.nan
         _, margin, J = self._last
@@ -322,7 +308,7 @@ def typical_motion(equation: Equation, t: float, y: Floats) -> tuple[float, floa
     push = max((abs(x) for x in equation(t, y)[rate] if not math.isnan(x)), default=0.0)
     fallen = math.sqrt(2 * push * min(equation.system.span, 1.0))
     speed = max(map(abs, y[rate].tolist())) + fallen or 1.0
-    work = sum(equation.kinetic(y, rates) for rates in np.diag([speed] * equation.drivers))
+    work = sum(equation.kinetic(y, rates) for rates in np.diag([speed] * equation.layout.drivers))
     return speed, work if 0 < work < math.inf else 1.0
 
 

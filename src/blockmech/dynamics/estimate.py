@@ -298,11 +298,8 @@ def judged(
         late = 0.0 if fine.end == "time" else remainder * apart.t
         return fine.but(error=apart.error_of_finer(remainder), time_error=fine.time_error + late)
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), requested)
-    off = np.abs(coarse.at(times).q - fine.at(times).q)
-    is_single = off.ndim == 1
-    parted = np.flatnonzero(
-        ~(off <= apart.limits if is_single else (off <= apart.limits).all(axis=1))
-    )
+    off = np.abs(coarse.at(times).q - fine.at(times).q).reshape(times.size, -1)
+    parted, is_single = np.flatnonzero(~(off <= apart.limits).all(axis=1)), off.shape[1] == 1
     last = int(parted[0]) - 1 if parted.size else times.size - 1
     t = float(times[max(last, 0)])
     state = fine.at(t)

@@ -228,21 +228,9 @@ class EventDetector:
                 values[i] = 0.0 if r.kind != ends.KINK or abs(values[i]) <= tolerance else values[i]
         return values
 
-    @property
-    def ends_at_standstill(self) -> bool:
-        """Whether a standstill of the only driver ends a step."""
-        return any(rule.kind == ends.STANDSTILL and rule.terminal for rule in self.rules)
-
-    def of_standstills(self) -> EventDetector:
-        """That of standstills alone."""
-        standing = [rule for rule in self.rules if rule.kind == ends.STANDSTILL]
-        return replace(self, rules=standing, t=math.nan)
-
-    @property
-    def simple(self) -> bool:
-        """Whether all rules of more than ends are those of the only driver."""
-        of_driver = (r.parts == 1 or not (r.by_user or r.index >= 0) for r in self.rules)
-        return len(self.spans) == 1 and all(of_driver)
+    def of(self, kind: str) -> EventDetector:
+        """That of events of a kind alone."""
+        return replace(self, rules=[rule for rule in self.rules if rule.kind == kind], t=math.nan)
 
     def free_range(self, q: float) -> tuple[float, float]:
         """The next places of the only driver, below and above one, at which there are events.
@@ -271,7 +259,9 @@ class EventDetector:
             not turned(a, b, rule.direction) and not (rule.dips and min(a, b) < threshold)
             for rule, a, b in zip(self.rules, values, ends_at, strict=True)
         )
-        alike = self.parts == 1 or (self.simple and self._steady(t1 - t0, y0, y1))
+        of_driver = (r.parts == 1 or not (r.by_user or r.index >= 0) for r in self.rules)
+        simple = len(self.spans) == 1 and all(of_driver)  # rules of more than ends are its own
+        alike = self.parts == 1 or (simple and self._steady(t1 - t0, y0, y1))
         if alike and all(quiet):
             return []
         hits, open_ = list[EventHit](), [*zip(self.rules, values, ends_at, strict=True)]

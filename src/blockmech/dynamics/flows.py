@@ -14,8 +14,7 @@ from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.equation import Equation, classify_obstacle, typical_motion
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.forcing import ELSEWHERE, GIVE, no_steady
-from blockmech.dynamics.periodic import FLOWS, FixedPoint, fixed_point
+from blockmech.dynamics.periodic import ELSEWHERE, FLOWS, GIVE, FixedPoint, fixed_point, no_steady
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.run import INTEGRATORS
 from blockmech.dynamics.time import TimeIntegration, integrate
@@ -108,10 +107,6 @@ class Flow:
     def acceleration(self, x: Floats, later: float = 0.0) -> Floats:
         """q'' (k,) at a state, some time [s] after the start."""
         return self.slope(x, later)[self.layout.rate]
-
-    def of_motion(self, x: Floats) -> Floats:
-        """q'' (k,) at coordinates and rates (2k,), signal blocks where they begin."""
-        return self.acceleration(self.layout.start(*np.split(x, 2)))
 
     def repeats(self, period: float) -> bool:
         """Whether signals do the same a period on, whatever they read."""
@@ -240,18 +235,13 @@ class Stroboscope:
 
     def __init__(self, flow: Flow, T: float) -> None:
         self.flow, self.T = flow, T
-        self._check_period()
-        self.cyclic = [i for i in range(flow.k) if self._is_cyclic(i)]
-        self.free = [i for i in range(flow.layout.moving) if i not in self.cyclic]
-
-    def _check_period(self) -> None:
-        """Look whether the loads really are the same a period later."""
-        flow, T = self.flow, self.T
         for t in np.linspace(0.0, 0.9 * T, SETTLING).tolist():
             now, later = flow.acceleration(flow.x, t), flow.acceleration(flow.x, t + T)
             largest = float(np.abs([now, later]).max()) + flow.speed**2
             if not np.abs(later - now).max() <= SETTLED * largest:
                 raise no_steady(f"the loads are not the same again after {T:.9g} s", GIVE)
+        self.cyclic = [i for i in range(flow.k) if self._is_cyclic(i)]
+        self.free = [i for i in range(flow.layout.work) if i not in self.cyclic]
 
     def _is_cyclic(self, i: int) -> bool:
         flow, rate = self.flow, self.flow.layout.rate

@@ -30,7 +30,7 @@ from blockmech.dynamics.ends import RunEnd
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.pair_stops import PairStops, stopped_pairs
 from blockmech.dynamics.programs import GIVEN
-from blockmech.dynamics.request import SimulationRequest, Start, Until
+from blockmech.dynamics.request import SimulationRequest, Start
 from blockmech.dynamics.run import Run
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.stops import Stop
@@ -119,8 +119,8 @@ class Bounces(Run):
             after = self._struck(leg, *where)
         else:
             return RunEnd(leg.end, leg.status)
-        remaining, q = self._remaining_goal(leg), self.legs[-1].q_end
-        if remaining is None:
+        q, remaining = self.legs[-1].q_end, self.request.remaining_goal(leg.t_end, self.events)
+        if remaining.goal == "time" and not remaining.value > 0:
             self.legs[-1] = self.legs[-1].but(qd_end=after)
             return RunEnd("time", "reached")
         if self.system.counted is not None:
@@ -143,9 +143,13 @@ class Bounces(Run):
         if begin or dict(self.system.contacts) != self.contacts:
             self.system = replace(self.system, contacts=dict(self.contacts), begin=begin)
         if self.contacts:
-            pushes = self.system.pushes(*request.start, np.array(begin) if begin else None)
-            for i, push in zip(sorted(self.contacts), pushes, strict=False):
-                self._touches(i, float(push))
+            _, pushes = self.system.response(*request.start, np.array(begin) if begin else None)
+            for i, push in zip(sorted(self.contacts), pushes.tolist(), strict=False):
+                since, contact_force = self.since[i]  # 0 until it comes to lie against it
+                slope = self._stop(i, self.contacts[i]).slope
+                self.since[i] = since, contact_force or push / slope
+                if self.system.scalar:
+                    self.facts["contact"] = self.since[i][1]
         return self.move(self.system, request)
 
     def _stop_of(self, leg: Motion) -> tuple[int, int] | None:
@@ -168,17 +172,12 @@ class Bounces(Run):
         stop: Stop = self.request.stops[i][limit > 0]
         return stop
 
-    def _remaining_goal(self, leg: Motion) -> Until | None:
-        """What still ends the run; None where its time is over."""
-        goal = self.request.remaining_goal(leg.t_end, self.events)
-        return None if goal.goal == "time" and not goal.value > 0 else goal
-
     # -- at a stop ------------------------------------------------------------------------
 
     def _matrix(self, q: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
         """Inertia (k, k), and efforts (k,) less what the rates take."""
-        M, c, Q, _ = self.system.terms_of(q, rate, t, self.legs[-1].x_end or None)[0]
-        return M, Q - c
+        terms = self.system.terms(q, rate, t, self.legs[-1].x_end or None)
+        return terms.M, terms.Q - terms.c
 
     def _side(self, i: int, limit: int) -> int:
         """+1 where a stop is the highest of its own coordinate, -1 where it is the lowest."""
@@ -255,7 +254,9 @@ class Bounces(Run):
             self.impacts.append(record._replace(impulse=impulse))
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
         if low:
-            self._lies(leg, i, self._plain(after), bool(speed))
+            t = leg.t_end + (self.flights if speed else 0.0)
+            self.facts["rest_time"], self.since[i] = t, (leg.t_end, 0.0)
+            self.events.append(Event(ends.REST, t, leg.q_end, self._plain(after)))
         self.legs[-1] = replace(leg, q_end=self._plain(q), qd_end=self._plain(after))
         return self._plain(after)
 
@@ -319,13 +320,6 @@ class Bounces(Run):
         total = -side * mass * speed * ratio * (1 + e) / (1 - e * ratio)
         return self.height <= LOW * target, total
 
-    def _lies(self, leg: Motion, i: int, after: Real, struck: bool) -> None:
-        """It comes to rest against a stop; other drivers may go on at rates ``after``."""
-        t = leg.t_end + (self.flights if struck else 0.0)
-        self.facts["rest_time"] = t
-        self.since[i] = leg.t_end, 0.0
-        self.events.append(Event(ends.REST, t, leg.q_end, after))
-
     def _leaves(self, i: int, leg: Motion) -> None:
         """It leaves a stop that it lay against."""
         self.lying.append(self._lain(i, leg.t_end))
@@ -336,7 +330,7 @@ class Bounces(Run):
         """It leaves the stop that would have to pull most."""
         q, rate = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         those = sorted(self.contacts)
-        pushes = self.system.pushes(q, rate, leg.t_end, self._states(leg))
+        _, pushes = self.system.response(q, rate, leg.t_end, self._states(leg))
         pulls = [self.contacts[j] * float(P) for j, P in zip(those, pushes, strict=False)]
         q = self._onto(q, rate, leg.t_end, {j: self.contacts[j] for j in those})
         leg = self.legs[-1] = replace(leg, q_end=self._plain(q))
@@ -348,13 +342,6 @@ class Bounces(Run):
         """That it lay against a stop until a time [s]."""
         name = self._stop(i, self.contacts[i]).name
         return Lying(name, self.since[i][0], t, self.since[i][1], self.pairs.by_name.get(name))
-
-    def _touches(self, i: int, push: float) -> None:
-        """Keep what a stop pushes the drivers with when it comes to lie against it."""
-        begin, contact_force = self.since[i]
-        self.since[i] = begin, contact_force or push / self._stop(i, self.contacts[i]).slope
-        if self.system.scalar:
-            self.facts["contact"] = self.since[i][1]
 
     def _plain(self, x: Floats) -> Real:
         return float(x[0]) if self.system.scalar else x

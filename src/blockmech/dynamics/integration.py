@@ -6,7 +6,6 @@ A solver's word that it succeeded is not taken: the state is looked at.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, field
 
@@ -17,18 +16,20 @@ from blockmech.dynamics.ends import RunEnd
 from blockmech.dynamics.equation import AHEAD, Equation, classify_obstacle
 from blockmech.dynamics.estimate import FLOOR
 from blockmech.dynamics.events import PARTS, EventDetector, EventHit, until_terminal
-from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run
+from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
 from blockmech.dynamics.solvers import NO_PLAN, STEPPERS, AcceptedSteps, AdaptiveSolver, Solver
+from blockmech.dynamics.stick_slip import StickSlip
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event
 from blockmech.typing import Floats, Real
 
-QUICKER = 8  # times as many states may a friction law with a state ask of machine code
+# Kinds of events that a motion does not list.
+SILENT = ends.KINK, ends.GOAL, ends.WHOLE_TURN, ends.RELEASED, *ends.KINKS
 
 
 @dataclass
-class Integration(Run):
+class Integration(StickSlip):
     """A run in time at one tolerance, or with one step, under way: where it is, and its steps.
 
     The steps of a run that came ``before`` are its plan: none is longer than half of those.
@@ -43,7 +44,6 @@ class Integration(Run):
     finer: float | None = None  # tolerance of a run that comes after this
     patient: bool = True  # whether too many steps are made before they are known to be
     leaves: Callable[[Real], bool] | None = None  # whether other joints should lead at coordinates
-    y: Floats = field(init=False)
     scales: Floats | None = field(init=False, default=None)  # sizes of the state's components
     energy: float | None = field(init=False, default=None)  # [J] where it starts
     moves: bool = field(init=False, default=False)  # whether any step was made: it may also wait
@@ -51,26 +51,20 @@ class Integration(Run):
 
     def __post_init__(self, before: Integration | None) -> None:
         q, rate, self.t = self.request.start
-        self.times, self.pieces = [self.t], list[Dense]()
-        self.grid = [self.t]  # [s] where steps begin, and the last ends
+        self.times, self.grid = [self.t], [self.t]  # [s] where steps begin, and the last ends
         self.method_asked = self.method
         if before is None:
             self.plan, self.equation = NO_PLAN, Equation(self.system, q)
         else:
             self.plan, self.equation = np.array(before.grid), before.equation.again()
             self.scales, self.energy = before.scales, before.energy
-        quick = self.system.remembers and self.system.quick_states
-        self.equation.limit = EVALUATIONS * (QUICKER if quick else 1) * (1 if before is None else 2)
+        times = HOPELESS if self.system.remembers and self.system.quick_states else 1
+        self.equation.limit = EVALUATIONS * times * (1 if before is None else 2)
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.limit = math.inf  # its steps are counted beforehand
         self.layout = self.equation.layout
         self.y = self.layout.start(q, rate)
         self.t_max = self.request.start.t + min(self.request.span, 1 / EPS)  # goals without a time
-
-    @property
-    @abstractmethod
-    def silent(self) -> frozenset[str]:
-        """Kinds of events that the motion does not list."""
 
     def solver(self, t: float, y: Floats, bound: float) -> Solver:
         """Steps of the method from a state up to a time [s]."""
@@ -98,7 +92,8 @@ class Integration(Run):
         """
         if not all(map(math.isfinite, self.equation(self.t, self.y))):  # no solver would come back
             return self.give_up()
-        solver, every = self.solver(self.t, self.y, bound), lookout.ends_at_standstill
+        solver, standstills = self.solver(self.t, self.y, bound), lookout.of(ends.STANDSTILL)
+        every = any(rule.terminal for rule in standstills.rules)
         while solver.t < bound:
             steps = solver.steps(lookout.free_range(float(solver.y[0])), every)
             if steps is None:
@@ -114,9 +109,9 @@ class Integration(Run):
     ) -> EventHit | None:
         """Go over steps, to the first terminal event in them."""
         hits_in = user_events.within(*steps[:3])
-        standing, m = lookout.of_standstills() if steps.turns else lookout, len(steps.t) - 1
+        m = len(steps.t) - 1
         for i in steps.turns:
-            hits_in += standing.within(*steps.part(i, i + 1)[:3])
+            hits_in += lookout.of(ends.STANDSTILL).within(*steps.part(i, i + 1)[:3])
         if steps.calm < m:
             hits_in += lookout.within(*steps.part(m - 1, m)[:3])
         hits = until_terminal(hits_in)
@@ -209,7 +204,7 @@ class Integration(Run):
     def note(self, hits: list[EventHit], dense: Callable[[Real], Floats]) -> None:
         """List events."""
         for hit in hits:
-            if hit.rule.kind in self.silent:
+            if hit.rule.kind in (*SILENT, *[ends.REVERSAL] * (not self.layout.scalar)):
                 continue
             y = np.array(dense(hit.t))
             if hit.rule.kind == ends.STANDSTILL:

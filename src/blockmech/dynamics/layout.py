@@ -56,13 +56,8 @@ class StateLayout:
         return slice(self.drivers, 2 * self.drivers)
 
     @property
-    def moving(self) -> int:
-        """Number 2k of coordinates and rates."""
-        return 2 * self.drivers
-
-    @property
     def work(self) -> int:
-        """Work W of the loads [J]."""
+        """Work W of the loads [J], behind the 2k coordinates and rates."""
         return 2 * self.drivers
 
     @cached_property
@@ -85,6 +80,10 @@ class StateLayout:
         y = np.zeros(self.size)
         y[self.q], y[self.rate], y[self.signals] = q, rate, self.initial
         return y
+
+    def states(self, y: Floats) -> Floats | None:
+        """States of signal blocks and of laws, None where there are none."""
+        return y[self.signals] if self.initial else None
 
     def motion(self, y: Real) -> tuple[Real, Real]:
         """Coordinates and rates of a state: numbers if it is scalar, else arrays (k,)."""

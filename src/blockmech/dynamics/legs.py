@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.dynamics.events import PARTS
 from blockmech.dynamics.pair_stops import Counted
 from blockmech.result.motion import Motion, State
 from blockmech.typing import Floats
-
-MILESTONES = 9  # places over a leg between which turns are counted
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,8 @@ class Leg:
         """State of the user's drivers at times (m,) [s] of the leg."""
         if self.counted is None:
             return self.motion.at(t)
-        times = np.union1d(t, self.motion.times(MILESTONES))
+        # Between some places over the leg turns are counted.
+        times = np.union1d(t, self.motion.times(PARTS + 1))
         self.counted.again()
         states = [self.counted.state(*state) for state in zip(*self.motion.at(times), strict=True)]
         indices = np.searchsorted(times, t)

@@ -27,7 +27,6 @@ from blockmech.dynamics.textbook import in_fixed_steps
 from blockmech.dynamics.time import integrate
 from blockmech.ground.errors import RequestError, listed, refused
 from blockmech.result.motion import Event, Motion, Status
-from blockmech.typing import Floats
 
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
@@ -191,23 +190,12 @@ def _pressed_by_stop(system: System, request: SimulationRequest) -> Motion | Non
             continue
         rows, drift = system.rows(start.q, start.rate)
         fast = rate_along(rows[i], start.rate)
-        if side * (fast or _push(system, request, rows[i], drift[i])) > 0:
+        if side * (fast or float(rows[i] @ system.response(*start)[0] + drift[i])) > 0:
             end = system.end_at(i)
             events = (Event(end, start.t, start.q, start.rate),)
             still = replace(request.standing, why="it starts at an end stop that holds it")
             return replace(still, regime=ends.END_STOP, status="ended", end=end, events=events)
     return None
-
-
-def _push(system: System, request: SimulationRequest, row: Floats, drift: float) -> float:
-    """Which way a coordinate with a row over the drivers would start, that is at rest."""
-    q, rate, t = request.start
-    if system.friction is not None:
-        q, rate = np.atleast_1d(q), np.atleast_1d(rate)
-        qdd = system.friction.from_state(q, rate, t, system.against(q, rate, t))[1]
-        return float(row @ qdd + drift)
-    terms = system.terms(q, rate, t)
-    return float(row @ system.accelerations(terms.M, terms.Q - terms.c, q, rate, t)[0] + drift)
 
 
 # -- running -------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from blockmech.dynamics.pair_stops import lain_against
 from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.system import System
-from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Motion
@@ -61,9 +60,9 @@ class MotionInputs(Record):
         self.rubs = 0 if friction is None else len(friction.names)
         self.sides = None if friction is None else motion.sides(t)
         self.begins = motion.status != "failed"  # else nothing is known where no motion says it
-        self.known = _by_driver("q", self.q, k) | _by_state(self.states)
+        self.known = by_column("q", self.q) | by_column("x", self.states)
         if k == 1 or self.sides is None or (self.sides != 0).all():
-            self.known |= _by_driver("qd", self.qd, k)  # what sticks does not move at all
+            self.known |= by_column("qd", self.qd)  # what sticks does not move at all
 
     def _friction(self) -> JointFriction | None:
         """Joint friction; not kept, as programs do not pickle."""
@@ -91,9 +90,8 @@ class MotionInputs(Record):
 
     def _pair_stop_inputs(self, pushes: Floats) -> dict[str, Floats]:
         """Inputs of what stops of pairs push with, from that of all stops (n, a)."""
-        k = len(self.mechanism.drivers)
-        pairs = enumerate(self.pairs.pairs)
-        return {f"push_{j}": sense * pushes[:, k + j] for j, (_, sense) in pairs}
+        senses = np.array([float(sense) for _, sense in self.pairs.pairs])
+        return by_column("push", senses * pushes[:, len(self.mechanism.drivers) : self.stops])
 
     def __getitem__(self, name: str) -> Array:
         return self.known[name] if name in self.known else self.acting[name]
@@ -119,11 +117,10 @@ class MotionInputs(Record):
         state = q, qd, self.t, self.states
         sides, lain = np.broadcast_to(self.sides, (len(q), self.rubs)), (self.lies, self._contacts)
         response = friction_along(friction, state, sides, *lain, self.begins)
-        acting = _by_driver("qd", response.rates, k) | _by_driver("qdd", response.qdd, k)
+        acting = by_column("qd", response.rates) | by_column("qdd", response.qdd)
         acting |= self._pair_stop_inputs(response.pushes)
-        for j, t in enumerate(np.ascontiguousarray(response.friction.T)):
-            acting |= {f"sticks_{j}": response.stand[:, j].astype(float), f"friction_{j}": t}
-        return acting
+        acting |= by_column("sticks", response.stand.astype(float))
+        return acting | by_column("friction", response.friction)
 
     def _without_friction(self) -> dict[str, Floats]:
         """Accelerations from M q'' = Q - c, and what stops push with."""
@@ -137,7 +134,7 @@ class MotionInputs(Record):
         M = result[mass].reshape(n, k, k)
         qdd, pushes = np.empty((n, k)), np.zeros(self.lies.shape)
         if k == 1 and not self.lies.any():
-            return _by_driver("qdd", right / M[:, 0], k)
+            return by_column("qdd", right / M[:, 0])
         for i, lies in enumerate(self.lies):
             which, sample, constraint = np.flatnonzero(lies), slice(i, i + 1), None
             if which.size:
@@ -145,22 +142,13 @@ class MotionInputs(Record):
                     self.q[sample], self.qd[sample], self.t[sample], which
                 ).first()
             qdd[i], pushes[i, which] = constrained(M[i], right[i], constraint)
-        return _by_driver("qdd", qdd, k) | self._pair_stop_inputs(pushes)
+        return by_column("qdd", qdd) | self._pair_stop_inputs(pushes)
 
 
-def states_along(motion: Motion, t: Floats) -> dict[str, Floats]:
-    """Inputs of the states of signal blocks at times (n,) of a motion."""
-    return _by_state(motion.signal_states(t))
-
-
-def _by_state(states: Floats) -> dict[str, Floats]:
-    return {f"{STATE}{i}": np.ascontiguousarray(states[:, i]) for i in range(states.shape[1])}
-
-
-def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:
-    """Inputs of each driver from values (n,) or (n, k)."""
-    columns = np.ascontiguousarray(values.reshape(len(values), k).T)
-    return {f"{name}_{i}": column for i, column in enumerate(columns)}
+def by_column(name: str, values: Floats) -> dict[str, Floats]:
+    """Inputs by number, of drivers or states, from values (n,) or (n, k)."""
+    columns = np.atleast_2d(values.T)
+    return {f"{name}_{i}": np.ascontiguousarray(column) for i, column in enumerate(columns)}
 
 
 class SimulationResult(Result[M]):

@@ -113,12 +113,7 @@ class Panels:
     @property
     def gain(self) -> float:
         """[J] by which they raise it."""
-        return self.end_energy - self.energy
-
-    @property
-    def end_energy(self) -> float:
-        """[J] with which it ends."""
-        return self.lies[-1][LEFT]
+        return self.lies[-1][LEFT] - self.energy
 
     @property
     def size(self) -> float:

@@ -31,7 +31,7 @@ from blockmech.dynamics.place_data import (
     sampled,
 )
 from blockmech.ground.plane import EPS
-from blockmech.typing import Array, Floats
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -228,7 +228,7 @@ class PathMesh:
     def _new_piece(self, q: float, sign: int, length: float) -> Piece | str:
         """A resolved piece from q on."""
         end, obstacle = self._reach(q, sign, length)
-        limit = self._limit(sign, obstacle)
+        limit = sign * (obstacle == ends.DEAD_CENTRE)  # runs into it in its own variable
         for _ in range(DIGITS):
             if end == q:
                 return obstacle or self._unresolved(q)
@@ -241,7 +241,7 @@ class PathMesh:
                 end, obstacle = self._last_possible(q, float(nearest))
                 end -= sign * self.off * abs(end) if end != q else 0.0
                 self.limits.append((end, sign, obstacle))
-                limit = self._limit(sign, obstacle)
+                limit = sign * (obstacle == ends.DEAD_CENTRE)
                 continue
             touched = self._touched(data, sign)
             if touched is not None and abs(touched[0] - end) > math.sqrt(EPS) * data.length:
@@ -257,10 +257,6 @@ class PathMesh:
         sample = self.system.sample(np.array([q]))
         good = bool(sample.possible[0]) and sample.margin[0] > math.sqrt(EPS)
         return ends.UNDECIDED if good else ends.IMPOSSIBLE
-
-    def _limit(self, sign: int, obstacle: str) -> int:
-        """Direction in which a piece runs into a dead centre in its own variable."""
-        return sign if obstacle == ends.DEAD_CENTRE else 0
 
     @cached_property
     def _edges(self) -> list[float]:
@@ -312,14 +308,14 @@ class PathMesh:
     def _last_possible(self, q: float, limit: float) -> tuple[float, str]:
         """The last place from q on at which there is a pose and a load, and what ends there."""
         good, bad = q, limit
-        if not self._possible_at(np.array([q]))[0]:
+        if not self.system.sample(np.array([q])).possible[0]:
             return q, self._why(q, q)
         for _ in range(DIGITS):
             x = np.linspace(good, bad, self.n + 1)[1:]
             x = x[(x != good) & (x != bad)]
             if not x.size:
                 break
-            possible = self._possible_at(x)
+            possible = self.system.sample(x).possible
             if not possible.all():
                 first = int(np.argmin(possible))
                 bad = float(x[first])
@@ -327,9 +323,6 @@ class PathMesh:
             if x.size:
                 good = float(x[-1])
         return good, self._why(good, bad)
-
-    def _possible_at(self, q: Floats) -> Array:
-        return self.system.sample(q).possible
 
     def _why(self, good: float, bad: float) -> str:
         """What ends the path between a possible place and the next that is not."""

@@ -53,6 +53,7 @@ class ScalarTerms(NamedTuple):
     tau: float
     dJ: float  # dJ/dq
     margin: float
+    signals: Sequence[float] = ()  # what signal blocks make of it, see `SignalProgram`
 
 
 class Terms(NamedTuple):
@@ -62,6 +63,7 @@ class Terms(NamedTuple):
     c: Floats  # (k,)
     Q: Floats  # (k,)
     margin: float
+    signals: Sequence[float] = ()
 
 
 def reduced(compiled: Source) -> AdaptiveEvaluator:

@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.contacts import Constraints
+from blockmech.dynamics.contacts import INSTANT, Constraints
 from blockmech.ground.errors import among, listed, refused
 from blockmech.ground.units import number_in_si
 from blockmech.model.laws_of_motion import LawOfMotion
@@ -31,7 +31,6 @@ from blockmech.model.scene import Locked, Role, Scene
 from blockmech.typing import Floats, Real
 
 FREE, PRESCRIBED, LOCKED = "free", "prescribed", "locked"
-END = 1e-9  # [s] after which a law is looked for beyond its last time
 ROLES = (FREE, PRESCRIBED, LOCKED)
 RolesGiven: TypeAlias = Mapping[str, str | float]
 """Driver -> its role, or the coordinate [rad or m] at which it is locked."""
@@ -125,7 +124,7 @@ class Roles:
     def over(self, t: float) -> bool:
         """Whether a law says nothing after a time [s]."""
         at_kink = self.kinks.size > 0 and t >= self.kinks[-1]
-        return at_kink and any(math.isnan(self.law_at(i, t + END)[0]) for i in self.prescribed)
+        return at_kink and any(math.isnan(self.law_at(i, t + INSTANT)[0]) for i in self.prescribed)
 
     def next_kink(self, t: float) -> float:
         """The first time [s] after one at which a law has a kink, or ends."""

@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.layout import in_numbers
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion_outputs import (
     SimulationResult,
-    states_along,
+    by_column,
 )
 from blockmech.dynamics.request import (
     OUTPUTS,
@@ -38,7 +37,7 @@ from blockmech.dynamics.request import (
     request_of,
 )
 from blockmech.dynamics.roles import RolesGiven, unused_laws
-from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
+from blockmech.dynamics.stops import prepared
 from blockmech.dynamics.system import System
 from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.engines.llvm import compiled_program
@@ -162,25 +161,6 @@ def leading_joints(mechanism: Compiled) -> tuple[str, ...]:
     return tuple(mechanism._joint_names.get(x, x).removeprefix("joint.") for x in driven)
 
 
-def prepared(
-    mechanism: Compiled,
-    request: SimulationRequest,
-    starts: Pairs,
-    stops: Pairs | None,
-    options: Arguments,
-) -> tuple[System, SimulationRequest]:
-    """The system of a mechanism that begins somewhere, and the request with its end stops.
-
-    Raises `RequestError` for stops that cannot be.
-    """
-    between = stops_of(mechanism, starts, stops)
-    if bouncing(between):
-        request = replace(request, stops=between)
-    counted = counted_pairs(mechanism, starts, between)
-    bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
-    return system_of(mechanism, **bounds, **options), request
-
-
 def explained(
     mechanism: Compiled, system: System, request: SimulationRequest, motion: Motion
 ) -> Motion:
@@ -272,10 +252,8 @@ def with_undefined_loads(mechanism: Compiled, motion: Motion) -> Motion:
 def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
     """Loads that have no value where the motion ended or just ahead, in a good pose."""
     q, rate, t = _states_beyond_end(motion)
-    inputs: dict[str, Floats] = {}
-    for name, x in (("q", q), ("qd", rate), ("qdd", 0 * q)):
-        inputs |= {f"{name}_{i}": column for i, column in enumerate(x.T)}
-    inputs |= states_along(motion, np.full(len(t), motion.t_end))
+    inputs = by_column("q", q) | by_column("qd", rate) | by_column("qdd", 0 * q)
+    inputs |= by_column("x", motion.signal_states(np.full(len(t), motion.t_end)))
     return loads_without_value(mechanism, Samples(len(t), inputs, t))
 
 

@@ -39,15 +39,18 @@ from blockmech.dynamics.flows import (
     SectionReturn,
     Stroboscope,
 )
-from blockmech.dynamics.forcing import COMMON, ELSEWHERE, forcing_period, no_steady
 from blockmech.dynamics.path import integrate_by_quadrature
 from blockmech.dynamics.periodic import (
+    COMMON,
+    ELSEWHERE,
     FLOWS,
     QUOTIENT,
     Equilibrium,
     FixedPoint,
     equilibrium_near,
     fixed_point,
+    forcing_period,
+    no_steady,
     repeated,
     resting,
 )
@@ -257,9 +260,13 @@ def _leave_if_unstable(flow: Flow) -> Floats:
 
 
 def _equilibrium(flow: Flow, x: Floats) -> Equilibrium | None:
-    """The equilibrium near a state."""
-    moving = slice(flow.layout.moving)
-    return equilibrium_near(flow.of_motion, x[flow.layout.q], flow.size[moving])
+    """The equilibrium near a state, signal blocks where they begin."""
+    layout = flow.layout
+
+    def acceleration(motion: Floats) -> Floats:
+        return flow.acceleration(layout.start(*np.split(motion, 2)))
+
+    return equilibrium_near(acceleration, x[layout.q], flow.size[: layout.work])
 
 
 def _at_rest(flow: Flow, equilibrium: Equilibrium) -> Motion:

@@ -14,23 +14,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Constraints
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.layout import StateLayout
-from blockmech.dynamics.motion_outputs import friction_along
+from blockmech.dynamics.motion_outputs import by_column, friction_along
 from blockmech.dynamics.request import (
     Pairs,
     SimulationRequest,
     Start,
     Until,
     refuse_no_inertia,
-    size_of,
+    request_of,
+    start_of,
     starts_of,
 )
-from blockmech.dynamics.roles import RolesGiven, located, roles_of
-from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
+from blockmech.dynamics.roles import RolesGiven, roles_of
+from blockmech.dynamics.stops import prepared
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
 from blockmech.dynamics.user_functions import refuse_memory
@@ -38,13 +38,12 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, as_names, listed, refused
 from blockmech.ground.values import is_count, is_number
 from blockmech.model.structure import JointRef
-from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction
 from blockmech.plan.settings import friction_asked
 from blockmech.result.samples import Samples
 from blockmech.signals.contract import HELD
 from blockmech.signals.sources import Input
-from blockmech.typing import EngineName, Floats, FrictionMethod, Indices, Quantity, Real
+from blockmech.typing import Arguments, EngineName, Floats, FrictionMethod, Indices, Quantity, Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -70,11 +69,11 @@ class Stepper:
         want: Iterable[str] | str,
         copies: int,
         tolerance: float,
-        bound: Pairs,
+        roles: RolesGiven | None,
     ) -> None:
         """See `stepper`, which reads what a user gives."""
         self.mechanism, self.copies, self._system = mechanism, copies, system
-        self._start, self._tolerance, self._bound = dict(start), tolerance, bound
+        self._start, self._tolerance, self._roles = dict(start), tolerance, roles
         self.outputs = mechanism.outputs.match(want)
         friction_method = system.method or Friction("none")
         self._plan = mechanism._plan_for(
@@ -87,7 +86,7 @@ class Stepper:
             if isinstance(block, Input)
         }
         self.inputs = tuple(self._places)
-        self._layout: StateLayout = Equation(system, self._pair(start)[0]).layout
+        self._layout: StateLayout = Equation(system, start_of(start).q).layout
         self.t = np.zeros(copies)
         self._y = np.zeros((copies, self._layout.size))
         self.ended = [""] * copies
@@ -114,13 +113,14 @@ class Stepper:
         """
         which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
         begin = self._start | dict(start or {})
-        units, bound = self.mechanism._coordinate_units, self._bound
-        states = starts_of(self.mechanism.scene, units, begin, bound)
+        scene, units = self.mechanism.scene, self.mechanism._coordinate_units
+        _, bound = roles_of(scene, units, self._roles, {}, math.inf)
+        y = self._layout.start(*start_of(starts_of(scene, units, begin, bound))[:2])
         for i in which:
             if not 0 <= i < self.copies:
                 fault, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
                 raise refused("copies", fault, valid=valid)
-            self._y[i], self.t[i], self.ended[i] = self._layout.start(*self._pair(states)), 0.0, ""
+            self._y[i], self.t[i], self.ended[i] = y, 0.0, ""
             if self._system.counted is not None:
                 self._counted[i] = self._system.counted.restarted(self._y[i, self._layout.q])
         return self.observe()
@@ -145,15 +145,12 @@ class Stepper:
 
     def observe(self) -> dict[str, Floats]:
         """The present outputs of all copies: name -> (n,), complex for vectors."""
-        layout, inputs = self._layout, dict[str, Floats]()
-        for k in range(layout.drivers):
-            inputs[f"q_{k}"] = self._y[:, k].copy()
-            inputs[f"qd_{k}"] = self._y[:, layout.drivers + k].copy()
-        states = self._y[:, layout.signals].T
-        inputs |= {f"{STATE}{k}": x.copy() for k, x in enumerate(states)}
+        layout, y = self._layout, self._y.copy()
+        inputs = by_column("q", y[:, layout.q]) | by_column("qd", y[:, layout.rate])
+        inputs |= by_column("x", y[:, layout.signals])
         if not inputs.keys() >= {*self._plan.program.inputs} - {"t"}:
             for name, rows in self._acting().items():
-                inputs |= {f"{name}_{k}": column for k, column in enumerate(rows.T)}
+                inputs |= by_column(name, rows)
         values, _ = self.mechanism._evaluate(
             self._plan, Samples(self.copies, inputs, self.t.copy())
         )
@@ -163,11 +160,6 @@ class Stepper:
             columns = [np.broadcast_to(values[j], self.copies) for j in self._plan.layout[name]]
             outputs[name] = np.array(read(*columns))
         return outputs
-
-    def _pair(self, start: Pairs) -> tuple[Real, Real]:
-        """Coordinates and rates of a start, numbers of one driver."""
-        q, rate = np.array(list(start.values()), dtype=float).T
-        return (float(q[0]), float(rate[0])) if q.size == 1 else (q, rate)
 
     def _feed(self, name: str, value: Real) -> None:
         among(self.inputs, "input", name, remedy='add a block of the type "signal.input"')
@@ -278,16 +270,12 @@ def stepper(
         raise refused(
             "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
         )
-    scene, drivers = mechanism.scene, mechanism._coordinate_units
-    at_start, bound = roles_of(scene, drivers, roles, {}, math.inf)
-    starts = starts_of(scene, drivers, start, bound, located(roles))
-    between = stops_of(mechanism, starts, stops)
-    counted = counted_pairs(mechanism, starts, between)
-    at_stops = {"stops": bounds_of(between), "counted": counted, "roles": at_start}
-    if at_start is None:
+    arguments: Arguments = {"accuracy": accuracy, "start": start, "stops": stops, "roles": roles}
+    request, starts = request_of(mechanism.scene, mechanism._coordinate_units, **arguments)
+    options = {"method": friction_asked(friction), "engine": engine}
+    system, request = prepared(mechanism, request, starts, stops, options)
+    if request.roles is None:
         mechanism._once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
-    friction_method = friction_asked(friction)
-    system = system_of(mechanism, method=friction_method, engine=engine, **at_stops)
-    tolerance = size_of("accuracy", accuracy) or TARGET
-    return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance, bound)
+    about = as_names("want", want), copies, request.accuracy or TARGET, roles
+    return Stepper(mechanism, system, starts, *about)

@@ -12,23 +12,25 @@ Source: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, c
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.loads import largest_length
+from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.loads import REACH, largest_length
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
-from blockmech.dynamics.request import STOPS, Pairs, pairs_of
+from blockmech.dynamics.request import STOPS, Pairs, SimulationRequest, pairs_of
+from blockmech.dynamics.system import System
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import Problem, RequestError, refused, unknown_name
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE
-from blockmech.typing import Real
+from blockmech.typing import Arguments, Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-REACH = 8.0  # of a slide's coordinate, in largest lengths
 TURNS = 64  # beyond which the stop of a pin that turns on is not looked for
 LEAST_SLOPE = math.sqrt(EPS)  # of a pair's coordinate by the driver's, where it strikes a stop
 
@@ -208,9 +210,8 @@ class _Coordinate:
         """Its derivative by the driver's coordinate, at a place if there is one."""
         if math.isinf(q):
             return 1.0
-        rate = f"{self.name.removesuffix(COORDINATE)}slip"
-        run = self.mechanism.run(at={self.driver: [q]}, rates={self.driver: 1.0}, want=[rate])
-        slope = float(run[rate][0])
+        pair = stopped_pairs(self.mechanism, [self.name])
+        slope = float(pair.state(np.array([q]), np.zeros(1))[1][0, 0])
         if abs(slope) < LEAST_SLOPE:
             where = (
                 f"{self.name} turns back where it touches its stop, at {self.driver}.q = {q:.9g}"
@@ -227,3 +228,22 @@ def bouncing(stops: tuple[Between, ...]) -> bool:
 def bounds_of(stops: tuple[Between, ...]) -> tuple[tuple[float, float], ...]:
     """Lowest and highest coordinate of each driver [rad or m]."""
     return tuple((low.q, high.q) for low, high in stops)
+
+
+def prepared(
+    mechanism: Compiled,
+    request: SimulationRequest,
+    starts: Pairs,
+    stops: Pairs | None,
+    options: Arguments,
+) -> tuple[System, SimulationRequest]:
+    """The system of a mechanism that begins somewhere, and the request with its end stops.
+
+    Raises `RequestError` for stops that cannot be.
+    """
+    between = stops_of(mechanism, starts, stops)
+    if bouncing(between):
+        request = replace(request, stops=between)
+    counted = counted_pairs(mechanism, starts, between)
+    bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
+    return system_of(mechanism, **bounds, **options), request

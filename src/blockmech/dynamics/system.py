@@ -273,16 +273,19 @@ class System:
         stops = self.pairs.constraints(q, rate, sorted(self.contacts)) if self.contacts else None
         return stops if self.roles is None else self.roles.extend(stops, t, lead)
 
-    def pushes(self, q: Floats, rate: Floats, t: float, x: Floats | None) -> Floats:
-        """What the stops push with (a,) that it lies against; x are states of signal blocks.
+    def response(
+        self, q: Real, rate: Real, t: float, x: Floats | None = None
+    ) -> tuple[Floats, Floats]:
+        """Accelerations (k,) where a motion begins; what the stops give (a,) that it lies against.
 
-        Behind them what the drives give of drivers that are not free.
+        Behind them what the drives give of drivers that are not free; x are states of signal
+        blocks and friction laws.
         """
         q, rate = np.atleast_1d(q), np.atleast_1d(rate)
         if self.friction is not None:
-            return self.friction.from_state(q, rate, t, self.against(q, rate, t), x)[2]
-        M, c, Q, _ = self.terms_of(q, rate, t, x)[0]
-        return self.accelerations(M, Q - c, q, rate, t)[1]
+            return self.friction.from_state(q, rate, t, self.against(q, rate, t), x)[1:]
+        terms = self.terms(q, rate, t, x)
+        return self.accelerations(terms.M, terms.Q - terms.c, q, rate, t)
 
     def coordinates(self, q: Real) -> Floats:
         """Coordinates (n,) of all that has stops."""
@@ -334,17 +337,18 @@ class System:
         with np.errstate(all="ignore"):
             return engine.run({n: inputs[n] for n in engine.program.inputs}, q.size)
 
-    def scalar_terms(self, q: float, qd: float = 0.0, t: float = 0.0) -> ScalarTerms:
-        """One state of one driver, signal blocks where they begin."""
-        return self.scalar_terms_of(q, qd, t)[0]
+    def scalar_terms(
+        self,
+        q: float,
+        qd: float = 0.0,
+        t: float = 0.0,
+        x: Floats | None = None,
+        qdd: float | None = None,
+    ) -> ScalarTerms:
+        """One state of one driver, x the states of signal blocks, by default the initial ones.
 
-    def scalar_terms_of(
-        self, q: float, qd: float, t: float, x: Floats | None = None, qdd: float | None = None
-    ) -> tuple[ScalarTerms, Sequence[float]]:
-        """One state of one driver, and what signal blocks make of it: see `SignalProgram`.
-
-        x are their states, by default the initial ones. Where signals follow the acceleration,
-        and it is not given, the program is asked once more with that of the loads.
+        Where signals follow the acceleration, and it is not given, the program is asked once more
+        with that of the loads.
         """
         inputs = {"q_0": q, "qd_0": qd, "qdd_0": 0.0 if qdd is None else qdd, "t": t}
         values = self._single(inputs, x)
@@ -353,7 +357,7 @@ class System:
         if qdd is None and self.follows_acceleration:
             inputs["qdd_0"] = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
             values = self._single(inputs, x)
-        return ScalarTerms(J, tau, dJ, smallest(values[n:])), values[3:n]
+        return ScalarTerms(J, tau, dJ, smallest(values[n:]), values[3:n])
 
     @cached_property
     def follows_acceleration(self) -> bool:
@@ -361,31 +365,19 @@ class System:
         inputs = self.equation_program.inputs
         return self.signals.values > 0 and any(name.startswith("qdd_") for name in inputs)
 
-    def terms(self, q: Real, qd: Real, t: float = 0.0) -> Terms:
-        """The equation of motion at one state, signal blocks where they begin."""
-        return self.terms_of(q, qd, t)[0]
-
-    def terms_of(
-        self, q: Real, qd: Real, t: float, x: Any = None, qdd: Real = None
-    ) -> tuple[Terms, Sequence[float]]:
-        """The equation of motion at one state, and the rest as of `scalar_terms_of`.
+    def terms(self, q: Real, qd: Real, t: float = 0.0, x: Any = None, qdd: Real = None) -> Terms:
+        """The equation of motion at one state, the rest as of `scalar_terms`.
 
         Coordinates, rates and accelerations are numbers of one driver, else arrays (k,).
         """
         k = len(self.drivers)
         if k == 1:
             q, qd = float(np.ravel(q)[0]), float(np.ravel(qd)[0])
-            signal_values: Sequence[float] = ()
-            if self.signals.values:
-                scalar, signal_values = self.scalar_terms_of(
-                    q, qd, t, x, None if qdd is None else float(np.ravel(qdd)[0])
-                )
-            else:
-                scalar = self.scalar_terms(q, qd, t)
-            bias = np.array([0.5 * scalar.dJ * qd * qd])
-            return Terms(
-                np.array([[scalar.J]]), bias, np.array([scalar.tau]), scalar.margin
-            ), signal_values
+            J, tau, dJ, margin, signal_values = self.scalar_terms(
+                q, qd, t, x, None if qdd is None else float(np.ravel(qdd)[0])
+            )
+            bias = np.array([0.5 * dJ * qd * qd])
+            return Terms(np.array([[J]]), bias, np.array([tau]), margin, signal_values)
         inputs: dict[str, float] = {"t": t}
         for i in range(k):
             inputs[f"q_{i}"], inputs[f"qd_{i}"] = float(q[i]), float(qd[i])
@@ -398,12 +390,12 @@ class System:
         if qdd is None and self.follows_acceleration:
             qdd, _ = self.accelerations(M, Q - c, q, qd, t)
             values = self._single(inputs | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
-        return Terms(M, c, Q, smallest(values[last:])), values[first:last]
+        return Terms(M, c, Q, smallest(values[last:]), values[first:last])
 
     def accelerations(
         self, M: Floats, Q: Floats, q: Real, rate: Real, t: float
     ) -> tuple[Floats, Floats]:
-        """Accelerations (k,) by efforts, and what stops and drives give (a,), see `pushes`."""
+        """Accelerations (k,) by efforts, and what stops and drives give (a,), see `response`."""
         return constrained(M, Q, self.against(q, rate, t))
 
     def typical_inertia(self, q: float) -> float:

@@ -7,7 +7,6 @@ pairs with friction, instants of signals and events that change roles end one.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain, count
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ import numpy as np
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.blow import jolt_of
+from blockmech.dynamics.contacts import INSTANT
 from blockmech.dynamics.ends import RunEnd
 from blockmech.dynamics.equation import PAST, scales, time_left
 from blockmech.dynamics.estimate import (
@@ -42,30 +42,15 @@ from blockmech.dynamics.layout import TimeTrack
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.solvers import STEPPERS
-from blockmech.dynamics.stick_slip import Now, StickSlip, Transition
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Impact, Motion, RolesFrom, Slips, Still
+from blockmech.result.motion import Impact, Motion, RolesFrom, Still
 from blockmech.signals.contract import at_once
 from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
-
-CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a step of each
-
-SILENT = frozenset(
-    {
-        ends.KINK,
-        ends.GOAL,
-        ends.WHOLE_TURN,
-        ends.GUIDE_SIDE,
-        ends.SIGNAL_KINK,
-        ends.RELEASED,
-        ends.DEFLECTION_KINK,
-    }
-)  # kinds of events that a motion does not list
 
 
 @dataclass
@@ -74,8 +59,7 @@ class TimeIntegration(Integration):
 
     def __post_init__(self, before: Integration | None) -> None:
         super().__post_init__(before)
-        self.pairs = StickSlip(self.equation, self.request)
-        self.slips, self.jolts = list[Slips](), list[Impact]()  # jolts of changes of roles
+        self.jolts = list[Impact]()  # of changes of roles
         self.roles = list[tuple[float, Roles]]()  # from times [s] on
         self.fired: EventFunction | None = None  # by which the last segment ended
         self.turns: TurnsInTime | None = None  # where a goal may never be reached
@@ -127,11 +111,6 @@ class TimeIntegration(Integration):
         return motion.but(error=0.0) if self.is_rest else motion
 
     @property
-    def silent(self) -> frozenset[str]:
-        """Kinds of events that the motion does not list, for now."""
-        return SILENT | self.pairs.silent
-
-    @property
     def is_rest(self) -> bool:
         """Whether it is over without any step: at a finer tolerance it is the same."""
         return not self.moves and self.end not in UNFINISHED
@@ -172,13 +151,9 @@ class TimeIntegration(Integration):
 
     # -- segments --------------------------------------------------------------------------
 
-    @property
-    def _now(self) -> Now:
-        return Now(self.t, self.y, bool(self.pieces))
-
     def begin(self) -> RunEnd | None:
         """Give pairs with friction the senses in which they slip first."""
-        over = self._becomes(self.pairs.settle(self._now))
+        over = self.settle()
         rests = over is not None or self.t >= self.t_max
         if self.scales is None and not rests:
             self.scales = scales(self.equation, self.t, self.y)
@@ -187,34 +162,16 @@ class TimeIntegration(Integration):
             self.turns = TurnsInTime(float(self.y[0]), self.t, float(self.y[1]) ** 2)
         return over
 
-    def _becomes(self, changes: Iterable[Transition]) -> RunEnd | None:
-        """Go on as pairs with friction do."""
-        for change in changes:
-            self.events += change.events
-            self.facts |= change.facts
-            self.slips = [s for s in self.slips if not (change.slips and s.begin == self.t)]
-            self.slips += change.slips
-            self.y = self.y if change.y is None else change.y
-            if change.until is not None:
-                self.wait(change.until)
-            if change.end is not None:
-                return change.end
-        return None
-
     def _rules(self) -> list[EventFunction]:
         equation, system = self.equation, self.system
         signals = signal_rules(equation.kinks, system.signals.kinks)
         rules = self.general.copy()
-        if equation.drivers == 1 and not equation.is_fixed:
+        if self.layout.drivers == 1 and not equation.is_fixed:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
-            rules += self._turn_rules()
-        return [*rules, *signals, *self.pairs.rules()]
-
-    def _turn_rules(self) -> list[EventFunction]:
-        if self.turns is None or self.system.period is None:
-            return []
-        travel, coordinate = self.turns.many * self.system.period, self.turns.coordinate
-        return [driver_at(ends.WHOLE_TURN, q) for q in (coordinate - travel, coordinate + travel)]
+            if self.turns is not None and system.period is not None:
+                q, travel = self.turns.coordinate, self.turns.many * system.period
+                rules += [driver_at(ends.WHOLE_TURN, x) for x in (q - travel, q + travel)]
+        return [*rules, *signals, *self.pair_rules()]
 
     def _turned(self) -> RunEnd | None:
         """Go on over a whole turn, if the goal may still be ahead."""
@@ -239,13 +196,14 @@ class TimeIntegration(Integration):
             return RunEnd(ends.LEAVES_STOP)  # what has just switched pulls
         if (pressed := self._pressed()) is not None:
             return RunEnd(pressed)
-        if self.pairs.pushed_loose(self._now):
-            return self._becomes(self.pairs.settle(self._now, self.pairs.stuck, True))
+        fresh = self.settled == self.t
+        if self.holds and not fresh and self.excess(self.t, self.y) > 0:  # pushed loose
+            return self.settle(self.stuck, True)
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
         if self.system.roles is not None:
             if self.system.roles.turns(self.t) and self.pieces:
-                self._becomes(self.pairs.settle(self._now, self.pairs.stuck))
+                self.settle(self.stuck)
             bound = min(bound, self.system.roles.next_kink(self.t))
         if self.t < self.request.apex:  # a step as long as a flight sees no blow at its end
             bound = min(bound, self.request.apex)
@@ -253,7 +211,8 @@ class TimeIntegration(Integration):
             self.t = bound
             return None
         parts = 1 if self.method in STEPPERS else PARTS
-        past_events = self.pairs.coincident_events(self._now)
+        # several pairs may reverse at once
+        past_events = {(ends.REVERSAL, j) for j in self.zero if self.settled == self.t}
         if self.fired is not None and self.fired.kind != ends.RELEASED:
             past_events.add((self.fired.kind, self.fired.index))
         rules, detector_options = self._rules(), (parts, self.system.spans, self.t, past_events)
@@ -288,7 +247,7 @@ class TimeIntegration(Integration):
         if jolt is not None:
             self.jolts.append(jolt)
             self.y[self.layout.rate] = jolt.after
-        return self._becomes(self.pairs.settle(self._now))
+        return self.settle()
 
     def _switch(self) -> None:
         """Let the discrete signal blocks that are due at this instant switch.
@@ -312,16 +271,16 @@ class TimeIntegration(Integration):
         begins = self.t in (self.request.start.t, self.switched)
         if not (begins and self.layout.initial) or self.system.friction is not None:
             return None
-        for i in range(self.equation.drivers):
+        for i in range(self.layout.drivers):
             q, qd = self.y[self.layout.q][i], self.y[self.layout.rate][i]
             side = self.system.at_stop(i, q)
             if qd or not side or i in self.system.contacts:
                 continue
             y, push = self.y.copy(), 0.0
-            for _ in range(CHAIN):
+            for _ in range(len(self.layout.initial) + 1):  # through as many states at most
                 slope = np.asarray(self.equation(self.t, y), dtype=np.float64)
                 push = push or slope[self.layout.rate][i]
-                y[self.layout.signals] += CREEP * slope[self.layout.signals]
+                y[self.layout.signals] += INSTANT * slope[self.layout.signals]
             if push * side > 0:
                 kind = self.system.end_at(i)
                 self.happened(kind, *self.layout.motion(self.y))
@@ -338,14 +297,14 @@ class TimeIntegration(Integration):
         if (watch := next(changes, None)) is not None:
             return self._change_roles(watch)
         if kind == ends.REVERSAL:
-            return self._becomes(self.pairs.reverse(self._now, rule.index))
+            return self.reverse(rule.index)
         if kind == ends.RELEASED:
-            return self._becomes(self.pairs.settle(self._now, self.pairs.stuck, True))
+            return self.settle(self.stuck, True)
         past = {ends.KINK: self._past_kink, ends.WHOLE_TURN: self._turned}
         past |= {ends.STANDSTILL: self._stood}
         if kind in past:
             return past[kind]()
-        if kind in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
+        if kind in ends.KINKS:
             return None
         if kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
             return self.short_of(kind, time_left(self.system, kind, *map(float, self.y[:2])))
@@ -366,7 +325,7 @@ class TimeIntegration(Integration):
         short = self.request.standstills < math.inf and swing <= self.rest
         if short and self.system.friction is None:
             return RunEnd(ends.REST)
-        return self._becomes(self.pairs.settle(self._now))
+        return self.settle()
 
     def _past_kink(self) -> RunEnd | None:
         """Go on to the far side of a kink, if there is one: else the load ends there.
