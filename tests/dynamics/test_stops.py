@@ -136,7 +136,7 @@ def with_a_wall(rng):
     free = guided(float(rng.uniform(0.5, 3.0)), lambda q: push - q)
 
     def one(q, qd, t):
-        return free.scalar_terms(q) if q <= place else (math.nan,) * 4
+        return free.scalar_terms(q)[:4] if q <= place else (math.nan,) * 4
 
     return free.but(one=one), 0.1, float(rng.uniform(3, 6))
 

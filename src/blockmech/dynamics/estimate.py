@@ -64,28 +64,23 @@ class Difference(NamedTuple):
     states: State = State(np.empty(0), np.empty(0))
 
     def error_of_finer(self, remainder: float) -> Real:
-        """[rad or m] What the finer run is off, if what it is late is a share of theirs."""
-        late = remaining_difference(self.off, self.bends, remainder).max(axis=(-2, -1))
+        r"""[rad or m] What the finer run is off, if what it is late is a share of theirs.
+
+        Most motions are off in proportion to how late they are. Where rates grow without bound, at
+        places without inertia and dead centres, a way x is left with :math:`x \dot x` constant, so
+        the time left goes as :math:`x^2`. With x of the run farther from there as the unit, 1 - u
+        of the other, whose rates differ by u, and the remainder :math:`\rho` of times, of their
+        difference u
+
+        .. math:: 1 - u - \sqrt{(1 - u)^2 - \rho u (2 - u)}
+
+        is left; at most 1 - u, the whole way.
+        """
+        u = self.bends
+        root = np.sqrt(np.maximum((1 - u) ** 2 - remainder * u * (2 - u), 0.0))
+        share = np.divide(1 - u - root, u, out=np.zeros_like(u), where=u > 0)
+        late = (np.maximum(share, remainder) * self.off).max(axis=(-2, -1))
         return np.maximum(remainder * self.q, late)
-
-
-def remaining_difference(off: Floats, bends: Floats, remainder: float) -> Floats:
-    r"""[rad or m] What is left of differences of two runs, if their times leave a share.
-
-    off : differences, bends : by what part of the fastest rate rates differ there
-
-    Most motions are off in proportion to how late they are. Where rates grow without bound, at
-    places without inertia and dead centres, a way x is left with :math:`x \dot x` constant, so the
-    time left goes as :math:`x^2`. With x of the run farther from there as the unit, 1 - u of the
-    other, whose rates differ by u, and the remainder :math:`\rho` of times, of their difference u
-
-    .. math:: 1 - u - \sqrt{(1 - u)^2 - \rho u (2 - u)}
-
-    is left; at most 1 - u, the whole way.
-    """
-    root = np.sqrt(np.maximum((1 - bends) ** 2 - remainder * bends * (2 - bends), 0.0))
-    share = np.divide(1 - bends - root, bends, out=np.zeros_like(bends), where=bends > 0)
-    return np.maximum(share, remainder) * off
 
 
 @lru_cache(maxsize=8)

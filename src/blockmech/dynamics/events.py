@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -381,19 +382,15 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     hits = until_terminal(lookout.within(t, states, dense))
     events = [Event(hit.rule.kind, hit.t, *map(float, dense(hit.t))) for hit in hits]
     if not (hits and hits[-1].rule.terminal):
-        return replace(motion, events=tuple(sorted((*motion.events, *events), key=_time)))
+        return replace(motion, events=tuple(sorted((*motion.events, *events), key=attrgetter("t"))))
     end = events[-1]
     earlier = [e for e in motion.events if e.t <= end.t]
     return replace(
         motion,
-        events=tuple(sorted([*earlier, *events], key=_time)),
+        events=tuple(sorted([*earlier, *events], key=attrgetter("t"))),
         t_end=end.t,
         q_end=end.q,
         qd_end=end.qd,
         status="reached",
         end=end.kind,
     )
-
-
-def _time(event: Event) -> float:
-    return event.t

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -288,9 +288,8 @@ class Stroboscope:
             best = orbit if best is None or orbit.point.kind == "stable" else best
             if orbit.point.kind != "unstable":
                 break
-        return best or self._unfound()
-
-    def _unfound(self) -> NoReturn:
+        if best is not None:
+            return best
         x, T, flow = self.flow.x, self.T, self.flow
         if flow.k == len(self.cyclic) == 1:
             gain = float(flow.after(x, T, FLOWS)[1] - x[1])

@@ -290,10 +290,7 @@ class Bounces(Run):
         stops, side = self._rows({i: limit}, q, after), self._side(i, limit)
         speed, ratio = abs(rate_along(stops.rows[0], after)), 1.0
         M, Q = self._matrix(q, after, t)
-        lain = {j: end for j, end in self.contacts.items() if j != i}
-        constraint = self._rows(lain, q, after) if lain else None
-        if self.system.roles is not None:
-            constraint = self.system.roles.extend(constraint, t)
+        constraint = self.system.against(q, after, t)
         loads = constrained(M, Q, constraint)[0]
         push = side * float(stops.rows[0] @ loads + stops.drift[0])
         if self.friction is not None:

@@ -92,8 +92,8 @@ class Integration(StickSlip):
         """
         if not all(map(math.isfinite, self.equation(self.t, self.y))):  # no solver would come back
             return self.give_up()
-        solver, standstills = self.solver(self.t, self.y, bound), lookout.of(ends.STANDSTILL)
-        every = any(rule.terminal for rule in standstills.rules)
+        solver = self.solver(self.t, self.y, bound)
+        every = any(rule.terminal for rule in lookout.rules if rule.kind == ends.STANDSTILL)
         while solver.t < bound:
             steps = solver.steps(lookout.free_range(float(solver.y[0])), every)
             if steps is None:
@@ -109,9 +109,9 @@ class Integration(StickSlip):
     ) -> EventHit | None:
         """Go over steps, to the first terminal event in them."""
         hits_in = user_events.within(*steps[:3])
-        m = len(steps.t) - 1
+        standing, m = lookout.of(ends.STANDSTILL) if steps.turns else lookout, len(steps.t) - 1
         for i in steps.turns:
-            hits_in += lookout.of(ends.STANDSTILL).within(*steps.part(i, i + 1)[:3])
+            hits_in += standing.within(*steps.part(i, i + 1)[:3])
         if steps.calm < m:
             hits_in += lookout.within(*steps.part(m - 1, m)[:3])
         hits = until_terminal(hits_in)

@@ -192,8 +192,9 @@ def result_in_chart(
     method = replace(method, pushed=lain_against(mechanism, motion.lying).refs)
     plan = mechanism._plan_for(want, method)
     unknown = np.zeros(len(t), bool)
-    if motion.end == ends.DEAD_CENTRE and _margin_at_end(mechanism, motion) <= DEPENDENT:
-        unknown = t == motion.t_end
+    if motion.end == ends.DEAD_CENTRE:
+        margin = System(mechanism).terms(motion.q_end, motion.qd_end).margin
+        unknown = (t == motion.t_end) & (margin <= DEPENDENT)
     inputs = MotionInputs(mechanism, method, motion, t, unknown)
     values, engine = mechanism._evaluate(plan, Samples(len(t), inputs, t), engine, chunk=chunk)
     if unknown.any():
@@ -205,10 +206,6 @@ def result_in_chart(
         )
     samples = Samples(len(t), inputs, t)
     return SimulationResult(mechanism, plan, samples, values, engine, settings | STATIC, motion)
-
-
-def _margin_at_end(mechanism: Compiled, motion: Motion) -> float:
-    return System(mechanism).terms(motion.q_end, motion.qd_end).margin
 
 
 def frictionless(mechanism: Compiled, want: Sequence[str], samples: Samples) -> Result:

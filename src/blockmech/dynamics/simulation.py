@@ -251,18 +251,12 @@ def with_undefined_loads(mechanism: Compiled, motion: Motion) -> Motion:
 
 def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
     """Loads that have no value where the motion ended or just ahead, in a good pose."""
-    q, rate, t = _states_beyond_end(motion)
+    end, rate = (np.atleast_1d(x).astype(float) for x in (motion.q_end, motion.qd_end))
+    before = motion.at(motion.t_end - AHEAD[-2] * (motion.t_end - motion.t_start)).qd
+    steps, grows = np.array(AHEAD)[:, None], np.sign(rate - np.atleast_1d(before))
+    q = end + steps * np.sign(rate) * np.maximum(np.abs(end), 1.0)
+    rate = rate + steps * grows * np.maximum(np.abs(rate), 1.0)
+    t = motion.t_end + steps[:, 0] * max(abs(motion.t_end), 1.0)
     inputs = by_column("q", q) | by_column("qd", rate) | by_column("qdd", 0 * q)
     inputs |= by_column("x", motion.signal_states(np.full(len(t), motion.t_end)))
     return loads_without_value(mechanism, Samples(len(t), inputs, t))
-
-
-def _states_beyond_end(motion: Motion) -> tuple[Floats, Floats, Floats]:
-    """States from the end on: coordinates and rates (n, k), times (n,)."""
-    end, rate = (np.atleast_1d(x).astype(float) for x in (motion.q_end, motion.qd_end))
-    before = motion.at(motion.t_end - AHEAD[-2] * (motion.t_end - motion.t_start)).qd
-    grows = np.sign(rate - np.atleast_1d(before))
-    steps = np.array(AHEAD)[:, None]
-    q = end + steps * np.sign(rate) * np.maximum(np.abs(end), 1.0)
-    rates = rate + steps * grows * np.maximum(np.abs(rate), 1.0)
-    return q, rates, motion.t_end + steps[:, 0] * max(abs(motion.t_end), 1.0)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -51,6 +52,7 @@ class Stop(NamedTuple):
 
 
 Between = tuple[Stop, Stop]
+BY_PLACE = attrgetter("q")
 
 
 def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, ...]:
@@ -85,7 +87,8 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
         elif name not in stops_by_name:
             try:
                 of_driver = _of_pair(mechanism, name, between, starts, where)
-                stops_by_name[driver] = _narrower(stops_by_name[driver], of_driver)
+                lows, highs = zip(stops_by_name[driver], of_driver, strict=True)
+                stops_by_name[driver] = max(lows, key=BY_PLACE), min(highs, key=BY_PLACE)
             except RequestError as error:
                 problems += error.problems
     if problems:
@@ -105,11 +108,6 @@ def _ends_so(name: str) -> bool:
 
 def _is_coordinate(mechanism: Compiled, name: str) -> bool:
     return _ends_so(name) and name in mechanism.outputs
-
-
-def _narrower(between: Between, second: Between) -> Between:
-    pairs = tuple(zip(between, second, strict=True))
-    return max(pairs[0], key=lambda stop: stop.q), min(pairs[1], key=lambda stop: stop.q)
 
 
 def _turns(coordinate: float, low: float, high: float, rotary: bool) -> float:
