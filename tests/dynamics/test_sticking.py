@@ -294,6 +294,20 @@ def test_a_pair_turns_back_while_the_machine_lies_against_a_stop():
     assert np.ptp(np.sign(runs[0]["joint.D.slip"])) == 2
 
 
+@pytest.mark.parametrize("q", [-1.2, -1.0, -0.8])
+def test_a_dry_pin_holds_an_arm_that_its_stop_no_longer_pushes(q):
+    """Its acceleration is rounding, which is no push back onto the stop."""
+    g = arm(0.2, 0.0, bm.laws.Polynomial(of="time", coefficients=[-12.0, 30.0]))
+    g.add_stop("upper", q, q + 2.0, restitution=0.0)
+    g.start("upper", q=q)
+    g.start("fore", q=0.5)
+    motion = g.compile().simulate("time=0.7", want=(), budget=5, accuracy=1e-8).motion
+    leaves, slips = motion.events[1:]
+    assert (leaves.kind, slips.kind) == ("leaves its stop", "slipping of upper.A")
+    assert slips.t > leaves.t + 0.05
+    assert slips.q[0] == pytest.approx(q, abs=1e-12)
+
+
 def test_a_motion_that_only_begins_has_the_friction_of_what_begins():
     mech = arm(0.006, 0.03).compile()
     start = {"upper": (0.2, 0.0), "fore": (0.1, 0.0)}

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.contacts import rate_along
+from blockmech.dynamics.contacts import STILL, rate_along
 from blockmech.dynamics.estimate import TARGET, spread
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.method_table import METHODS, Method
@@ -190,7 +190,13 @@ def _pressed_by_stop(system: System, request: SimulationRequest) -> Motion | Non
             continue
         rows, drift = system.rows(start.q, start.rate)
         fast = rate_along(rows[i], start.rate)
-        if side * (fast or float(rows[i] @ system.response(*start)[0] + drift[i])) > 0:
+        push = float(rows[i] @ system.response(*start)[0] + drift[i])
+        terms = system.terms(*start)
+        loose, _ = system.accelerations(terms.M, terms.Q - terms.c, *start)
+        size = float(np.abs(rows[i]) @ np.abs(loose) + abs(drift[i]))
+        if abs(push) <= STILL * size:  # rounding of an acceleration that friction takes away
+            push = 0.0
+        if side * (fast or push) > 0:
             end = system.end_at(i)
             events = (Event(end, start.t, start.q, start.rate),)
             still = replace(request.standing, why="it starts at an end stop that holds it")
