@@ -125,7 +125,7 @@ __all__ = [
     "write",
 ]
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _NAMESPACES = {  # loaded when they are first asked for, as are the names below
     "design": "blockmech.design",
