@@ -11,6 +11,7 @@ from blockmech.dynamics import methods
 from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.programs import Sample, ScalarTerms
 from blockmech.dynamics.request import SimulationRequest, Start, Until
+from blockmech.dynamics.steady import steady_motion
 from blockmech.dynamics.system import System
 from blockmech.ground.plane import EPS
 
@@ -120,4 +121,5 @@ def move(
     request = SimulationRequest(
         start, until, accuracy, method, step, tuple(np.ravel(times).tolist()), tuple(watch)
     )
-    return methods.move(system, request)
+    search = steady_motion if until.goal == "steady" else None
+    return methods.move(system, request, search)
