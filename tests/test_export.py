@@ -23,9 +23,10 @@ from blockmech.result.data import json_chunks
 from blockmech.result.exported import result_schema
 from blockmech.result.motion import fact_unit
 from blockmech.result.spreadsheet import csv_chunks, write_csv
-from blockmech.result.tables import html_table, table
+from blockmech.result.tables import _select, html_table, table
 from examples.wire_ruiz import fourbar
 from tests.analysis.linkages import fivebar, short_fourbar
+from tests.gallery import GRAPHS
 
 BAR = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
 GAP = 4.0  # [rad] crank angle at which `short_fourbar` cannot close
@@ -480,3 +481,20 @@ def test_vectors_are_drawn_by_size_or_by_components(turn):
     x, y = (1000 * line.get_ydata() for line in parts.axes[0].lines)
     assert x == pytest.approx(turn["dyad.D.reaction"].real, abs=1e-6)
     assert np.hypot(x, y) == pytest.approx(1000 * sized.axes[0].lines[0].get_ydata())
+
+
+def test_sizes_in_tables_and_pictures_are_in_the_units_of_their_heads():
+    run = bm.read(GRAPHS / "joints" / "slider_crank.json").run(samples=13)
+    (size,) = [c for c in _select(run.to("kN"), 200, tuple(run)).columns if "joint.B" in c.name]
+    assert size.unit == "kN"
+    assert size.values == pytest.approx(np.abs(run["joint.B.reaction"]) / 1000.0, rel=1e-15)
+    labels = " ".join(axes.get_ylabel() for axes in run.to("kN", "N mm").plot().axes)
+    assert "N mm" in labels
+    assert "kN" in labels
+    assert run.plot(want="*.reaction").axes
+
+
+def test_what_is_not_compiled_is_told_how():
+    drawing = bm.read(GRAPHS / "joints" / "slider_crank.json")
+    with pytest.raises(bm.RequestError, match="compile it first"):
+        bm.design.flywheel(drawing, speed=80.0, fluctuation=0.05)

@@ -69,6 +69,9 @@ PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 class Compiled(Runnable[M]):
     """A valid, compiled mechanism, as analyses take it; `Mechanism` adds them as methods."""
 
+    _called = "a compiled mechanism"
+    _remedy = "compile it first: its compile() gives a mechanism"
+
     _run_to = LazyMethod("blockmech.analysis.accuracy.run_to")
     _with_deflections = LazyMethod("blockmech.analysis.deflections._with_deflections")
 

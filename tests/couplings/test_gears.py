@@ -191,7 +191,8 @@ def test_a_run_of_one_turn_says_after_how_many_it_repeats():
     assert not bm.Graph.from_data(data).compile().run().notes()
     data["blocks"]["mesh"]["teeth"] = [20, 40]
     (note,) = bm.Graph.from_data(data).compile().run().notes()
-    assert note == 'the mechanism repeats after 2 turns of first: end="2 turns" shows all'
+    advice = 'a law of motion with end="2 turns" shows all'
+    assert note == f"the mechanism repeats after 2 turns of first: {advice}"
     data["scene"]["drive"]["first"]["to"] = "2 turns"
     path = bm.Graph.from_data(data).compile().run(want="dyad.C.p")["dyad.C.p"]
     assert abs(path[-1] - path[0]) < 1e-12

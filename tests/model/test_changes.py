@@ -6,6 +6,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.ground.units import NoQuantity, quantity
+from tests.gallery import GRAPHS
 
 PIN = bm.friction.Coulomb(coefficient=0.1, radius=0.01)
 
@@ -79,6 +80,8 @@ def test_a_copy_of_a_model_has_its_fields_alone():
     joint = arm().joints["O"]
     assert codes(lambda: joint.model_copy(update={"fricton": PIN}))[0][0] == "unknown-key"
     assert joint.model_copy(update={"friction": PIN}).friction == PIN
+    with pytest.raises(bm.GraphError, match=r"m\.replace"):
+        joint.friction = PIN
 
 
 def test_units_of_another_kind_are_refused_in_parts_from_python():
@@ -92,6 +95,15 @@ def test_units_of_another_kind_are_refused_in_parts_from_python():
     driver = m.drivers["motor"]
     m.drivers["motor"] = driver.model_copy(update={"rate": 5.0})  # the text went with its number
     assert "drivers.motor.rate" not in {p.where for p in m.check()}
+
+
+def test_a_stop_of_a_slide_is_a_length():
+    m = bm.read(GRAPHS / "joints" / "slider_crank.json")
+    m.add_stop("joint.cylinder.coordinate", high="20 mm")
+    assert not m.check()
+    m.stops.clear()
+    m.add_stop("joint.cylinder.coordinate", high="1 deg")
+    assert [p.code for p in m.check()] == ["wrong-unit"]
 
 
 def test_a_square_is_not_written_as_the_symbol_twice():

@@ -7,8 +7,10 @@ Sources: [R10] Ruiz, Durango & Calle 2010.
 
 from __future__ import annotations
 
+import fnmatch
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -155,14 +157,23 @@ def plot(
     suffix = "" if path is None else suffix_of(path)
     x_axis = abscissa(result, over, degrees)
     if want is None and not components and len(result) == len(result.mechanism.outputs):
-        panels = tuple(p for group in pictures_of(result, degrees).values() for p in group)
+        groups = pictures_of(result, degrees).values()
+        panels = tuple(in_units(panel, result.units) for panels in groups for panel in panels)
     else:
-        outputs = result if want is None else as_names("want", want)
+        names = result if want is None else as_names("want", want)
+        outputs = [n for name in names for n in fnmatch.filter(result, name) or [name]]
         panels = chosen_panels(result, outputs, degrees, components)
     figure = draw_panels(panels, x_axis, ax)
     if path is not None:
         write_figure(figure, path, suffix)
     return figure
+
+
+def in_units(panel: Panel, units: Sequence[str]) -> Panel:
+    """A panel in the units of a result, where they are of its kind."""
+    factor, unit = shown_in(panel.unit, units)
+    curves, without = ({n: factor * y for n, y in x.items()} for x in (panel.curves, panel.without))
+    return replace(panel, unit=unit, curves=curves, without=without)
 
 
 def chosen_panels(

@@ -114,7 +114,9 @@ def _problem(name: str, value: object, hint: Any) -> Problem:
     kinds = list(dict.fromkeys(w for part in _parts(hint) if (w := _type_name(part))))
     valid = f"{' or '.join(kinds)} is meant" if kinds else ""
     message = f"got {value!r:.60}"
-    return Problem("wrong-type", name, message, valid, getattr(value, "_instead", ""))
+    remedies = (getattr(x, "_remedy", "") for x in _parts(hint) if hasattr(value, "compile"))
+    remedy = next(filter(None, remedies), getattr(value, "_instead", ""))
+    return Problem("wrong-type", name, message, valid, remedy)
 
 
 def _hint(

@@ -124,7 +124,8 @@ def _axes(sections: Record) -> Iterator[tuple[str, Axis]]:
     joints = {name: Axis.of(joint.type) for name, joint in sections.get("joints", {}).items()}
     for name, driver in sections.get("drivers", {}).items():
         yield name, joints.get(driver.joint, Axis())
-    yield from ((f"joint.{name}", axis) for name, axis in joints.items())
+    for name, axis in joints.items():
+        yield from ((text, axis) for text in (f"joint.{name}", f"joint.{name}.coordinate"))
 
 
 def _numbers(

@@ -67,7 +67,7 @@ def missing_turns(mechanism: Any, inputs: Record) -> list[str]:
     for i, driver in enumerate(mechanism.drivers):
         turns, travel = mechanism.structure.turns(driver) or 0, float(np.ptp(inputs[f"q_{i}"]))
         if 1 < turns <= FEW and math.isclose(travel, math.tau):
-            end = f'end="{turns} turns" shows all'
+            end = f'a law of motion with end="{turns} turns" shows all'
             notes.append(f"the mechanism repeats after {turns} turns of {driver}: {end}")
     return notes
 

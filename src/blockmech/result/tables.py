@@ -155,7 +155,8 @@ def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
         # Once one does not fit, smaller ones must not jump the queue.
         parts = output_columns(result, name) if name in result and not omitted else []
         if everything and len(parts) == 2 and result.output(name).kind == "vector":
-            parts = [Column(f"|{name}|", parts[0].unit, np.abs(result[name]), name)]
+            size = np.hypot(*(part.values for part in parts))
+            parts = [replace(parts[0], name=f"|{name}|", values=size)]
         if parts and (not has_columns or _line_width([*chosen, *parts], rows, status) <= width):
             chosen += parts
             has_columns = True

@@ -63,6 +63,8 @@ class LinkGiven(Link):
         assembly mode
     """
 
+    remade: ClassVar[str] = 'e.g. m = m.replace({"links.rod.mass": "2 kg"})'
+
     pose: Pose = default(None)
 
     def units(self, axis: Axis) -> Units:
@@ -80,6 +82,8 @@ TWO = Field(min_length=2, max_length=2)
 
 
 class _Joint(StrictModel):
+    remade: ClassVar[str] = 'e.g. m = m.replace({"joints.A.friction": law})'
+
     links: Annotated[list[str], Field(min_length=2)]
     at: Annotated[list[Place], Field(min_length=2)]
 
