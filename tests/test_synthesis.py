@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.ground.units import UnitWarning
 from blockmech.synthesis import (
     body_guidance,
     burmester_pins,
@@ -231,6 +232,8 @@ def test_points_and_angles_are_texts_with_units():
         np.radians([0.0, 45.0, 90.0]), np.radians([0.0, 9.0, 36.0]), starts=64
     )
     assert degrees[0].graph.to_json() == radians[0].graph.to_json()
+    with pytest.warns(UnitWarning, match='"60deg"'):
+        function_generator([0, 30, 60], [0.0, 0.2, 0.5], starts=64)
     rows = [(0, 0, "0deg"), (1, "50cm", "10deg"), (2, 1.5, "40deg")]
     texts = three_positions(rows, [("0mm", "0mm"), ("500mm", 0.0)])
     si = [(0, 0, 0.0), (1, 0.5, np.radians(10.0)), (2, 1.5, np.radians(40.0))]

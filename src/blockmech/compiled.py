@@ -71,7 +71,6 @@ class Compiled(Runnable[M]):
 
     _called = "a compiled mechanism"
     _remedy = "compile it first: its compile() gives a mechanism"
-
     _run_to = LazyMethod("blockmech.analysis.accuracy.run_to")
     _with_deflections = LazyMethod("blockmech.analysis.deflections._with_deflections")
 
@@ -93,9 +92,8 @@ class Compiled(Runnable[M]):
     ) -> None:
         """``structure`` and ``scene`` are those of a graph.
 
-        With ``names`` outputs are those of the links, joints and drivers of the
-        joint-based document that the graph was made of. ``document`` is what the user
-        wrote, graph or linkage: other designs are made of it.
+        With ``names`` outputs are those of the links, joints and drivers of a joint-based document.
+        ``document`` is what the user wrote, graph or linkage: other designs are made of it.
         """
         if names is not None and not isinstance(scene, SceneOfLinks):
             scene = SceneOfLinks(**dict(scene))
@@ -319,8 +317,7 @@ class Compiled(Runnable[M]):
         chunk: int | None = None,
     ) -> Result:
         """The wanted outputs at samples; ``settings`` are those of `plan`; gaps are marked."""
-        friction = settings["friction"]
-        settings = {**settings, "friction": "newton" if friction is None else friction}
+        settings = {**settings, "friction": settings["friction"] or "newton"}
         plan = self._plan_at(samples, want, **settings)
         if self.structure.states:
             self._refuse_states(plan, samples.inputs)

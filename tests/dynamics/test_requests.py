@@ -110,6 +110,7 @@ def test_a_mistake_in_a_users_event_is_told_as_such(surface, part, method):
 
 def test_events_are_events_and_one_must_end_the_run():
     assert "are not events" in said(rod(), "time=1", watch=[lambda t, q, qd: q])
+    assert "are not events" in said(rod(), "time=1", watch=Watch("brake", "q=-1"))
     passing = Watch("level", lambda t, q, qd: q, terminal=False)
     assert "watch=" in said(rod(), "event", watch=passing)
 

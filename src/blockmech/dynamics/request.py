@@ -65,7 +65,7 @@ FIXED: tuple[str, ...] = get_args(FixedStepName)
 ENGINES = ("auto", "scalar", "llvm")
 OUTPUTS = 201  # output times where none are named
 PAIRS = "give them by driver, like {pairs}"
-WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
+WATCH = 'blockmech.Watch("name", lambda t, q, rate: ...)'
 NO_PAIRS: Pairs = {}
 START, STOPS = '{"crank": (0.0, 0.0)}', '{"crank": (-1.0, 2.0)}'
 
@@ -424,7 +424,9 @@ def times_of(times: object) -> Floats | None:
 def watches_of(events: object) -> tuple[Watch, ...]:
     """The user's events."""
     row = (events,) if isinstance(events, Watch) else events
-    if not isinstance(row, Sequence) or not all(isinstance(x, Watch) for x in row):
+    if not isinstance(row, Sequence) or not all(
+        isinstance(x, Watch) and callable(x.surface) for x in row
+    ):
         raise refused("watch", f"{events!r} are not events", f"give {WATCH}")
     return tuple(map(_checked, row))
 

@@ -190,7 +190,7 @@ def _one_pose(units: Mapping[str, str], scene: Scene, q: float) -> Samples | Non
     ((driver, unit),) = units.items()
     law = scene.drive.get(driver)
     if unit == "rad" and q % 10 == 0:
-        _doubt(f"at[{driver}]", q, q)
+        warn_of_degrees(f"at[{driver}]", q, q)
     if type(law) is ConstantRate:
         return Samples(1, {"q_0": [float(q)], "qd_0": [law.rate], "qdd_0": [0.0]}, clock=law)
     return Samples(1, {"q_0": [float(q)], "qd_0": [0.0], "qdd_0": [0.0]}) if law is None else None
@@ -208,7 +208,7 @@ def _by_coordinate(
     motions, clock = {}, None
     for driver, unit in units.items():
         if unit == "rad":
-            _doubt(f"at[{driver}]", q[driver].min(), q[driver].max())
+            warn_of_degrees(f"at[{driver}]", q[driver].min(), q[driver].max())
         column = _stretched(driver, q[driver], n)
         law = scene.drive.get(driver)
         rate = acceleration = np.zeros(n)
@@ -319,7 +319,7 @@ def _column(where: str, raw: Numbers, unit: str) -> Floats:
     return column
 
 
-def _doubt(where: str, low: float, high: float) -> None:
+def warn_of_degrees(where: str, low: float, high: float) -> None:
     """Warn of angles that are surely degrees: they are taken as they are, in radians."""
     if seem_degrees(low, high):
         last = max(low, high, key=abs)

@@ -23,7 +23,7 @@ import numpy as np
 
 from blockmech.ground.errors import refused
 from blockmech.ground.units import NoQuantity, in_si
-from blockmech.result.samples import DEFAULT_SAMPLES
+from blockmech.result.samples import DEFAULT_SAMPLES, warn_of_degrees
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point, margin, pose
 from blockmech.typing import Array, Floats, Numbers, Points, Progress, Vectors
 
@@ -272,6 +272,8 @@ def numbers_in_si(name: str, values: object, remedy: str, *units: str) -> Array:
             rows = [[in_si(x, unit) for x, unit in zip(row, units, strict=True)] for row in rows]
         array = np.asarray(in_si(rows, *units[:1]))
         if np.isfinite(array).all():
+            if units == ("rad",) and array.size:
+                warn_of_degrees(name, float(array.min()), float(array.max()))
             return array
     except NoQuantity as error:
         raise refused(name, error.found, remedy, error.valid) from None
