@@ -31,7 +31,7 @@ from blockmech.typing import Real
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
 SAME = 1e-12  # relative distance of two places or periods that are one: files have 12 digits
 LONGEST = 10_000  # turns of a period: what takes longer repeats nothing that a run sees
-REACH = 8.0  # lengths of a mechanism on either side within which a slide is looked at
+REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide are looked for
 
 
 def depends_on(structure: Structure) -> frozenset[str]:
