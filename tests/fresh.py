@@ -1,4 +1,4 @@
-"""Machine code as in a new process without files: none is kept, and nothing was asked before."""
+"""Programs and machine code as in a new process without files: none is kept or asked before."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import pytest
 
 @contextmanager
 def without_kept_code() -> Iterator[None]:
-    """No machine code of before is taken, and none of this time is kept."""
+    """No program or machine code of before is taken, and none of this time is kept."""
     from blockmech.engines import code_cache, cost, llvm
+    from blockmech.passes import homotopy
+    from blockmech.plan import recipes
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(code_cache.FOLDER, "")
-        patch.setattr(llvm, "_CODES", {})
+        for module, cache in ((llvm, "_CODES"), (recipes, "_RECIPES"), (homotopy, "_PATHS")):
+            patch.setattr(module, cache, {})
         cost._account.cache_clear()
         try:
             yield

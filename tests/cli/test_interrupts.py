@@ -123,7 +123,7 @@ def test_a_simulation_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
 
 
 def test_a_trade_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
-    monkeypatch.setattr("blockmech.analysis.trade.measure._point", press)
+    monkeypatch.setattr("blockmech.analysis.trade.measure.Point", press)
     arguments = ["--want", "*.drive", "--want", "*.p", "--budget", "20s"]
     outcome = call("trade", SIXBAR, *arguments)
     assert (outcome.code, outcome.err) == (130, "interrupted: what was measured is kept\n")

@@ -217,7 +217,7 @@ CHOICES = {
 
 
 class Units(dict[str, str]):
-    """Units in which a form shows lengths, angles, rates and forces, by those of SI, as files are.
+    """Units in which a form shows lengths, angles, rates and forces, by their SI units.
 
     What is in SI may be left out.
     """

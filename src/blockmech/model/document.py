@@ -241,11 +241,10 @@ class Document:
         >>> g.replace({"dyad.friction": {}}).blocks["dyad"].friction
         {}
         """
-        parts = {
-            a: x for a, x in values.items() if x is None or isinstance(x, Mapping | StrictModel)
-        }
+        known, kinds = parameters_of(self.sections()), Mapping | StrictModel | None
+        parts = {a: x for a, x in values.items() if a not in known and isinstance(x, kinds)}
         new: Data = {a: x for a, x in values.items() if a not in parts}
-        numbers = named(parameters_of(self.sections()), new)
+        numbers = named(known, new)
         texts = {p: x for p, x in numbers.items() if isinstance(x, str) and p.path[-1] in PARTS}
         in_si = {p: number_in_si(x, p.unit) for p, x in texts.items()}
         return self.with_checked({p.path: x for p, x in (numbers | in_si).items()}, parts)

@@ -220,7 +220,7 @@ class Result(Exported, Generic[M]):
     @np.errstate(all="ignore")  # what is not finite is reported by the quality
     def _make(self, name: str) -> Any:
         source = name if name in self else str(name).rpartition(".")[0]  # of a vector's x or y
-        if source != name and name in self.drivers:
+        if source != name and name in tuple(self.drivers):
             return self.drivers[name]
         if source not in self or name not in self._compiled.outputs:
             known = dict.fromkeys(self.plan.want)

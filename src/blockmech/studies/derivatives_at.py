@@ -47,8 +47,10 @@ class Derivatives(NamedTuple):
 
 
 def states_and_sources(mechanism: Compiled) -> tuple[dict[str, int], dict[str, int]]:
-    """Numbers in x by name: of states of signal blocks that move by themselves, ``pid.integral``,
-    and of outputs of blocks without inputs that are held from outside, ``setpoint.y``."""
+    """Numbers in x by name: of states of signals, and of outputs held from outside.
+
+    States move by themselves, ``pid.integral``; blocks without inputs are held, ``setpoint.y``.
+    """
     states, sources = dict[str, int](), dict[str, int]()
     for ref, i in mechanism.structure.states.items():
         if ref.block in mechanism.structure.signals:

@@ -74,7 +74,7 @@ class Pose(NamedTuple):
     links: tuple[LinkPosition, ...]
     ends: tuple[Ends, ...]
     J: Array  # (..., N, N) lengths by the group's size
-    closed: Real  # 1, NaN where the pairs do not close
+    closed: Real  # [-] 1, NaN where the pairs do not close
     first: Real  # [-] largest first step, size or radians: how far the guess was off
     reached: Real  # [-] share of the path from home that was possible; 1 is all of it
 
