@@ -317,7 +317,7 @@ class Compiled(Runnable[M]):
         chunk: int | None = None,
     ) -> Result:
         """The wanted outputs at samples; ``settings`` are those of `plan`; gaps are marked."""
-        settings = {**settings, "friction": settings["friction"] or "newton"}
+        settings = {"friction": "newton"} | {k: x for k, x in settings.items() if x is not None}
         plan = self._plan_at(samples, want, **settings)
         if self.structure.states:
             self._refuse_states(plan, samples.inputs)
