@@ -18,6 +18,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import blockmech as bm
+from blockmech.figures.curves import pictures_of
 from blockmech.ground.files import folder, writing
 from blockmech.result.data import json_chunks
 from blockmech.result.exported import result_schema
@@ -492,6 +493,7 @@ def test_sizes_in_tables_and_pictures_are_in_the_units_of_their_heads():
     assert "N mm" in labels
     assert "kN" in labels
     assert run.plot(want="*.reaction").axes
+    assert pictures_of(run.to("kN"))["reactions"][0].unit == "kN"  # as files of a run are, too
 
 
 def test_what_is_not_compiled_is_told_how():

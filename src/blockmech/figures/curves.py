@@ -52,7 +52,11 @@ def pictures_of(result: Result, degrees: bool = False) -> dict[str, Panels]:
     }
     if not pictures["drive"] and not pictures["reactions"]:
         pictures["kinematics"] = kinematic_panels(result, degrees)
-    return {name: panels for name, panels in pictures.items() if panels}
+    return {
+        name: tuple(in_units(panel, result.units) for panel in panels)
+        for name, panels in pictures.items()
+        if panels
+    }
 
 
 def without_friction(result: Result) -> Result | None:
@@ -157,16 +161,20 @@ def plot(
     suffix = "" if path is None else suffix_of(path)
     x_axis = abscissa(result, over, degrees)
     if want is None and not components and len(result) == len(result.mechanism.outputs):
-        groups = pictures_of(result, degrees).values()
-        panels = tuple(in_units(panel, result.units) for panels in groups for panel in panels)
+        panels = tuple(p for group in pictures_of(result, degrees).values() for p in group)
     else:
         names = result if want is None else as_names("want", want)
-        outputs = [n for name in names for n in fnmatch.filter(result, name) or [name]]
+        outputs = [n for name in names for n in _matches(result, name) or [name]]
         panels = chosen_panels(result, outputs, degrees, components)
     figure = draw_panels(panels, x_axis, ax)
     if path is not None:
         write_figure(figure, path, suffix)
     return figure
+
+
+def _matches(result: Result, pattern: str) -> list[str]:
+    """Outputs of a run that a pattern asks for, case counting on every system."""
+    return [name for name in result if fnmatch.fnmatchcase(name, pattern)]
 
 
 def in_units(panel: Panel, units: Sequence[str]) -> Panel:
