@@ -22,8 +22,7 @@ def given_points(where: str, **points: Point) -> list[complex]:
             parsed.append(Vector.parse(point).z)
         except PydanticCustomError as error:
             problems.append(Problem("bad-point", f"{where}: {name}", error.message()))
-    if problems:
-        raise GraphError(problems)
+    GraphError.raise_for(problems)
     return parsed
 
 

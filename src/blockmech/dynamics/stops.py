@@ -92,8 +92,7 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
                 stops_by_name[driver] = max(lows, key=BY_PLACE), min(highs, key=BY_PLACE)
             except RequestError as error:
                 problems += error.problems
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     return tuple(stops_by_name.values())
 
 

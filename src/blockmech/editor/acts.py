@@ -204,8 +204,7 @@ def _wire(now: Revision, request: Request) -> Step:
     form = _blocks(now)
     document: Any = now.document
     problems = document.problems_of(wire)
-    if problems:
-        raise GraphError(problems)
+    GraphError.raise_for(problems)
     return Step(edits.wired(form, *wire.ends), str(wire))
 
 

@@ -90,8 +90,7 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
         followed_structure = replace(
             followed_structure, followed={**followed_structure.followed, name: branch}
         )
-    if problems:
-        raise GraphError(problems)
+    GraphError.raise_for(problems)
     return followed_structure
 
 

@@ -29,8 +29,7 @@ def friction_asked(method: FrictionMethod | None) -> Friction:
     if iterations is not None and not is_count(iterations):
         message = f"must be a whole number, at least 1, got {iterations!r}"
         problems.append(Problem("bad-value", "iterations", message, "", ""))
-    if problems:
-        raise RequestError(problems)
+    RequestError.raise_for(problems)
     return Friction(
         "successive",
         None if tolerance is None else float(tolerance),
