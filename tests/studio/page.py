@@ -74,21 +74,20 @@ class Sheet:
         return " ".join(part.inner_text() for part in parts if part.is_visible())
 
     def at(self, x, y):
-        box = self.svg.bounding_box()
+        box = box_of(self.svg)
         return box["x"] + x * box["width"], box["y"] + y * box["height"]
 
     def to(self, x, y):
         """Pixels of a place [m]."""
         scale, across, top = map(float, self.svg.get_attribute("data-view").split())
-        box = self.svg.bounding_box()
+        box = box_of(self.svg)
         return box["x"] + across + x * scale, box["y"] + top - y * scale
 
     def pin(self, name):
-        ring = self.page.locator(f'.pin[data-pin="{name}"] .ring')
-        box = None
-        while box is None:  # as long as a frame is drawn there is none
-            ring.wait_for(state="attached")
-            box = ring.bounding_box()
+        return self.middle(f'.pin[data-pin="{name}"] .ring')
+
+    def middle(self, selector):
+        box = box_of(self.page.locator(selector))
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     def drag(self, a, b, typed="", steps=5):
@@ -146,6 +145,15 @@ class Sheet:
 
     def field(self, label):
         return self.page.get_by_label(label, exact=True)
+
+
+def box_of(element):
+    """The box of an element on the screen [px]; there is none while the page redraws."""
+    box = None
+    while box is None:
+        element.wait_for(state="attached")
+        box = element.bounding_box()
+    return box
 
 
 def _turn(angle):

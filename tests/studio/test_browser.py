@@ -11,7 +11,7 @@ pytest.importorskip("playwright.sync_api", reason="it is no browser's driver")
 from playwright.sync_api import expect
 
 import blockmech as bm
-from tests.studio.page import FRAMES, Sheet, heap_around
+from tests.studio.page import FRAMES, Sheet, box_of, heap_around
 
 AXE = Path(__file__).parents[2] / ".ci" / "node_modules" / "axe-core" / "axe.min.js"
 DRAWN = {"new": "joints"}
@@ -134,10 +134,10 @@ def test_blocks_are_added_wired_refused_and_dragged(page, studio):
     hand = Sheet(page, studio, {"new": "blocks"})
     for word in ("frame", "crank"):
         hand.changed(page.get_by_role("button", name=f"Add {word}", exact=True).click)
-    hand.changed(lambda: wire(page, hand, "frame.frame", "crank.A"))
+    hand.changed(lambda: wire(hand, "frame.frame", "crank.A"))
     assert hand.state["problems"] == []
     page.locator('.wire[data-id="frame.frame -> crank.A"]').wait_for(state="attached")
-    block = page.locator('g.block[data-id="crank"]').bounding_box()
+    block = box_of(page.locator('g.block[data-id="crank"]'))
     before = block["x"]
     hand.changed(
         lambda: hand.drag((block["x"] + 30, block["y"] + 12), (block["x"] + 60, block["y"] + 52))
@@ -152,15 +152,12 @@ def test_blocks_are_added_wired_refused_and_dragged(page, studio):
     assert "motor" in [link["name"].split(".")[0] for link in hand.state["drawing"]["links"]]
 
 
-def wire(page, hand, source, target):
-    ends = []
-    for side, address in (("source", source), ("target", target)):
+def wire(hand, source, target):
+    def end(side, address):
         block, port = address.split(".")
-        handle = page.locator(f'.handle.{side}[data-block="{block}"][data-port="{port}"]')
-        handle.wait_for(state="attached")
-        box = handle.bounding_box()
-        ends.append((box["x"] + box["width"] / 2, box["y"] + box["height"] / 2))
-    hand.drag(*ends)
+        return hand.middle(f'.handle.{side}[data-block="{block}"][data-port="{port}"]')
+
+    hand.drag(end("source", source), end("target", target))
 
 
 def test_a_joint_of_blocks_is_dragged_in_the_picture(page, studio):
@@ -331,8 +328,8 @@ def test_tools_take_two_lines_of_a_window_of_1280_px(page, studio):
     page.set_viewport_size({"width": 1280, "height": 720})
     Sheet(page, studio, {"example": "joints/excavator"})
     for bar, lines in ((".bar", 1), (".tools:visible", 2)):
-        height = page.get_by_role("button", name="Save").bounding_box()["height"]
-        assert page.locator(bar).bounding_box()["height"] < (lines + 0.75) * height, bar
+        height = box_of(page.get_by_role("button", name="Save"))["height"]
+        assert box_of(page.locator(bar))["height"] < (lines + 0.75) * height, bar
 
 
 def test_a_small_window_and_large_letters_cut_nothing(page, studio):
