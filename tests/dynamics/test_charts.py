@@ -6,6 +6,7 @@ onto the joints), eight digits.
 
 from __future__ import annotations
 
+import copy
 import math
 import pickle
 
@@ -16,6 +17,7 @@ from scipy.integrate import solve_ivp
 import blockmech as bm
 from blockmech.dynamics.charts import home_chart
 from blockmech.dynamics.request import Watch
+from blockmech.model.joints.decompose import decompose
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.dynamics.honesty import mechanism as massive
 from tests.dynamics.one_chart import in_one_chart
@@ -249,7 +251,8 @@ def test_a_driver_that_a_signal_reads_always_drives():
     linkage.connect("gain.y", "moment.law")
     motion = linkage.compile().simulate("time=1", want=()).motion
     assert motion.end == "dead centre"
-    assert "no other joint leads on: loads, signals or roles name the drivers" in motion.notes
+    note = "no other joint leads on: loads, couplings, signals or roles name the drivers"
+    assert note in motion.notes
 
 
 def test_a_crank_that_goes_on_leading_counts_from_its_markers_direction():
@@ -324,6 +327,62 @@ def test_two_drivers_go_through_a_stretched_dyad():
     )
     assert len(motion.charts) == 3
     assert np.abs(motion.at(times).q - truth(case, times)).max() < motion.error < 1e-8
+
+
+def geared(case):
+    """A five-bar with two wheels in mesh with its first crank, and one that is the same.
+
+    A flywheel on the frame turns twice as fast; a planet on the crank rolls on a fixed sun.
+    """
+    case, alike = copy.deepcopy(case), copy.deepcopy(case)
+    a, _ = case["joints"]["B"]["at"][0]
+    case["links"]["frame"] = {"markers": {"sun": {"at": [0.0, 0.0]}}}
+    for name, mass, inertia in (("fly", 0.7, 0.02), ("planet", 0.4, 0.01)):
+        case["links"][name] = {"mass": mass, "inertia": inertia, "cm": [0, 0], "pose": [0, 0, 0]}
+        case["drivers"][f"{name}_turn"] = {"joint": name.upper()}
+    case["joints"]["FLY"] = pin("frame", "fly", [-0.3, 0.0], [0.0, 0.0])
+    case["joints"]["PLANET"] = pin("l", "planet", [a, 0.0], [0.0, 0.0])
+    case["couplings"] = {
+        "mesh": {"type": "gear", "driver": "one", "driven": "fly_turn", "teeth": [40, 20]},
+        "roll": {"type": "gear", "driver": "frame.sun", "driven": "planet_turn", "teeth": [30, 15]},
+    }
+    crank = alike["links"]["l"]
+    mass, x = crank["mass"], crank["cm"][0]
+    middle = (mass * x + 0.4 * a) / (mass + 0.4)
+    crank["inertia"] += mass * (x - middle) ** 2 + 0.4 * (a - middle) ** 2
+    crank["inertia"] += 0.02 * 2.0**2 + 0.01 * 3.0**2  # as they turn against the ground
+    crank |= {"mass": mass + 0.4, "cm": [middle, 0.0]}
+    return case, alike
+
+
+@pytest.mark.parametrize("blocks", [False, True])
+def test_gears_go_along_while_other_drivers_change_joints(blocks):
+    """Beside absolute coordinates of the same machine without its wheels."""
+    case, alike = geared(five_bar(np.random.default_rng([1, 7])))
+    times, linkage = np.linspace(0.0, 0.55, 4), bm.Linkage.from_data(case)
+    mechanism = (bm.Graph.from_data(decompose(linkage)[0]) if blocks else linkage).compile()
+    result = mechanism.simulate(times=times, want="*", accuracy=1e-8)
+    assert [joints[0][-1] for _, joints in result.motion.charts] == ["A"] * 3
+    q = truth(alike, times)
+    assert np.abs(result.motion.at(times).q - q).max() < result.motion.error < 1e-8
+    assert mechanism.verify(result).ok
+    head, coordinate = ("", ".A") if blocks else ("driver.", "")
+    fly = f"fly_turn{coordinate}.coordinate" if blocks else "joint.FLY.coordinate"
+    for name, ratio in ((f"{head}fly_turn.q", -2.0), (f"{head}planet_turn.q", 2.0), (fly, -2.0)):
+        assert result[name] == pytest.approx(ratio * q[:, 0], abs=1e-8), name
+    assert np.isfinite(result["roll.force"]).all()
+
+
+def test_a_driver_that_couplings_read_always_drives():
+    linkage = hanging()
+    linkage.add_link("fly", inertia=1e-5)
+    linkage.add_joint("F", "R", ["frame", "fly"], point=(-0.1, 0.0))
+    linkage.add_driver("flywheel", "F")
+    linkage.add_coupling("mesh", "gear", driver="motor", driven="flywheel", teeth=[20, 20])
+    motion = linkage.compile().simulate("time=1", want=()).motion
+    assert motion.end == "dead centre"
+    note = "no other joint leads on: loads, couplings, signals or roles name the drivers"
+    assert note in motion.notes
 
 
 def test_goals_and_events_count_the_users_driver():

@@ -56,7 +56,7 @@ Prepare: TypeAlias = Callable[..., tuple["System", SimulationRequest]]
 LOOKS = 32  # places over a leg at which charts are compared
 SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
 WHY = "other joints lead where the drivers' coordinates stand still"
-NAMED = "no other joint leads on: loads, signals or roles name the drivers"
+NAMED = "no other joint leads on: loads, couplings, signals or roles name the drivers"
 FOLLOW = "it passes change points, where its dyads follow the motion"
 ROUNDED = 4  # roundings by which the coarser walk is off where the state is handed over
 
@@ -382,7 +382,6 @@ def until(motion: Motion, t: float) -> Motion:
 def _refused(home: Chart, request: SimulationRequest) -> str:
     """What a motion has that is not handed over from chart to chart; empty where all is."""
     reasons = {
-        "it has couplings": home.home.couplings,
         "signals or friction laws have states": home.mechanism.structure.states,
         "end stops let it bounce": request.stops,
         "a steady state is looked for": request.until.goal == "steady",
@@ -444,7 +443,7 @@ def beyond_dead_centres(
     named = {d for d, role in roles.items() if role != FREE}
     named |= {d for watch in request.watch for d in watch.then}
     sensors = (wire.source.split(".") for wire in linkage.wires)
-    named |= {name[1] for name in sensors if name[0] == "driver"}
+    named |= {name[1] for name in sensors if name[0] == "driver"} | mechanism.structure.leaders
     loads = {getattr(load, "driver", None) for load in linkage.loads.values()}
     fixed = tuple(j for j, d in home.users.items() if d in named or linkage.driven[j] in loads)
     if why := _refused(home, request):

@@ -62,6 +62,7 @@ def sources_of(blocks: Compiled, chart: Chart) -> dict[str, Source]:
         if s.joint(pair.joint).rotary and not s.joint(pair.joint).driven:
             where, sign = f"{pair.joint}.coordinate", -1 if pair.flipped else 1
             sources[where] = Source(f"joint.{name}.coordinate", sign, angle=True)
+    sources |= {f"{s.driven[d]}.{COORDINATE}": Source(f"driver.{d}.q") for d in s.followers}
     return sources
 
 
@@ -98,13 +99,15 @@ class LegOutputs:
     def read(self, name: str) -> Any:
         """Values (n,) of one of the user's outputs."""
         driver, coordinate = self.of._once(coordinates_of_drivers).get(name, ("", None))
-        if coordinate is not None:
+        if coordinate is not None and driver not in self.of.structure.followers:
             return coordinate.of_joint(self._of_driver(self.of._of_driver(driver, "q")))
         if (source := self.names.get(name)) is None:
             return self._of_driver(name)
         if self.of.outputs[name].kind == "matrix" and self.leg.counted is not None:
             return np.nan  # it is by drivers
         x = self.result[source.name]
+        if coordinate is not None and source.name.endswith(".q"):
+            return coordinate.of_joint(x)
         if source.angle:
             return wrapped(source.sign * (x - source.turn))
         return x if source.sign > 0 else np.negative(x)

@@ -253,6 +253,7 @@ class Chart:
             names[joint]: linkage.drivers.get(names[joint]) or DriverGiven(joint=joint)
             for joint in starts
         }
+        copy.drivers |= {c.driven: linkage.drivers[c.driven] for c in linkage.couplings.values()}
         copy.initial = {names[j]: Initial(q=q, rate=rate) for j, (q, rate) in starts.items()}
         copy.stops = {}
         for name, stop in linkage.stops.items():

@@ -117,7 +117,8 @@ class SaidByLinks:
         for ref, name in self.joints.items():
             first, second = (self.links[x] for x in self._ends(ref))
             joints[name] = JointName(ref, ref in self.flipped, False, (), (first, second))
-        return Names(links, joints, {name: (name,) for name in self.s.elements})
+        loads, couplings = {x: (x,) for x in self.s.elements}, {x: x for x in self.s.couplings}
+        return Names(links, joints, loads, couplings)
 
     def _ends(self, ref: JointRef) -> list[LinkRef]:
         """The links of a pair, in the order in which its coordinate counts as a driver's."""
