@@ -200,6 +200,27 @@ def test_numbers_of_a_linkage_that_go_into_its_graph_vary_in_one_program():
     assert moved.status == ("ok", "ok")
 
 
+@pytest.mark.parametrize("address", ["joints.seam.angle[1]", "joints.B.at[1].y"])
+def test_angles_of_a_design_are_counted_in_its_own_frames(address):
+    m = bm.Linkage("bracket")
+    m.add_link("crank", pose=(0.0, 0.0, 0.3))
+    m.add_link("rod", pose=(0.1, 0.03, 0.1))
+    m.add_link("ram", pose=(0.5, 0.0, 0.0))
+    m.add_link("bracket", pose=(0.5, 0.0, 0.4))
+    m.add_joint("A", "R", ["frame", "crank"], at=[(0.0, 0.0), (0.0, 0.0)])
+    m.add_joint("B", "R", ["crank", "rod"], at=[(0.1, 0.0), (0.0, 0.02)])
+    m.add_joint("C", "R", ["rod", "ram"], at=[(0.4, 0.0), (0.0, 0.0)])
+    m.add_joint("S", "P", ["frame", "ram"], at=[(0.0, 0.0), (0.0, 0.0)], angle=[0.0, 0.0])
+    m.add_joint("seam", "weld", ["rod", "bracket"], at=[(0.4, 0.0), (0.0, 0.0)], angle=[0.4, 0.0])
+    m.add_driver("motor", "A")
+    names = [f"link.{link}.angle" for link in ("rod", "bracket")]
+    request = {"want": [f"poses({name})" for name in names], "at": [0.3, 0.5]}
+    study = m.compile().study({address: [0.1]}, **request)
+    run = m.replace({address: 0.1}).run(at=[0.3, 0.5], want=names)
+    for name in names:
+        np.testing.assert_array_equal(study[f"poses({name})"][0], run[name])
+
+
 def test_tables_leave_as_csv_parquet_and_frames(fourbar, tmp_path):
     study = fourbar.study(
         {"dyad.l_i": [4.0, 6.0]}, at=TURN, want=["max(crank.drive)", "mean(dyad.C.p)"]

@@ -73,8 +73,9 @@ class Range:
             if name in self.plan.program.inputs
         }
         outputs = self.engine.run_designs(inputs, values)
+        columns = [outputs[i] for i in self.plan.layout[w.output]]
         with np.errstate(all="ignore"):
-            return w.poses([outputs[i] for i in self.plan.layout[w.output]], coordinates.shape)
+            return w.poses(m.outputs[w.output], columns, coordinates.shape)
 
     def extremes(
         self,

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,6 @@ class Wanted:
     sample : the number of the reduction, read: of ``at`` the pose
     unit, kind : as the output's; "vector" only where the column is one
     vector : whether the output is one
-    read : the program's values -> the output
     """
 
     label: str
@@ -75,7 +74,6 @@ class Wanted:
     kind: str
     sample: Real = 0
     vector: bool = False
-    read: Callable[..., Real] = field(default=float, compare=False)
 
     @property
     def of_margin(self) -> bool:
@@ -87,18 +85,19 @@ class Wanted:
         nan = complex(math.nan, math.nan) if self.kind == "vector" else math.nan
         return np.full(n, nan) if self.how == POSES else nan
 
-    def of(self, columns: Reals, shape: tuple[int, int], weights: Array) -> Array:
-        """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
+    def of(self, output: Output, columns: Reals, shape: tuple[int, int], weights: Array) -> Array:
+        """The column (m,), or (m, n) of poses, of the output's values that broadcast to (m, n)."""
         if self.how == REST:  # which is followed design by design
             return np.full(shape[0], self.nothing(1))
         if self.how == WHOLE:
             rows = [np.broadcast_to(x, shape) for x in columns]
-            return np.array([self.read(*row, weights) for row in zip(*rows, strict=True)])
-        return self._reduced(self.poses(columns, shape))
+            return np.array([output.read(*row, weights) for row in zip(*rows, strict=True)])
+        return self._reduced(self.poses(output, columns, shape))
 
-    def poses(self, columns: Reals, shape: tuple[int, int]) -> Array:
-        """The output at poses (m, n); of a vector its length where that is reduced."""
-        y = self.read(*columns)
+    def poses(self, output: Output, columns: Reals, shape: tuple[int, int]) -> Array:
+        """The output at poses (m, n), as its design reads it; of a vector its length where that
+        is reduced."""
+        y = output.read(*columns)
         if not self.vector:
             return np.broadcast_to(_finite(y), shape)
         x, y = (np.broadcast_to(_finite(part), shape) for part in (y.real, y.imag))
@@ -212,7 +211,7 @@ def column(output: Output, reduction: str, readers: Words) -> Wanted:
             raise refused(
                 f"{reduction}({called})", "it is one number a design", f'ask for "{called}"'
             )
-        return Wanted(called, called, WHOLE, output.unit, "real", read=output.read)
+        return Wanted(called, called, WHOLE, output.unit, "real")
     at = AT.fullmatch(reduction)
     word = at["how"] if at else reduction
     reader = readers.get(word)
@@ -235,7 +234,7 @@ def column(output: Output, reduction: str, readers: Words) -> Wanted:
         word = "range"
     label = f"{word}({called}, {at['at']})" if at else f"{reduction}({called})"
     kind = "vector" if vector and word in ("mean", "at", "final", POSES, REST) else "real"
-    return Wanted(label, called, word, output.unit, kind, sample, vector, output.read)
+    return Wanted(label, called, word, output.unit, kind, sample, vector)
 
 
 def _sample(text: str, name: str, samples: Samples, drivers: Sequence[str]) -> int:

@@ -164,8 +164,8 @@ class Runner:
     def design(self, mechanism: Compiled, columns: Mapping[Parameter, Array]) -> Rows:
         """One design, made already."""
         planned = _Planned(self, mechanism, 1)
-        answered = planned.block(tuple(planned.plan.program.parameters.values()), 1)
-        return self._with_followed(answered, columns)
+        values = tuple(planned.plan.program.parameters.values())
+        return self._with_followed(planned.block(values, 1), columns)
 
     def _with_followed(self, block: Rows, columns: Mapping[Parameter, Array]) -> Rows:
         """Designs with strokes along curves and where they rest, one by one; NaN where there is
@@ -212,8 +212,7 @@ class _Planned:
         self.samples = runner.samples(mechanism)
         names = tuple(dict.fromkeys(column.output for column in runner.want))
         self.plan: Plan = mechanism.plan(names, **runner.settings)
-        samples = count * self.samples.n
-        self.engine = mechanism._engine_of_designs(self.plan, samples, runner.engine)
+        self.engine = mechanism._engine_of_designs(self.plan, count * self.samples.n, runner.engine)
         self.together = 1 if runner.family.alone else self.engine.designs_together // CHUNK
         moved = bool(mechanism.structure.remembering and runner.family.alone)
         taken = mechanism._with_deflections(self.samples) if moved else self.samples
@@ -239,15 +238,16 @@ class _Planned:
             without = np.asarray(missing.any(axis=1))
             rows = self._rows(why, missing, without)
             for w in self.want:
+                output = self.mechanism.outputs[w.output]
                 columns = [outputs[i] for i in layout[w.output]]
                 if w.how in EXTREMES:
-                    y = w.poses(columns, shape)
+                    y = w.poses(output, columns, shape)
                     some = np.ones(m, bool) if w.of_margin else ~without
                     if not isinstance(outputs, Whole):
                         some = some & np.isfinite(y).all(axis=1)
                     rows.values[w.label] = self._followed(w, numbers, y, some, margins, rows)
                     continue
-                rows.values[w.label] = kept = w.of(columns, shape, self.weights)
+                rows.values[w.label] = kept = w.of(output, columns, shape, self.weights)
                 if without.any() and not w.of_margin:
                     kept[missing if w.how == POSES else without] = np.nan
             return rows
