@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from blockmech.engines import code_cache
+
 from . import results
+
+
+@pytest.fixture(scope="session", autouse=True)
+def machine_code(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A folder of machine code of its own: what other programs keep pushes none of it out."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(code_cache.FOLDER, str(tmp_path_factory.mktemp("machine_code")))
+        yield
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
