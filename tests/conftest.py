@@ -65,7 +65,7 @@ def _own_registries():
 
     Families that are imported when they are asked for are there before, or they were lost with it.
     """
-    from blockmech.blocks.registry import REGISTRY
+    from blockmech.blocks.block import REGISTRY
     from blockmech.couplings import kinds as couplings  # noqa: F401
     from blockmech.friction.laws.contract import LAWS
     from blockmech.signals import kinds as signals  # noqa: F401

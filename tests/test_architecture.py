@@ -13,8 +13,8 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.contract import Moving
-from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.plane import SCALAR_PRIMITIVES
 from tests.slow import SLOW
 from tests.source import MODULES, trees

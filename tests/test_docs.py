@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.contract import Block
-from blockmech.blocks.registry import REGISTRY
 from blockmech.cli import COMMANDS
 from blockmech.compiled import Compiled
 from blockmech.ground.values import StrictModel

@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import blockmech
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.builders import problems_in
 from blockmech.ground.errors import LONGEST, MOST, BlockmechError, FormatError, GraphError, listed
 from blockmech.model.reading import LARGEST

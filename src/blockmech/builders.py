@@ -256,8 +256,7 @@ def read(source: Any, *, unit: str | None = None, format: str | None = None) -> 
     >>> fourbar.run(at=[0.0], want="joint.C.p")["joint.C.p"]
     array([0.03+0.02j])
     """
-    from blockmech.exchange.dead_centres import beyond
-    from blockmech.exchange.reading import imported
+    from blockmech.exchange.reading import beyond, imported
 
     is_file = isinstance(source, str | os.PathLike) and os.path.isfile(source)
     if is_file and format is None and b'"blockmech/' in _head(source):

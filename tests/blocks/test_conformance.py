@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 import blockmech as bm
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.rrp import acceleration as rrp_acceleration
 from blockmech.blocks.rrp import reactions as rrp_reactions
 from blockmech.blocks.rrp import velocity as rrp_velocity

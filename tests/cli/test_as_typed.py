@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.cli.numbers import row
 from blockmech.ground.errors import RequestError
 from blockmech.ground.texts import unit_of

@@ -8,9 +8,9 @@ import pytest
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.derivatives import PRIMITIVES
 from blockmech.engines.dual import TANGENTS, Dual
+from blockmech.functions.python import Function
 from blockmech.ground.errors import RequestError
 from blockmech.ground.plane import SCALAR_PRIMITIVES
-from blockmech.loads.functions import Function
 from blockmech.testing.strategies import EVERY, Options, Seeded, random_mechanism
 from tests.engines.derivatives import errors
 from tests.gallery import SHORT, mechanism

@@ -14,10 +14,9 @@ from scipy.integrate import DOP853
 from blockmech.dynamics.equation import cached_rates
 from blockmech.dynamics.system import System
 from blockmech.engines import dense, loops, radau, stages
-from blockmech.engines.assembly import Text, piece
+from blockmech.engines.assembly import Lanes, Text, piece, spread
 from blockmech.engines.kinds import Counts, Reals, arrays_of
 from blockmech.engines.nodes import SAMPLE
-from blockmech.engines.singular_values import Lanes, spread
 from blockmech.engines.trace import Trace, solve
 from tests.gallery import mechanism
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from blockmech.engines import llvm
+from blockmech.engines.code_cache import key_of
 from blockmech.engines.numpy import each_part
-from blockmech.engines.structure import key_of
 from blockmech.engines.trace import Trace, filled
 from tests.engines.test_llvm import program_of
 from tests.gallery import SHORT, mechanism
@@ -58,7 +58,7 @@ def adding(x):
 
 
 def test_what_a_closure_holds_is_a_part_of_the_structure(monkeypatch):
-    monkeypatch.setattr("blockmech.engines.structure.OWN", "tests.")  # as if of the package
+    monkeypatch.setattr("blockmech.engines.code_cache.OWN", "tests.")  # as if of the package
     first, second, again = (program_of(adding(x), 1) for x in (1.0, 2.0, 1.0))
     assert key_of(first) == key_of(again) != key_of(second)
     assert key_of(program_of(adding(1), 1)) != key_of(first)

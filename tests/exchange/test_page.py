@@ -10,9 +10,8 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.editor.revision import Revision
-from blockmech.editor.sharing import link_of, packed
-from blockmech.exchange.page.files import bundle
-from blockmech.exchange.page.script import WEB, Script, numbers
+from blockmech.editor.sheets import link_of, packed
+from blockmech.exchange.page.files import WEB, Script, bundle, numbers
 from tests.studio.conftest import ARGUMENTS, chromium, driver
 
 GRAPHS = Path(__file__).parents[2] / "graphs"

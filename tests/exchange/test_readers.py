@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.exchange.expressions import Formula, law_of
+from blockmech.exchange.asmt import Formula, law_of
 from blockmech.exchange.parsing import xml_of
 from blockmech.ground.errors import FormatError, RequestError
 from tests.exchange.corpus import MACHINES, digits, joint, pmks_plus

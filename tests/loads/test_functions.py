@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.functions.python import Function
 from blockmech.ground.errors import FormatError, GraphError, RequestError
-from blockmech.loads.functions import Function
 from tests import machines
 
 TERMS = [2.0, -0.7]  # [N m, N m s or N m/rad] of a straight line, exact for both spellings

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.dynamics import loads
 from blockmech.dynamics.request import Watch
 from blockmech.ground.values import Angle, Number

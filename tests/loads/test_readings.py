@@ -5,7 +5,7 @@ import math
 import pytest
 
 import blockmech as bm
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.loads.contract import Element, Terminal
 from tests import machines
 

@@ -14,9 +14,9 @@ from blockmech.builders import opened, problems_in
 from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.expect import Expectation
+from blockmech.model.form import WIDTH, canonical_text
 from blockmech.model.reading import data_of
 from blockmech.model.versions import VERSION, current
-from blockmech.model.writing import WIDTH, canonical_text
 from blockmech.testing import check_expectations
 from tests.doors import graph_of as loads
 from tests.gallery import GRAPHS

@@ -7,7 +7,7 @@ import json
 import jsonschema
 import pytest
 
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.ground.values import Length
 from blockmech.loads import Element, Terminal
 from blockmech.model.schema import graph_schema

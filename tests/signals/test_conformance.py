@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from blockmech import signals
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.signals import Signal, State
 from blockmech.testing.conformance import ConformanceError, conformance
 

@@ -4,7 +4,7 @@ import json
 import re
 from pathlib import Path
 
-from blockmech.editor.sharing import unpacked
+from blockmech.editor.sheets import unpacked
 
 FRAMES = """() => {
     window.spent = [];

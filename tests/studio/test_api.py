@@ -11,8 +11,7 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.editor.jobs import Jobs
-from blockmech.editor.sharing import packed, unpacked
-from blockmech.editor.sheets import Desk
+from blockmech.editor.sheets import Desk, packed, unpacked
 from blockmech.exchange.page.files import Link
 from blockmech.testing.graph_files import gallery
 from tests.exchange import corpus

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.builders import opened
 from blockmech.editor import edits
 from blockmech.editor.diagram import kinds

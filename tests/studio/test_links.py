@@ -10,7 +10,7 @@ import blockmech as bm
 from blockmech.builders import opened
 from blockmech.editor import drawing, sketching
 from blockmech.editor.pins import Drawn, outlines_of, pins_of
-from blockmech.editor.sharing import link_of
+from blockmech.editor.sheets import link_of
 from blockmech.exchange.formats import Order
 from blockmech.exchange.outlines import outlines
 from tests.studio.hand import Hand

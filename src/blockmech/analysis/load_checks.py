@@ -13,9 +13,9 @@ import numpy as np
 
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term, plain, power, total
 from blockmech.analysis.free_bodies import Body
+from blockmech.functions.python import Function
 from blockmech.loads import Couple, Element, Following, Force, Motor, Spring, Thrust, TorsionSpring
 from blockmech.loads.contract import LAW
-from blockmech.loads.functions import Function
 from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Signal, Table
 from blockmech.model.structure import JointRef
 from blockmech.typing import Array

@@ -3,13 +3,13 @@
 Importing this package registers the built-in types.
 """
 
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.contract import AssurGroup, Block, DrivingLink
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.cylinder import Cylinder
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.prp import PRP
-from blockmech.blocks.registry import REGISTRY
 from blockmech.blocks.rpp import RPP
 from blockmech.blocks.rpr import RPR
 from blockmech.blocks.rrp import RRP

@@ -16,13 +16,21 @@ from pydantic import ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from blockmech.blocks.joints import BuiltIn, Joint, Kernels
-from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.errors import close_match, listed
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.names import NAME_RULE, is_name
 from blockmech.ground.plane import has_arithmetic
+from blockmech.ground.registry import Registry
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Link, Marker, Pair, StrictModel
 from blockmech.typing import Parameters
+
+REGISTRY = Registry(
+    "block type",
+    code="unknown-block",
+    families={"coupling": "blockmech.couplings.kinds", "signal": "blockmech.signals.kinds"},
+)
+"""Every block type by name: blocks, loads and couplings."""
+
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
 """Where in a model, and what is wrong there."""

@@ -49,8 +49,8 @@ from blockmech.blocks.joints import (
 )
 from blockmech.friction.laws.contract import AnyFriction, FrictionLaw
 from blockmech.ground.errors import listed
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import apply, largest, primitives_of
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Axis, Link, Play
 from blockmech.typing import Data
 

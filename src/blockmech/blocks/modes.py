@@ -26,8 +26,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from blockmech.blocks.block import refuse
 from blockmech.blocks.contract import AssurGroup
 from blockmech.ground.errors import shown
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import EPS, cross, sign, sqrt
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Axis, Branch, Finite, StrictModel, Units
 from blockmech.typing import Complex, LinkPosition, Parameters, Real
 

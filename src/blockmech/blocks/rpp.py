@@ -32,8 +32,8 @@ from blockmech.blocks.points import (
     given_points,
     unit,
 )
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import EPS, cross, dot, expi, hyp, imul, maximum, mul
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Angle, Distance, default
 from blockmech.typing import (
     Complex,

@@ -10,9 +10,8 @@ from typing import Annotated
 
 import typer
 
-from blockmech.blocks.block import SHARED_FIELDS, Block
+from blockmech.blocks.block import REGISTRY, SHARED_FIELDS, Block
 from blockmech.blocks.contract import Moving
-from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import compiled
 from blockmech.cli.options import AsJson, GraphFile
 from blockmech.cli.terminal import answer, reading, say

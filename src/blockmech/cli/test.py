@@ -16,7 +16,7 @@ from blockmech.cli.options import AsJson, names_of, option
 from blockmech.cli.terminal import NO_ANSWER, WRONG, note, progress_bar, say
 from blockmech.ground.errors import BlockmechError, Problem, in_file
 from blockmech.model.expect import Expectation
-from blockmech.model.writing import plain
+from blockmech.model.form import plain
 from blockmech.testing.graph_files import LEFT_OUT, graphs_of
 from blockmech.typing import Data
 

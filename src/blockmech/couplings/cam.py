@@ -52,9 +52,9 @@ from blockmech.couplings.laws import (
 )
 from blockmech.functions.roots import SCANNED, bisect
 from blockmech.ground.errors import Problem
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, angle, apply, cross, dot, hyp, imul, mul
 from blockmech.ground.tolerances import BLUR, EQUAL
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import NotNegative, Number, Place, PlaceGiven, default, in_unit
 from blockmech.typing import Complex, Floats, Kernel, Parameters, Real
 

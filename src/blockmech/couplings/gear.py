@@ -29,8 +29,8 @@ from blockmech.couplings.contract import (
     circle,
     concentric,
 )
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, apply, dot, imul, mul
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Angle, default, in_unit
 from blockmech.typing import Load, Parameters, Real
 

@@ -23,9 +23,9 @@ from pydantic import Field, model_validator
 
 from blockmech.couplings.contract import Transmission
 from blockmech.functions.pieces import Knotted, Rows, derivatives, horner
-from blockmech.ground.mistakes import check_table, mistake
 from blockmech.ground.plane import always, apply, expi, modulo, piecewise
 from blockmech.ground.tolerances import ROUNDING
+from blockmech.ground.validation_errors import check_table, mistake
 from blockmech.ground.values import (
     Axis,
     Maybe,

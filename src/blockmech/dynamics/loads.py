@@ -15,10 +15,10 @@ import numpy as np
 
 from blockmech.dynamics.source import FRICTIONLESS, Source
 from blockmech.engines.scalar import AdaptiveEvaluator
+from blockmech.functions.python import Function
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
-from blockmech.loads.functions import Function
 from blockmech.model.structure import Structure
 from blockmech.passes.forward import argument, coordinate_of
 from blockmech.passes.homotopy import followed, path_of, schedule

@@ -19,11 +19,11 @@ from scipy.optimize import root
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.request import SimulationRequest
+from blockmech.functions.python import Function
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.plane import EPS
 from blockmech.loads.contract import Following
-from blockmech.loads.functions import Function
 from blockmech.loads.laws import Polynomial
 from blockmech.model.structure import Structure
 from blockmech.result.motion import Event, Motion, Slips, State, Still, Track

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from blockmech.dynamics.request import Pairs
 from blockmech.dynamics.source import Source
+from blockmech.functions.python import Function
 from blockmech.ground.errors import refused
 from blockmech.loads.contract import Following
-from blockmech.loads.functions import Function
 from blockmech.signals.functions import Python
 
 ELSEWHERE = 0.125  # [rad or m, per s, s] or of a signal: where they are evaluated besides

@@ -17,7 +17,7 @@ from blockmech.editor.turn import seconds_of, simulated_time
 from blockmech.exchange.formats import WRITERS, Order
 from blockmech.figures.paper import MOVING, STILL, rendered
 from blockmech.ground.runnable import EVERYTHING
-from blockmech.model.writing import canonical_text
+from blockmech.model.form import canonical_text
 
 NUMBERS = ("csv", "xlsx", "mat", "npz", "parquet", "json")
 OUTLINES = ("dxf", "svg")

@@ -19,7 +19,7 @@ from itertools import chain, cycle
 from operator import getitem
 from typing import Any, NamedTuple
 
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.units import NoQuantity, quantity, unit_behind
 from blockmech.model.schema import graph_schema, joints_schema

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.builders import Graph, Opened
 from blockmech.editor.edits import Form, markers_of, ports_of, wired
 from blockmech.editor.fields import (

@@ -29,7 +29,7 @@ from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import Planar, leaves
 from blockmech.engines.trace import PRIMITIVES, angle, expi, sqrt
 from blockmech.exchange.c.statements import Statements
-from blockmech.exchange.page.script import SCRIPT, Script, numbers
+from blockmech.exchange.page.files import SCRIPT, Script, numbers
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.plane import primitives_of
 from blockmech.model.joints.contents import FRAME

@@ -38,8 +38,7 @@ from blockmech.editor.guard import HOST, Guard
 from blockmech.editor.jobs import Jobs
 from blockmech.editor.live import live, module, remember
 from blockmech.editor.revision import Question
-from blockmech.editor.sharing import link_of, packed
-from blockmech.editor.sheets import Desk, Sheet, files_of
+from blockmech.editor.sheets import Desk, Sheet, files_of, link_of, packed
 from blockmech.editor.sketching import posed
 from blockmech.editor.state import names_of, picture_of, state_of
 from blockmech.editor.turn import fault_of, poses_of

@@ -2,26 +2,41 @@
 
 Nothing outside of the folder that the studio was started in is read or written, and nothing here
 knows of servers or browsers.
+
+A document in an address stands behind ``#``, which a browser sends to no server: whoever opens it
+has the sheet. What moves it goes with it, so that a page of `blockmech page` shows it without
+Python. The text is deflated (RFC 1951) and written in the letters of base 64 that addresses allow
+(RFC 4648, 5).
 """
 
 from __future__ import annotations
 
+import base64
+import binascii
 import hashlib
+import json
 import os
 import secrets
-from collections.abc import Callable, Mapping
+import zlib
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from threading import Lock
+from typing import TYPE_CHECKING
 
 from blockmech.builders import Graph, Linkage, Opened, from_data, opened, read_text
 from blockmech.editor.revision import Revision, Step
-from blockmech.editor.sharing import unpacked
-from blockmech.ground.errors import FormatError, refused
+from blockmech.exchange.formats import Order
+from blockmech.exchange.page.files import Link, contents_of
+from blockmech.ground.errors import BlockmechError, FormatError, refused
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.model.form import canonical_text
 from blockmech.model.reading import text_of
 from blockmech.model.subgraph import Resolver, resolving
-from blockmech.model.writing import canonical_text
 from blockmech.testing.graph_files import gallery
 from blockmech.typing import Data, Record
+
+if TYPE_CHECKING:
+    from blockmech.editor.revision import Revision
 
 
 def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
@@ -247,3 +262,46 @@ def _stamp(path: Path) -> str:
         return hashlib.sha256(text_of(path).encode()).hexdigest()
     except FormatError as error:
         return "" if error.problems[0].code == "no-file" else "unreadable"
+
+
+KEY = "#doc="
+MOST = 4 << 20  # bytes of a link that is unpacked
+
+
+def link_of(now: Revision, names: Iterable[str]) -> Link:
+    """A revision, with programs of the named outputs, else of the drives."""
+    page, why, text = None, "It is no mechanism yet.", canonical_text(now.form)
+    if now.mechanism is not None:
+        outputs = tuple(name for name in names if name in now.mechanism.outputs)
+        try:
+            page = contents_of(Order(now.mechanism, outputs or EVERYTHING))
+        except BlockmechError as error:
+            why = str(error)
+    return Link(text, f"{now.form['name']}.json", page, why)
+
+
+def packed(link: Link) -> str:
+    """A link as what stands behind an address."""
+    text = json.dumps(link._asdict(), allow_nan=False)
+    maker = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    data = maker.compress(text.encode()) + maker.flush()
+    return KEY + base64.urlsafe_b64encode(data).decode().rstrip("=")
+
+
+def unpacked(fragment: str) -> Opened:
+    """The document behind an address.
+
+    Raises `RequestError` for what is none, or too large, and what reading a file raises.
+    """
+    text = fragment.removeprefix(KEY)
+    try:
+        data = base64.b64decode(text + "=" * (-len(text) % 4), b"-_", validate=True)
+        maker = zlib.decompressobj(-zlib.MAX_WBITS)
+        unpacked_bytes = maker.decompress(data, MOST)
+        if maker.unconsumed_tail or not maker.eof:
+            raise ValueError("it is cut, or larger than a document may be")
+        document = str(json.loads(unpacked_bytes)["document"])
+    except (ValueError, LookupError, TypeError, zlib.error, binascii.Error) as error:
+        remedy = "copy the whole link again"
+        raise refused("link", f"it holds no document: {error}", remedy, code="not-a-link") from None
+    return read_text(document, "the link")

@@ -2,7 +2,7 @@
 
 The program's trace becomes LLVM assembly (`blockmech.engines.assembly`), and llvmlite compiles
 that while the process runs, a four-bar with friction in some 50 ms. Mechanisms of one structure
-share what was compiled, in memory and on disk (`blockmech.engines.structure`). Arithmetic is that
+share what was compiled, in memory and on disk (`blockmech.engines.code_cache`). Arithmetic is that
 of the scalar engine operation by operation, and sine, cosine and atan2 are the same library's,
 so the two say the same to the last bit.
 
@@ -28,10 +28,10 @@ import numpy as np
 
 from blockmech.engines import assembly, code_cache
 from blockmech.engines.assembly import LANES
+from blockmech.engines.code_cache import key_of
 from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.engines.structure import key_of
 from blockmech.engines.trace import Trace, filled
 from blockmech.ground.errors import MissingEngineError, refused
 from blockmech.ground.errors import needed as package

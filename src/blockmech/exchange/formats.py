@@ -162,14 +162,14 @@ class Formats(Generic[T], Mapping[str, T]):
 WRITERS: Formats[Writer] = Formats(
     "blockmech.writers",
     {
-        "c": "blockmech.exchange.c.files:WRITER",
+        "c": "blockmech.exchange.c.program:WRITER",
         "fmu": "blockmech.exchange.fmu.files:WRITER",
         "mjcf": "blockmech.exchange.mjcf:WRITER",
         "address": "blockmech.exchange.addresses:WRITER",
         "dxf": "blockmech.exchange.outlines:DXF",
         "svg": "blockmech.exchange.outlines:SVG",
-        "xlsx": "blockmech.exchange.xlsx:WRITER",
-        "mat": "blockmech.exchange.mat:WRITER",
+        "xlsx": "blockmech.exchange.tables:XLSX",
+        "mat": "blockmech.exchange.tables:MAT",
         "csv": "blockmech.exchange.tables:CSV",
         "json": "blockmech.exchange.tables:JSON",
         "npz": "blockmech.exchange.tables:NPZ",

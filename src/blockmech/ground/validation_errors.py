@@ -1,4 +1,4 @@
-"""Data against a pydantic model: the model, or one problem per mistake in the trade's words.
+"""Mistakes in data against a pydantic model, one problem each in the trade's words.
 
 Pydantic says where and what kind; the model's JSON Schema knows units and keys there.
 """
@@ -6,14 +6,16 @@ Pydantic says where and what kind; the model's JSON Schema knows units and keys 
 from __future__ import annotations
 
 import functools
+import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from itertools import pairwise
+from typing import Any, LiteralString, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import GenerateJsonSchema
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from blockmech.ground.errors import (
     MOST,
@@ -25,8 +27,42 @@ from blockmech.ground.errors import (
     shown,
     unknown_key,
 )
-from blockmech.ground.units import NoQuantity, quantity
+from blockmech.ground.units import NoQuantity, quantity, seem_degrees
 from blockmech.typing import Data, Record
+
+
+def mistake(
+    code: LiteralString, found: str, valid: str = "", remedy: str = ""
+) -> PydanticCustomError:
+    """A mistake in a model, with the parts of a `Problem`."""
+    parts = {"found": found, "valid": valid, "remedy": remedy}
+    message = "; ".join(filter(None, parts.values()))
+    return PydanticCustomError(code, "{said}", {"said": message, **parts})
+
+
+def check_table(
+    what: str,
+    x: Sequence[float],
+    values: Sequence[float],
+    period: float = 0.0,
+    called: str = "values",
+) -> None:
+    """Refuse a table whose values are not one for each x, or whose x, called ``what``, fall.
+
+    Of one that repeats the first value stands for the end of the period.
+    """
+    if len(x) != len(values):
+        raise mistake("bad-table", f'"{what}" and "{called}" must have the same length')
+    if any(b <= a for a, b in pairwise(x)):
+        raise mistake("bad-table", f'"{what}" must increase')
+    if period and x[-1] - x[0] >= period * (1 - 1e-12):
+        message = f'"{what}" must cover less than one period'
+        valid = "the first value is repeated by itself"
+        remedy = "leave out the last row"
+        if math.isclose(period, math.tau) and seem_degrees(x[0], x[-1]):
+            remedy = f'these are radians; degrees are written "{x[-1]:g}deg"'
+        raise mistake("bad-table", message, valid, remedy)
+
 
 Model = TypeVar("Model", bound=BaseModel)
 

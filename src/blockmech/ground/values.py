@@ -40,12 +40,11 @@ from pydantic.functional_validators import ModelWrapValidatorHandler
 from pydantic_core import PydanticCustomError, core_schema
 
 from blockmech.ground.errors import GraphError, Problem, listed, shown, unknown_key
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import apply
 from blockmech.ground.signatures import Signed
 from blockmech.ground.texts import in_metres, read_texts
 from blockmech.ground.units import NoQuantity
-from blockmech.ground.validation_errors import problems_of
+from blockmech.ground.validation_errors import mistake, problems_of
 from blockmech.typing import Array, Data, Quantity, Record
 
 

@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import model_validator
 
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, dot, hyp, mul
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import (
     DIRECTED,
     Number,

@@ -35,10 +35,10 @@ from pydantic import (
 )
 
 from blockmech.blocks.block import Block, Mistake, refuse
+from blockmech.functions.python import Function
 from blockmech.ground.errors import listed
-from blockmech.ground.mistakes import mistake
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Axis
-from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
 from blockmech.typing import Kernel, Record
 

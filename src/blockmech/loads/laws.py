@@ -18,8 +18,8 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 from pydantic import Field, field_validator, model_validator
 
 from blockmech.functions.pieces import Knotted, cubic, horner, straight
-from blockmech.ground.mistakes import check_table, mistake
 from blockmech.ground.plane import always, angle, expi, imul, modulo, mul, piecewise, where
+from blockmech.ground.validation_errors import check_table, mistake
 from blockmech.ground.values import (
     Axis,
     Maybe,

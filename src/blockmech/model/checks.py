@@ -11,12 +11,12 @@ from itertools import chain
 from operator import itemgetter
 from typing import TYPE_CHECKING, TypeAlias
 
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.block import SUPPORTS
 from blockmech.blocks.modes import TwoModes
-from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import GraphError, Problem, listed
 from blockmech.ground.names import NAME_RULE, is_name

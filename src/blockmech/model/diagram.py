@@ -8,8 +8,8 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.contract import Block, Joint, Moving
-from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.errors import Problem, path_text, unknown_key
 from blockmech.ground.names import split_address
 from blockmech.ground.validation_errors import field_order

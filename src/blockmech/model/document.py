@@ -25,12 +25,11 @@ from blockmech.ground.garbage import uncollected
 from blockmech.ground.units import number_in_si
 from blockmech.ground.values import StrictModel
 from blockmech.model.diagram import Wire
-from blockmech.model.form import EXTRAS, Draft, Form
+from blockmech.model.form import EXTRAS, Draft, Form, canonical_text, plain
 from blockmech.model.parameters import PARTS, Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
 from blockmech.model.scene import Initial, Locked, Stops
 from blockmech.model.versions import current
-from blockmech.model.writing import canonical_text, plain
 from blockmech.typing import Data, Quantity, Record
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from blockmech.ground.mistakes import mistake
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Finite, Maybe, NotNegative, Positive, StrictModel, default
 from blockmech.typing import FrictionMethod, FrictionName, Successive
 

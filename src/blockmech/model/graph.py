@@ -9,8 +9,8 @@ from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Self
 
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.frame import Frame
-from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import (
     MOST,

@@ -14,8 +14,8 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
-from blockmech.ground.mistakes import check_table
 from blockmech.ground.tolerances import ROUNDING
+from blockmech.ground.validation_errors import check_table
 from blockmech.ground.values import (
     Angle,
     Axis,

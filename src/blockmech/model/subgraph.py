@@ -23,7 +23,7 @@ from pydantic import Field, PrivateAttr, WithJsonSchema, field_validator, model_
 
 from blockmech.blocks.block import Block
 from blockmech.ground.errors import BlockmechError, FormatError, GraphError, Problem
-from blockmech.ground.mistakes import mistake
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Finite
 from blockmech.model.versions import current
 from blockmech.typing import Data

@@ -10,8 +10,8 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator, Field, StrictBool
 
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, maximum, minimum, modulo
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Number, NumbersGiven
 from blockmech.signals.contract import Signal
 from blockmech.typing import Kernel, Parameters, Real

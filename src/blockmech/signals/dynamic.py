@@ -25,8 +25,8 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, model_validator
 
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, maximum, minimum, where
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Number, NumbersGiven, Positive, default, in_unit
 from blockmech.signals.algebra import Range
 from blockmech.signals.contract import Signal, State

@@ -9,8 +9,8 @@ from typing import Annotated, Any, ClassVar
 from pydantic import WithJsonSchema, field_validator, model_validator
 
 from blockmech.functions.python import numbers_of, parameters_of
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import each
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Finite, Maybe, Positive, default, in_unit
 from blockmech.signals.contract import Signal, State
 from blockmech.typing import Kernel, Parameters, Real, Reals

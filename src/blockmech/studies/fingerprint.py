@@ -15,8 +15,8 @@ from types import CodeType, FunctionType, MethodType, ModuleType
 
 import numpy as np
 
+from blockmech.functions.python import Function
 from blockmech.ground.errors import refused
-from blockmech.loads.functions import Function
 from blockmech.model.form import EXTRAS
 from blockmech.model.graph import Graph
 from blockmech.studies.runner import Runner, digest, summary

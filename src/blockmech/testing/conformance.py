@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.contract import Block, Moving
-from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws import LAWS, FrictionLaw
 from blockmech.ground.arguments import declared

@@ -34,9 +34,9 @@ from blockmech.blocks.contract import (
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.names import is_name
 from blockmech.ground.plane import largest
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import (
     POSE,
     Angle,

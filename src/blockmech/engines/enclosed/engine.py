@@ -26,8 +26,14 @@ from blockmech.engines.enclosed.primitives import (
     sqrt,
     where,
 )
-from blockmech.engines.enclosed.proofs import implicit, without_bounds
-from blockmech.engines.enclosed.systems import Matrix, solve, solve_transposed, spread
+from blockmech.engines.enclosed.proofs import (
+    Matrix,
+    implicit,
+    solve,
+    solve_transposed,
+    spread,
+    without_bounds,
+)
 from blockmech.engines.numpy import imul, mul
 from blockmech.ground.plane import (
     EPS,

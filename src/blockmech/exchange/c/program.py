@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -27,7 +28,9 @@ from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Planar, leaves
 from blockmech.exchange.c.statements import DOUBLE, FLOAT, Statements, language_c, literal
 from blockmech.exchange.c.tracing import ClosedTrace, status
+from blockmech.exchange.formats import Order, Writer
 from blockmech.ground.errors import BlockmechError, among, as_names, listed, printable, refused
+from blockmech.ground.files import refuse_spared, writing
 from blockmech.ground.names import numbered_name
 from blockmech.ground.plane import EPS
 from blockmech.ground.runnable import EVERYTHING
@@ -395,3 +398,30 @@ def _of_value(name: str, value: Nested, names: Names) -> Iterator[Member]:
             yield Member(names.fresh(f"{name}_{part}"), "", (float(x),))
     else:
         yield Member(names.fresh(name), "", (float(value),))
+
+
+def write_c(order: Order, path: Path) -> list[Path]:
+    """``NAME.c``, ``NAME.h`` and ``NAME_test.c``, named after the file that is asked for."""
+    program = CProgram(
+        order.mechanism, order.want, order.options.get("real", DOUBLE), **order.settings
+    )
+    if path.suffix and path.suffix.lower() != ".c":
+        raise refused(str(path), "C text is written to a file .c", "name it so")
+    program.name = function_name(path.stem)
+    samples = order.samples() or poses(order.mechanism)
+    texts = {"h": program.header, "c": program.source}
+    files = {path.with_name(f"{program.name}.{end}"): text for end, text in texts.items()}
+    files[path.with_name(f"{program.name}_test.c")] = program.test(samples)
+    refuse_spared(*files)
+    for file, text in files.items():
+        with writing(file) as stream:
+            stream.write(text.encode("ascii", "replace"))
+    return list(files)
+
+
+WRITER = Writer(
+    "C99 text: a function without heap or state, its header and a test program",
+    (".c",),
+    write_c,
+    {"real": "double (default) or float, for small processors"},
+)

@@ -48,9 +48,9 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import InitErrorDetails, core_schema
 
 from blockmech.ground.errors import close_match, listed, shown
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import has_arithmetic
 from blockmech.ground.registry import Registry
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import StrictModel
 from blockmech.typing import Data, Kernel, Parameters, Real
 

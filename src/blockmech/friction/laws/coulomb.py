@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any, ClassVar, Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Length, Maybe, NotNegative, default
 from blockmech.typing import Data, Parameters
 

@@ -25,8 +25,8 @@ from pydantic import model_validator
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.lugre import BristleFriction, resisting
 from blockmech.friction.laws.stribeck import falling
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, expi, maximum, minimum, where
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Positive
 from blockmech.typing import Parameters, Real
 

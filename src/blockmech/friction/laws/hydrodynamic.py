@@ -30,8 +30,8 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.ground.mistakes import check_table, mistake
 from blockmech.ground.plane import apply, minimum, piecewise, where
+from blockmech.ground.validation_errors import check_table, mistake
 from blockmech.ground.values import Length, Number, NumbersGiven, default, in_unit
 from blockmech.typing import Parameters, Real
 

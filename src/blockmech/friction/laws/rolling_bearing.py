@@ -22,8 +22,8 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.ground.mistakes import mistake
 from blockmech.ground.plane import always, power, where
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Length, NotNegative, Number, in_unit
 from blockmech.typing import Parameters, Real
 

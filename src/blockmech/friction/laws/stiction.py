@@ -13,7 +13,7 @@ from pydantic import model_validator
 
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
-from blockmech.ground.mistakes import mistake
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import NotNegative
 from blockmech.typing import Parameters
 

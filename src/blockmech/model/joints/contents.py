@@ -12,11 +12,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.block import Block, refuse
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY, Block, refuse
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import AnyFriction
-from blockmech.ground.mistakes import mistake
+from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import (
     POSE,
     Axis,

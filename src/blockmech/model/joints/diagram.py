@@ -12,12 +12,13 @@ import numpy as np
 
 from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
-from blockmech.blocks.registry import REGISTRY
+from blockmech.blocks.block import REGISTRY
 from blockmech.ground.errors import GraphError, Problem, listed, path_text
 from blockmech.ground.names import free_name
 from blockmech.ground.plane import dot
 from blockmech.ground.values import Place, xy
 from blockmech.model.diagram import GRAPH_FILE
+from blockmech.model.form import plain
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME, LinkGiven
 from blockmech.model.joints.drafts import GENERAL, BlockDraft, End
@@ -37,7 +38,6 @@ from blockmech.model.joints.varied import phase, settled
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef
-from blockmech.model.writing import plain
 from blockmech.typing import Arguments, Data
 
 MOST_IN_NAME = 3  # links that a group is named after

@@ -17,9 +17,9 @@ from functools import cache
 from typing import Any, NamedTuple, get_origin
 
 from blockmech.assur.groups import DYADS, Unit
+from blockmech.blocks.block import REGISTRY
 from blockmech.blocks.contract import AssurGroup, Joint
 from blockmech.blocks.modes import branches, dyad_modes
-from blockmech.blocks.registry import REGISTRY
 from blockmech.ground.names import free_name
 from blockmech.ground.plane import EPS, dot
 from blockmech.ground.values import xy

@@ -11,10 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from blockmech.ground.values import xy
+from blockmech.model.form import plain
 from blockmech.model.joints.contents import FRAME, HOLDS
 from blockmech.model.joints.layout import Connection, Connections, LinkPlacement
 from blockmech.model.joints.varied import phase, remainder
-from blockmech.model.writing import plain
 from blockmech.typing import Arguments, Data, Record
 
 Hold: TypeAlias = tuple[str, str, complex | None]
