@@ -128,6 +128,8 @@ def test_a_model_says_how_it_is_changed():
     [
         (lambda: bm.read("graphs/joints/slider_crank.json").animate, "blockmech.draw.animate"),
         (lambda: bm.Graph("empty").show, "run().plot"),
+        (lambda: MECHANISM.run(at=0.5).at, "write isel or mechanism.run"),
+        (lambda: MECHANISM.replace, "document.replace"),
         (lambda: bm.Graph("empty").grashof, "compile().limits"),
         (lambda: MECHANISM.plot, "run().plot"),
         (lambda: MECHANISM.run(at=0.5).extremes, "mechanism.extremes"),

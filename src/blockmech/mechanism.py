@@ -78,6 +78,7 @@ class Mechanism(Compiled["Mechanism"]):
     velocity_ratio = blockmech.analysis.instant_centres.velocity_ratio
     verify = blockmech.studies.verify.verify
     _homes = {
+        "document.{}": "blockmech.model.document.Document",
         "structure.{}": "blockmech.model.structure.Structure",
         "run().{}": "blockmech.result.result.Result",
     }

@@ -396,6 +396,8 @@ def test_a_run_is_verified_at_its_own_samples():
 def test_a_result_of_another_mechanism_is_refused():
     with pytest.raises(bm.RequestError, match="another mechanism"):
         mechanism("ruiz_fourbar").verify(mechanism("watt_sixbar").run(at=1.0))
+    again = bm.read("graphs/joints/slider_crank.json").compile().run(at=[1.0, 2.0])
+    assert bm.read("graphs/joints/slider_crank.json").compile().verify(again).ok
 
 
 @pytest.mark.parametrize("engine", ["scalar", "numpy", "llvm"])

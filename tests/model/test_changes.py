@@ -48,6 +48,29 @@ def test_blocks_are_replaced_by_their_names():
         g.replace({"crank": None})
 
 
+def test_vectors_are_replaced_whole():
+    changed = arm().replace({"loads.wind.force": (1.0, "2 kN"), "links.arm.cm": [0.5, 0]})
+    assert changed.loads["wind"].force.z == 1 + 2000j
+    assert changed.links["arm"].cm.z == 0.5
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"joints.O.friction.coefficient": 0.1}, r'replace\(\{"joints.O.friction": bm.friction'),
+        ({"joints.O.point.x": 0.1}, r"first link is joints.O.at\[0\], .* joints.O.at\[1\]"),
+        ({"links.arm.length": 0.1}, "add_dimension"),
+        ({"joints.O.at[0].z": 0.1}, r"there: joints.O.at\[0\].x, joints.O.at\[0\].y\.$"),
+    ],
+)
+def test_a_number_that_is_not_there_says_how_to_come_by_it(changes, message):
+    with pytest.raises(bm.RequestError, match=message):
+        arm().replace(changes)
+    rubbing = arm().replace({"joints.O.friction": PIN})
+    with pytest.raises(bm.RequestError, match=r'mean "joints\.O\.friction\.coefficient"'):
+        rubbing.replace({"joints.O.friction.mu": 0.1})
+
+
 @pytest.mark.parametrize(
     ("changes", "code", "where"),
     [

@@ -320,7 +320,8 @@ def test_a_falsified_study_is_caught():
 def test_a_study_of_another_mechanism_is_refused():
     study = ruiz().compile().study({"dyad.l_i": [6.0]}, want="max(crank.drive)", samples=5)
     with pytest.raises(bm.RequestError, match="another mechanism"):
-        ruiz().compile().verify(study)
+        ruiz().replace({"dyad.l_j": 6.1}).compile().verify(study)
+    assert ruiz().compile().verify(study).ok  # made again of the same document
 
 
 def test_settings_of_a_motion_and_of_a_flywheel_are_read_with_units(fourbar):

@@ -212,8 +212,7 @@ def _of_result(
     mechanism: Compiled, result: Result, engine: EngineName, chunk: int | None
 ) -> Verification:
     """A result's own samples, and what a simulation says of itself."""
-    if result.mechanism is not mechanism:
-        raise refused("at", f"the result is of another mechanism, {result.mechanism.name}")
+    mechanism._refuse_foreign(result.mechanism, "the result is")
     if isinstance(result, ChartedResult):
         legs = (_of_result(x.mechanism, x.result, engine, chunk) for x in result.parts)
         return _worst_legs([*legs])

@@ -310,6 +310,7 @@ SYNONYMS = {
         ("frequencies natural_frequencies", ("linearize", "equilibria")),
         ("optimize optimise minimize", ("objective", "study")),
         ("best", ("argmin",)),
+        ("at iloc sel select index", ("run", "isel")),
         ("export save to_dxf to_excel", ("write", "to_csv")),
         ("to_numpy to_array", ("to_npz",)),
         ("to_pandas df", ("to_dataframe",)),

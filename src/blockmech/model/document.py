@@ -7,8 +7,8 @@ import functools
 import inspect
 import os
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar, Self, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, Self, TypeAlias, TypeVar
 
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import (
@@ -31,6 +31,9 @@ from blockmech.model.reading import data_of, text_of
 from blockmech.model.scene import Initial, Locked, Stops
 from blockmech.model.versions import current
 from blockmech.typing import Data, Quantity, Record
+
+Part: TypeAlias = StrictModel | Record | Sequence[Quantity] | None
+"""What can stand in a document in place of a number: a model, its data, a vector, nothing."""
 
 
 class Document:
@@ -221,14 +224,14 @@ class Document:
     # -- designs ----------------------------------------------------------
 
     @declared
-    def replace(self, values: Mapping[str, Quantity | StrictModel | Record | None]) -> Self:
+    def replace(self, values: Mapping[str, Quantity | Part]) -> Self:
         """The same mechanism with other numbers or parts, checked like a file.
 
         ``values`` is address -> number, e.g. ``{"dyad.l_i": 6.1, "frame.D.x": 5.0}``; see
-        `blockmech.model.parameters`. A part is named as in the file, and None takes it out:
-        ``{"joints.A.friction": bm.friction.Coulomb(coefficient=0.1, radius=0.01)}``,
-        ``{"loads.wind": None}``. The ``expect`` of the file is dropped, as it holds for the old
-        mechanism.
+        `blockmech.model.parameters`. Vectors, lists and parts are named as in the file, and None
+        takes a part out: ``{"loads.gas.force": (-1000, 0), "loads.wind": None}``,
+        ``{"joints.A.friction": bm.friction.Coulomb(coefficient=0.1, radius=0.01)}``. The
+        ``expect`` of the file is dropped, as it holds for the old mechanism.
 
         Raises
         ------
@@ -240,7 +243,7 @@ class Document:
         >>> g.replace({"dyad.friction": {}}).blocks["dyad"].friction
         {}
         """
-        known, kinds = parameters_of(self.sections()), Mapping | StrictModel | None
+        known, kinds = parameters_of(self.sections()), Mapping | StrictModel | list | tuple | None
         parts = {a: x for a, x in values.items() if a not in known and isinstance(x, kinds)}
         new: Data = {a: x for a, x in values.items() if a not in parts}
         numbers = named(known, new)
@@ -264,7 +267,7 @@ class Document:
             self._put(data, address, part)
         return self.from_data(data, (), self.file)
 
-    def _put(self, data: Data, address: str, part: StrictModel | Record | None) -> None:
+    def _put(self, data: Data, address: str, part: Part) -> None:
         """Put a part into what a file holds, or take it out where it is None."""
         *path, key = address.split(".")
         sections = self.form.items()

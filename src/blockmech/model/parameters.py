@@ -7,6 +7,7 @@ brackets, the parts of a place or vector as ``.x`` and ``.y``. A marker is calle
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
@@ -34,6 +35,14 @@ BLOCKS = "blocks"  # the section whose items an address names without it
 FIXED_LINK = ("links", "frame")
 PARTS = ("x", "y")  # of a place or vector
 T = TypeVar("T")
+OF_LINKS = {
+    "length": 'a length between pins is a number by add_dimension("rod", "length", ["A", "B"])',
+    "point": "its place on the first link is {0}.at[0], on the second {0}.at[1]: the "
+    "pin moves with both",
+    "friction": "the joint has no friction law with that number: give it one, e.g. "
+    'replace({{"{0}.friction": bm.friction.Coulomb(coefficient=0.1, radius="10mm")}})',
+}
+"""Words of addresses that are no numbers among links and joints -> what is there in their place."""
 
 
 class Parameter(NamedTuple):
@@ -221,15 +230,19 @@ def _spellings(path: Path) -> Iterator[str]:
 
 
 def _unknown(address: object, numbers: Mapping[str, Parameter]) -> Problem:
-    message = "the mechanism has no parameter with that address"
-    head = str(address).split(".")[0]
-    neighbours = [a for a in numbers if a.split(".")[0] == head]
-    valid = f"addresses there: {listed(neighbours or numbers, 16)}"
-    remedy = close_match(str(address), list(numbers))
-    is_length = str(address).endswith(".length") and any(a.startswith("joints.") for a in numbers)
-    if is_length and "dimensions" not in remedy:
-        remedy = 'a length between pins is a number by add_dimension("rod", "length", ["A", "B"])'
-    return Problem("unknown-parameter", str(address), message, valid, remedy)
+    """The problem of an address of nothing: what is nearest to it, and how to come by such one."""
+    message, text = "the mechanism has no parameter with that address", str(address)
+    owners = itertools.accumulate(text.split("."), "{}.{}".format)
+    beside = [[a for a in numbers if a.startswith((f"{x}.", f"{x}["))] for x in owners]
+    neighbours = next(filter(None, reversed(beside)), numbers)
+    valid = f"addresses there: {listed(neighbours, 16)}"
+    remedy = close_match(text, list(numbers))
+    if any(a.startswith("joints.") for a in numbers) and "dimensions" not in remedy:
+        for word, way in OF_LINKS.items():
+            owner, match, _ = f"{text}.".partition(f".{word}.")
+            if match and not any(a.startswith(f"{owner}.{word}") for a in numbers):
+                remedy = way.format(owner)
+    return Problem("unknown-parameter", text, message, valid, remedy)
 
 
 def number_at(data: Any, path: Path) -> Any:

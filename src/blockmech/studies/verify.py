@@ -52,8 +52,7 @@ def _recompute_designs(mechanism: Compiled, study: Study) -> Verification:
     runner = study.runner
     if isinstance(runner, MotionRunner):
         raise refused("at", "it is a study of motions", "verify a simulation of one of its designs")
-    if runner.family.mechanism is not mechanism:
-        raise refused("at", f"it is a study of another mechanism, {study.name}")
+    mechanism._refuse_foreign(runner.family.mechanism, "it is a study")
     answered = np.flatnonzero(study.found.word == 0)
     chosen = answered[np.unique(np.linspace(0, len(answered) - 1, DESIGNS).round().astype(int))]
     sizes = {w.label: float(np.nanmax(np.abs(study[w.label]))) or 1.0 for w in study.columns}
@@ -87,8 +86,7 @@ def _differences(mechanism: Compiled, derivatives: Sensitivity) -> Verification:
     Errors are relative to what rounding of the output makes of a difference.
     """
     run, parameters, rows = derivatives.result, derivatives.parameters, list[Check]()
-    if run.mechanism is not mechanism:
-        raise refused("at", f"they are of another mechanism, {run.mechanism.name}")
+    mechanism._refuse_foreign(run.mechanism, "they are")
     names = [name for name in derivatives if name not in derivatives.reduced]
     condition = _condition(mechanism, run.samples)
     chosen = np.unique(np.linspace(0, len(parameters) - 1, DESIGNS).round().astype(int))
