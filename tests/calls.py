@@ -458,7 +458,7 @@ def shows(answer: Any) -> Iterator[str]:
         json.dumps(answer.to_dict(), allow_nan=False)
     if isinstance(answer, Report):
         yield from _words(answer.text()) or ()
-        yield from _words(answer.text(degrees=True)) or ()
+        yield from _words(answer.to("deg").text()) or ()
         answer._repr_html_()
         pickle.loads(pickle.dumps(answer))
     if isinstance(answer, Pictured):

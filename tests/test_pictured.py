@@ -29,7 +29,7 @@ def test_an_answer_draws_itself(cls):
 
 
 class Spectrum(Pictured):
-    def lines(self, degrees=False):
+    def lines(self):
         yield "two peaks"
 
     def figure(self, degrees=True, ax=None):

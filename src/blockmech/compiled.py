@@ -170,12 +170,6 @@ class Compiled(Runnable[M]):
         """Name of an output of a driver: ``"crank.q"``, or ``"driver.motor.q"`` of a document."""
         return f"{self._driver_prefix}{driver}.{quantity}"
 
-    def _refuse_foreign(self, mechanism: Compiled, answer: str) -> None:
-        """Raises `RequestError` for an answer of a mechanism that has not this one's values."""
-        values = zip(*((m.structure, m.scene, m.names) for m in (self, mechanism)), strict=True)
-        if mechanism is not self and any(a != b for a, b in values):
-            raise refused("at", f"{answer} of another mechanism, {mechanism.name}")
-
     @property
     def _driver_prefix(self) -> str:
         """What names of outputs put before a driver's."""

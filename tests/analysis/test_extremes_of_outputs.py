@@ -201,7 +201,7 @@ def test_vector_has_extremes_of_parts_and_of_its_magnitude():
     assert abs(extremes["y"].minimum.value + 0.4) <= 4 * EPS * 0.4
     assert extremes["magnitude"].turns == ()  # the pin stays on its circle
     assert abs(extremes.maximum.value - extremes.minimum.value) <= 4 * EPS * 0.4
-    assert set(extremes.to_dict()) == {"output", "unit", "x", "y", "magnitude"}
+    assert set(extremes.to_dict()) == {"output", "unit", "x", "y", "magnitude", "notes"}
 
 
 def test_range_that_ends_early_has_its_extreme_at_the_end():
@@ -320,7 +320,7 @@ def test_extremes_and_strokes_are_data_and_text():
     extremes = mechanism.extremes("dyad.C.p.x")
     assert json.loads(json.dumps(extremes.to_dict()))["value"]["maximum"]["end"] is False
     assert str(extremes).splitlines()[0] == "dyad.C.p.x  minimum 2 m at crank.q = 3.14159265 rad"
-    assert extremes.text(degrees=True).splitlines()[0].endswith("at crank.q = 180 deg")
+    assert extremes.to("deg").text().splitlines()[0].endswith("at crank.q = 180 deg")
     told = mechanism.stroke("dyad.C.p")
     assert json.loads(json.dumps(told.to_dict()))["length"] == told.length
     assert str(told).startswith("dyad.C.p  stroke 2 m, from crank.q = 3.14159265 rad to ")

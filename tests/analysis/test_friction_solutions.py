@@ -179,7 +179,7 @@ def test_text_table_and_data_say_the_same():
     assert [len(p["solutions"]) for p in poses] == [1, 2]
     assert poses[1]["solutions"][1]["outputs"]["crank.drive"] == solutions["crank.drive"][2]
     assert "114.591559 deg" not in text
-    assert "57.29578" in solutions.text(degrees=True)
+    assert "57.29578" in solutions.to("deg").text()
 
 
 def test_a_pose_that_jams_has_none_and_that_is_proved():

@@ -326,7 +326,7 @@ def test_limits_are_data():
     assert [a["end"]["how"] for a in document["arcs"]] == ["folded", "extended"]
     assert [a["end"]["q"] for a in document["arcs"]] == [a.end.q for a in limits.arcs]
     assert str(limits).splitlines()[0] == "crank.q: 2 feasible arcs"
-    assert "deg long" in limits.text(degrees=True)
+    assert "deg long" in limits.to("deg").text()
     assert str(limits).splitlines()[-1].startswith("  singular poses of the second kind")
     assert "second kind" not in str(fourbar(1.0, 3.0, 2.0, 3.5).compile().limits())
 

@@ -12,17 +12,15 @@ from tests.modes import machines
 TEXTS = {
     "verify RUIZ": lambda m: str(m.verify()),
     "limits SHORT": lambda m: str(m.limits()),
-    "limits SHORT --deg": lambda m: m.limits().text(degrees=True),
+    "limits SHORT --deg": lambda m: m.limits().to("deg").text(),
     "modes SHORT": lambda m: str(m.modes()),
     "equilibria RUIZ": lambda m: str(m.equilibria()),
-    "equilibria RUIZ --friction none --deg": lambda m: m.equilibria(friction="none").text(
-        degrees=True
-    ),
+    "equilibria RUIZ --friction none --deg": lambda m: str(m.equilibria(friction="none").to("deg")),
     "linearize RUIZ --at 1 --rates 10": lambda m: str(m.linearize(1.0, rates=10.0)),
     "balance RUIZ --numbers dyad.links.j.mass --want crank.drive --at 0,1,2": lambda m: str(
         bm.design.balance(m, "dyad.links.j.mass", "crank.drive", at=[0.0, 1.0, 2.0])
     ),
-    "extremes RUIZ crank.q --deg": lambda m: m.extremes("crank.q").text(degrees=True),
+    "extremes RUIZ crank.q --deg": lambda m: m.extremes("crank.q").to("deg").text(),
     "extremes RUIZ dyad.j.angle --stroke": lambda m: str(m.stroke("dyad.j.angle")),
 }
 

@@ -190,7 +190,10 @@ def test_a_run_of_one_turn_says_after_how_many_it_repeats():
     data = json.loads((GRAPHS / "geared_fivebar.json").read_text("utf-8"))
     assert not bm.Graph.from_data(data).compile().run().notes()
     data["blocks"]["mesh"]["teeth"] = [20, 40]
-    (note,) = bm.Graph.from_data(data).compile().run().notes()
+    mech = bm.Graph.from_data(data).compile()
+    (note,) = mech.run().notes()
+    assert mech.extremes("dyad.C.p.x").notes == mech.stroke("dyad.C.p.x").notes == (note,)
+    assert note in mech.draw(trace="dyad.C").texts[0].get_text().replace("\n", " ")
     advice = 'a law of motion with end="2 turns" shows all'
     assert note == f"the mechanism repeats after 2 turns of first: {advice}"
     data["scene"]["drive"]["first"]["to"] = "2 turns"

@@ -22,7 +22,7 @@ from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_na
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, Facts, Report, as_json, places, with_unit
+from blockmech.ground.report import Facts, Report, as_json, places, with_unit
 from blockmech.ground.tolerances import EQUAL
 from blockmech.typing import Array, Data, Floats
 
@@ -95,13 +95,13 @@ class Equilibrium(Facts, Report):
         """Natural frequencies [rad/s] of small undamped oscillations, in rising order."""
         return natural_frequencies(self.M, self.K) if len(self.values) else np.empty(0)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The equilibrium as a line."""
         fixed = {name: q for name, q in self.at.items() if name not in self.free}
-        parts = [places(fixed, self.units, degrees)] if fixed else []
+        parts = [places(fixed, self.units, self._display)] if fixed else []
         at = ", ".join([*parts, *(f"{name} free" for name in self.free)])
         if self.chart is not None:
-            leads = f"where {places(self.leads, self.units, degrees)} leads"
+            leads = f"where {places(self.leads, self.units, self._display)} leads"
             at += f", {leads if self.leads else 'in another assembly mode'}"
         if self.stop:
             yield f"{at}  pushed against the end stop"
@@ -115,7 +115,7 @@ class Equilibrium(Facts, Report):
         if self.potential is not None:
             rows.append(f"potential {self.potential:.6g} J")
         if self.interval is not None:
-            rows.append(f"friction holds it {_between(self.interval, self._unit, degrees)}")
+            rows.append(f"friction holds it {_between(self.interval, self._unit, self._display)}")
         yield ", ".join(rows)
 
     @property
@@ -218,15 +218,15 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
             axes.set_ylim(scale * (min(low, 0.0) - room), scale * (max(high, 0.0) + room))
         axes.set_ylabel(f"{what} [{unit}]", labelpad=2)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """One equilibrium a line, then the intervals of rest."""
-        yield from (e.text(degrees) for e in self.found)
+        yield from (str(e.to(*self._display)) for e in self.found)
         if not self.found and not self.balanced:
             yield "no equilibrium"
         for one in self.balanced:
-            yield f"balanced everywhere {_between(one, self.unit, degrees)}"
+            yield f"balanced everywhere {_between(one, self.unit, self._display)}"
         for one in self.rests:
-            yield f"friction holds {self.coordinate} {_between(one, self.unit, degrees)}"
+            yield f"friction holds {self.coordinate} {_between(one, self.unit, self._display)}"
         yield from self.notes
 
     def to_dict(self) -> Data:
@@ -234,8 +234,8 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         return {"equilibria": as_json(self.found), **super().to_dict()}
 
 
-def _between(ends: tuple[float, float], unit: str, degrees: bool) -> str:
-    low, high = (with_unit(x, unit, degrees) for x in ends)
+def _between(ends: tuple[float, float], unit: str, display: Sequence[str]) -> str:
+    low, high = (with_unit(x, unit, display) for x in ends)
     return f"from {low} to {high}"
 
 

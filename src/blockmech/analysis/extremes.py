@@ -9,7 +9,7 @@ friction moment that changes its sign) minimisation takes over.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from operator import attrgetter, pos
 from typing import TYPE_CHECKING, Literal
@@ -20,7 +20,7 @@ from blockmech.analysis.turning_points import Turn, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, refused, shown
-from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
+from blockmech.ground.report import Facts, Report, places, with_unit
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.typing import Data, FrictionMethod
 
@@ -57,10 +57,10 @@ class Extreme(Facts):
     time: float | None
     end: bool
 
-    def place(self, degrees: bool = DEGREES, display: tuple[str, ...] = ()) -> str:
+    def place(self, display: Iterable[str] = ()) -> str:
         """Where it is, in words."""
         at = {driver: shown_place(q) for driver, q in self.at.items()}
-        return places(at, self.units, degrees, display)
+        return places(at, self.units, display)
 
     def to_dict(self) -> Data:
         """The extreme as a JSON object; null stands for infinity."""
@@ -88,13 +88,13 @@ class Extremes(Facts, Report):
     """Extremes of one output; for a vector those of x, y and its magnitude.
 
     ``minimum``, ``maximum`` and ``turns`` are those of a real output, or of a vector's
-    magnitude; ``extremes["x"]`` is a part of a vector. Texts are in the units ``display``.
+    magnitude; ``extremes["x"]`` is a part of a vector.
     """
 
     name: str
     unit: str
     ranges: Mapping[str, Range]
-    display: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, part: str) -> Range:
         return held(self.ranges, part, "the output has no such part", "parts")
@@ -118,19 +118,20 @@ class Extremes(Facts, Report):
         """All local extremes inside the range, in the order of the cycle."""
         return self._main.turns
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The extremes of each part, one a line."""
         for part, span in self.ranges.items():
             name = f"{self.name}.{part}".rstrip(".")
             for extreme in (span.minimum, span.maximum):
-                value = with_unit(extreme.value, self.unit, degrees, self.display)
-                at = extreme.place(degrees, self.display)
+                value = with_unit(extreme.value, self.unit, self._display)
+                at = extreme.place(self._display)
                 yield f"{name}  {extreme.kind} {value} at {at}"
+        yield from (f"note: {text}" for text in self.notes)
 
     def to_dict(self) -> Data:
         """The extremes as a JSON object."""
         parts = {part or "value": r.to_dict() for part, r in self.ranges.items()}
-        return {"output": self.name, "unit": self.unit, **parts}
+        return {"output": self.name, "unit": self.unit, **parts, "notes": [*self.notes]}
 
 
 @declared
@@ -179,8 +180,8 @@ def extremes(
         )
         for part, t in turns.items()
     }
-    unit, display = cycle.mechanism.outputs[output].unit, getattr(source, "units", ())
-    return Extremes(name, unit, ranges, display)
+    extremes = Extremes(name, cycle.mechanism.outputs[output].unit, ranges, cycle.notes)
+    return extremes.to(*getattr(source, "_display", ()))
 
 
 def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:

@@ -22,7 +22,7 @@ from blockmech.figures.paper import (
 )
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import listed, refused
-from blockmech.ground.report import DEGREES, WIDTH, Facts, as_json, places
+from blockmech.ground.report import WIDTH, Facts, as_json, places
 from blockmech.ground.units import shown_in
 from blockmech.result.columns import Column, output_columns
 from blockmech.result.result import Result
@@ -203,9 +203,9 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             axes.set_ylabel("scale of friction [–]")
         return axes.figure
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The solutions as a table, and what proves that there are no others."""
-        columns, hidden = self._fitting(self._columns(degrees))
+        columns, hidden = self._fitting(self._columns(self._display))
         head = [column.head for column in columns]
         texts = [
             [f"{x + 0.0:.7g}" if math.isfinite(x) else "-" for x in column.values[:ROWS].tolist()]
@@ -223,7 +223,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         name = self.answers.mechanism.name
         yield f"{name}: {counted(self.n, 'pose')}, {counted(len(self), 'solution')}"
         yield from ("", *aligned(title, rows))
-        yield from self._foot(degrees, hidden)
+        yield from self._foot(hidden)
 
     def _fitting(self, columns: list[Column]) -> tuple[list[Column], list[str]]:
         """The columns that a line has room for, one at least, and the names of the others."""
@@ -237,11 +237,11 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         """Number of columns that say where a solution is: drivers, and the scale if it is used."""
         return len(self.drivers) + bool((self.scale != 1.0).any())
 
-    def _columns(self, degrees: bool = DEGREES) -> list[Column]:
+    def _columns(self, display: Sequence[str] = ()) -> list[Column]:
         """Coordinates and the wanted outputs, one value for each solution."""
-        columns, answers = [], self.answers.to(*("deg",) * degrees)
+        columns, answers = [], self.answers.to(*display)
         for name, q in self.drivers.items():
-            factor, unit = shown_in(self.answers._unit_of_driver(name), answers.units)
+            factor, unit = shown_in(self.answers._unit_of_driver(name), answers._display)
             columns.append(Column(name, unit, factor * q[self.pose], name))
         if (self.scale != 1.0).any():
             columns.append(Column("scale", "", self.scale[self.pose], "scale"))
@@ -249,7 +249,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             columns += output_columns(answers, name)
         return columns
 
-    def _foot(self, degrees: bool, hidden: Sequence[str]) -> Iterator[str]:
+    def _foot(self, hidden: Sequence[str]) -> Iterator[str]:
         if hidden:
             yield f"{counted(len(hidden), 'more column')}: {listed(hidden, 3)}"
         if len(self) > ROWS:
@@ -267,7 +267,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             yield f"complete: {', '.join(complete)}"
         for word in (UNDECIDED, NO_POSE):
             if proofs[word]:
-                yield f"{word}: {counted(proofs[word], 'pose')}, first {self._place(word, degrees)}"
+                yield f"{word}: {counted(proofs[word], 'pose')}, first {self._place(word)}"
         for group, c in self.existence.items():
             if np.isfinite(c).any():
                 low, high = np.nanmin(c), np.nanmax(c)
@@ -276,10 +276,10 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         if resting:
             yield f"at zero relative speed, friction there taken as 0: {listed(resting, 4)}"
 
-    def _place(self, word: str, degrees: bool) -> str:
+    def _place(self, word: str) -> str:
         i, drivers = self.proof.index(word), self.drivers
         units = {name: self.answers._unit_of_driver(name) for name in drivers}
-        return places({name: float(q[i]) for name, q in drivers.items()}, units, degrees)
+        return places({name: float(q[i]) for name, q in drivers.items()}, units, self._display)
 
     def _said(self, group: str) -> str:
         return str(self.answers.mechanism._block_name(group))

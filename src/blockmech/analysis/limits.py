@@ -33,9 +33,9 @@ from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, among, listed, refused
-from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.report import Facts
 from blockmech.ground.tolerances import DOUBLE_ROOT
-from blockmech.ground.units import number_in_si
+from blockmech.ground.units import number_in_si, shown_in
 from blockmech.model.structure import Structure
 from blockmech.result.shortfall import shortfall
 from blockmech.typing import Data, Record
@@ -158,10 +158,9 @@ class Limits(Facts, Pictured):
         caption = f"{self.sentence()}."
         return bars_figure(bars, self._q(self.driver), self.unit, caption, degrees, ax)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterable[str]:
+    def lines(self) -> Iterable[str]:
         """The arcs, their ends and change points, one a line."""
-        turned = degrees and self.unit == "rad"
-        scale, unit = (180 / math.pi, "deg") if turned else (1.0, self.unit)
+        scale, unit = shown_in(self.unit, self._display)
         fixed = ", ".join(f"{self._q(d)} = {q:.9g}" for d, q in self.held.items())
         count = "turns fully" if self.whole_turn else f"{len(self.arcs) or 'no'} feasible arc"
         plural = "s" if len(self.arcs) > 1 else ""

@@ -28,7 +28,7 @@ from blockmech.analysis.working_cycle import Cycle
 from blockmech.functions.series import fit, panels
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
-from blockmech.ground.report import DEGREES, Facts, Report, with_unit
+from blockmech.ground.report import Facts, Report, with_unit
 from blockmech.ground.tolerances import BLUR, EQUAL
 from blockmech.typing import Data, Floats, FrictionMethod
 
@@ -57,10 +57,9 @@ class Stroke(Facts, Report):
     chord : straight distance [m] of a marker's extreme positions
     out, back : driver travel [rad] from low to high and from high to low; None unless the
         driver is one crank that makes a whole turn
-    display : units of the text, those of `Result.to`
     """
 
-    FACTS = ("unit", "length", "path", "chord", "low", "high", "out", "back", "time_ratio")
+    FACTS = ("unit", "length", "path", "chord", "low", "high", "out", "back", "time_ratio", "notes")
 
     name: str
     unit: str
@@ -71,7 +70,7 @@ class Stroke(Facts, Report):
     chord: float | None
     out: float | None
     back: float | None
-    display: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def time_ratio(self) -> float | None:
@@ -80,15 +79,16 @@ class Stroke(Facts, Report):
             return None
         return max(self.out, self.back) / min(self.out, self.back)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The stroke as a sentence."""
-        length = with_unit(self.length, self.unit, degrees, self.display)
-        low, high = (end.place(degrees, self.display) for end in (self.low, self.high))
+        length = with_unit(self.length, self.unit, self._display)
+        low, high = (end.place(self._display) for end in (self.low, self.high))
         text = f"{self.name}  stroke {length}, from {low} to {high}"
         if not (self.path == "scalar" or self.low.end or self.high.end):
             text += ", where it stands: singular poses of the first kind (Gosselin, Angeles)"
         ratio = self.time_ratio
         yield text if ratio is None else f"{text}; time ratio {ratio:.6g}"
+        yield from (f"note: {note}" for note in self.notes)
 
     def to_dict(self) -> Data:
         """The stroke as a JSON object."""
@@ -141,8 +141,8 @@ def stroke(
         back = TURN - out
     unit, length = cycle.mechanism.outputs[output].unit, high.value - low.value
     extremes = extreme_at(cycle, low), extreme_at(cycle, high)
-    display = getattr(source, "units", ())
-    return Stroke(name, unit, length, *extremes, path, chord, out, back, display)
+    stroke = Stroke(name, unit, length, *extremes, path, chord, out, back, cycle.notes)
+    return stroke.to(*getattr(source, "_display", ()))
 
 
 def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:

@@ -41,7 +41,7 @@ from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.dynamics.chart_outputs import ChartedResult, result_along
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
-from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.report import Facts, Report
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.structure import LinkRef
 from blockmech.passes.signals import STATE
@@ -128,7 +128,7 @@ class Verification(Facts, Report):
         """Whether every check holds and at least one sample was checked."""
         return self.samples > 0 and all(r.ok for r in self.rows)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The checks, one a line."""
         width = max((len(r.name) for r in self.rows), default=4)
         yield f"{'check':<{width}}  error [-]  allowed [-]"
@@ -208,11 +208,18 @@ def verify(
     return _worst_rows(mechanism, run.n, evidence)
 
 
+def refuse_foreign(mechanism: Compiled, source: Compiled, answer: str) -> None:
+    """Raises `RequestError` for an answer of a mechanism that differs from this one in value."""
+    values = zip(*((m.structure, m.scene, m.names) for m in (mechanism, source)), strict=True)
+    if source is not mechanism and any(a != b for a, b in values):
+        raise refused("at", f"{answer} of another mechanism, {source.name}")
+
+
 def _of_result(
     mechanism: Compiled, result: Result, engine: EngineName, chunk: int | None
 ) -> Verification:
     """A result's own samples, and what a simulation says of itself."""
-    mechanism._refuse_foreign(result.mechanism, "the result is")
+    refuse_foreign(mechanism, result.mechanism, "the result is")
     if isinstance(result, ChartedResult):
         legs = (_of_result(x.mechanism, x.result, engine, chunk) for x in result.parts)
         return _worst_legs([*legs])

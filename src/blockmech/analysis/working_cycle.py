@@ -14,6 +14,7 @@ from blockmech.functions.roots import SCANNED, bisect
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.laws_of_motion import LawOfMotion
+from blockmech.result.remarks import missing_turns
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
 from blockmech.typing import Arguments, Array, Data, Floats
@@ -80,6 +81,14 @@ class Cycle:
         span = self.high - self.low
         s = s + span if s < self.low - ROUNDING * span else s
         return s - span if s >= self.high - ROUNDING * span else s
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the range leaves out: turns of a mechanism that repeats after several."""
+        ends = self.request(np.array([self.low, self.high]))
+        names = ("at", "samples", "times", "rates", "accelerations")
+        samples = self.mechanism.samples(*map(ends.get, names))
+        return tuple(missing_turns(self.mechanism, samples.inputs))
 
     def stretches(self, value: Callable[[Floats], Array]) -> Iterator[tuple[float, float]]:
         """Ends of the stretches on which a value is finite, to rounding."""

@@ -24,7 +24,7 @@ from blockmech.cli.terminal import (
 )
 from blockmech.ground.errors import refused
 from blockmech.ground.files import folder, refuse_spared
-from blockmech.ground.report import DEGREES, Facts, Report, as_json
+from blockmech.ground.report import Facts, Report, as_json
 from blockmech.result.data import json_chunks
 from blockmech.result.spreadsheet import csv_chunks, write_csv
 from blockmech.result.tables import table
@@ -140,7 +140,8 @@ class Display:
         if table == "-":
             pour([report.to_csv()])
         else:
-            answer(file, self.json, report.to_dict(), report.text(degrees=bool(self.deg)))
+            text = report.to(*["deg"] * bool(self.deg)).text()
+            answer(file, self.json, report.to_dict(), text)
             write_answer(report, table, plot, self.deg is not False)
         return report
 
@@ -168,9 +169,9 @@ class Reports(Facts, Report):
     kind: str
     reports: Sequence[Any]
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The lines of all."""
-        yield from (report.text(degrees) for report in self.reports)
+        yield from (report.to(*self._display).text() for report in self.reports)
 
     def to_dict(self) -> Data:
         """All under the name of their kind."""

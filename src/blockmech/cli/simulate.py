@@ -133,7 +133,7 @@ def motion_lines(result: Result) -> list[str]:
         return []
     names = list(result.drivers)
     units = [result._unit_of_driver(name) for name in names]
-    lines = [f"{e.kind} at {_state(e, names, units, result.units)}" for e in motion.events]
+    lines = [f"{e.kind} at {_state(e, names, units, result._display)}" for e in motion.events]
     if len(lines) > LINES:
         lines = [*lines[: LINES - 1], f"... {len(lines) - LINES} events more", lines[-1]]
     return [*lines, *motion.summary()]

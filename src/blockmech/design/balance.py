@@ -24,7 +24,7 @@ from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, Facts, with_unit
+from blockmech.ground.report import Facts, with_unit
 from blockmech.result.result import Result
 from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import chosen_numbers, sensitivity
@@ -98,14 +98,14 @@ class Balance(Facts, Pictured):
             axes.set_xlabel(across.words, labelpad=1)
         return axes.figure
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The numbers, then the remainder of each output and its largest value."""
-        rows = [(a, with_unit(x, self.units[a])) for a, x in self.numbers.items()]
+        rows = [(a, with_unit(x, self.units[a], self._display)) for a, x in self.numbers.items()]
         yield from aligned(("number", "value"), rows)
         run = self.runs[1]
         for name, left in self.after.items():
             was, unit = self.before[name], self.units[name]
-            at = run._place(left.sample, degrees)
+            at = run._place(left.sample, self._display)
             yield (
                 f"{name}: rms {left.rms:.4g} {unit} of {was.rms:.4g}, "
                 f"largest {left.largest:.4g} of {was.largest:.4g}, at {at}"

@@ -32,7 +32,7 @@ from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, refused
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.report import Facts
 from blockmech.ground.units import number_in_si
 from blockmech.plan.plan import Plan
 from blockmech.result.samples import Samples
@@ -101,7 +101,7 @@ class MotorDemand(Facts, Pictured):
             axes.set_xlabel(f"speed of the motor [{per}]; red: its limits", labelpad=1)
         return axes.figure
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The requirements, and whether the motor meets them."""
         per = "rad/s" if self.unit == "N m" else "m/s"
         yield (

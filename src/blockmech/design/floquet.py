@@ -25,7 +25,7 @@ from blockmech.analysis.equilibrium import companion
 from blockmech.dynamics.tangents import tangents
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
-from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.report import Facts, Report
 from blockmech.result.result import Result
 from blockmech.typing import Floats
 
@@ -57,7 +57,7 @@ class Floquet(Facts, Report):
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(self.multipliers.astype(complex)) / self.period)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The period and the multipliers."""
         yield f"period {self.period:.9g} s"
         yield from (f"multiplier {_shown(complex(z))}" for z in self.multipliers.tolist())

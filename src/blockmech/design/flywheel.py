@@ -29,7 +29,7 @@ from blockmech.functions.series import Series, fit, panels
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.report import Facts
 from blockmech.ground.units import number_in_si
 from blockmech.typing import Floats, Quantity
 
@@ -78,7 +78,7 @@ class Flywheel(Facts, Pictured):
             legend_above(axes, ink.COLUMN)
         return axes.figure
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The flywheel as a sentence."""
         alone = f"{self.without:.4g}" if math.isfinite(self.without) else "it does not get round"
         yield (

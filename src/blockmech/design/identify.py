@@ -44,7 +44,7 @@ from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, as_names, held, listed, refused
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.report import Facts
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter
@@ -156,7 +156,7 @@ class Identification(Facts, Pictured):
             axes.set_xlabel(f"{self.mechanism._of_driver(driver, 'q')} [{unit_of_x}]", labelpad=1)
         return axes.figure
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The parameters with their deviations, then those that the data do not determine."""
         rows = [
             (a, f"{x:.7g} {self.units[a]}".rstrip(), f"± {self.deviations[a]:.2g}")

@@ -39,7 +39,7 @@ from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, as_names, listed, needed, refused
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, Facts, places, with_unit
+from blockmech.ground.report import Facts, places, with_unit
 from blockmech.ground.runnable import LazyMethod
 from blockmech.ground.tolerances import EQUAL
 from blockmech.studies.derivatives_at import (
@@ -228,16 +228,16 @@ class Linearization(Facts, Pictured):
             legend_above(size, ink.COLUMN)
         return size.figure
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The state and the modes, one a line."""
         m = self.mechanism
         at = {m._of_driver(d, "q"): q for d, q in self.at.items()}
-        yield f"about {places(at, {name: m.outputs[name].unit for name in at}, degrees)}"
+        yield f"about {places(at, {name: m.outputs[name].unit for name in at}, self._display)}"
         if self.states:
             yield f"with {', '.join(f'{n} = {x:.9g}' for n, x in self.states.items())}"
         for d, x in zip(self.at, self.effort.tolist(), strict=True):
             drive = m._of_driver(d, "drive")
-            yield f"{drive} = {with_unit(x, m.outputs[drive].unit)} keeps it up"
+            yield f"{drive} = {with_unit(x, m.outputs[drive].unit, self._display)} keeps it up"
         for mode in self.modes:
             ways = ", ".join(
                 f"{abs(z):.3g} at {math.degrees(cmath.phase(z)):.0f}°" for z in mode.shape

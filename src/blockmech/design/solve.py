@@ -31,7 +31,7 @@ from blockmech.design.efforts import with_efforts
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, as_names, listed, refused
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
+from blockmech.ground.report import Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.studies.family import parameters, remade
@@ -90,12 +90,12 @@ class Solutions(Facts, Report):
     def __getitem__(self, k: int) -> Solution:
         return self.solutions[k]
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The targets, then one line for each solution."""
-        yield f"{places(self.wanted, self.units, degrees)}:"
+        yield f"{places(self.wanted, self.units, self._display)}:"
         for solution in self.solutions:
             mode = ", ".join(f"{name} = {x}" for name, x in solution.mode.items())
-            line = f"  {places(solution.values, solution.units, degrees)}"
+            line = f"  {places(solution.values, solution.units, self._display)}"
             yield f"{line}  ({mode})" if mode else line
         if not self.solutions:
             yield f"  no solution: {self.nearest}"

@@ -24,6 +24,7 @@ from blockmech.ground.errors import among
 from blockmech.model.joints.dimensions import AngleOfLines, Dimension, Length
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
+from blockmech.result.remarks import missing_turns
 from blockmech.result.result import Result
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.typing import Coordinates, Vectors
@@ -85,9 +86,7 @@ def draw_mechanism(
     sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
     paths = paths_of(sweep, trace) if sweep is not None and sweep.result.n > 1 else {}
     paths = worded(paths) if curves is None else curves
-    poses = caption(motion, range(len(motion.samples)), degrees) if named else ""
-    title = mechanism.document.title if named and mechanism.document else ""
-    text = "\n".join(filter(None, [title, poses]))
+    text = _heading(motion, sweep if paths else None, degrees) if named else ""
     with styled():
         page = page_of(sketch, motion, paths, [text] * bool(text))
         stage = Stage(sketch, motion, page.unit)
@@ -177,6 +176,15 @@ def _poses(motion: Motion, named: bool) -> list[int]:
 
 
 # -- captions ------------------------------------------------------------------------------
+
+
+def _heading(motion: Motion, traced: Motion | None, degrees: bool) -> str:
+    """The title of the document, the poses, and the turns that traced paths leave out."""
+    mechanism = motion.mechanism
+    title = mechanism.document.title if mechanism.document else ""
+    poses = caption(motion, range(len(motion.samples)), degrees)
+    notes = missing_turns(mechanism, traced.result.samples.inputs) if traced else []
+    return "\n".join(filter(None, [title, poses, *notes]))
 
 
 def caption(motion: Motion, samples: Sequence[int], degrees: bool = IN_DEGREES) -> str:

@@ -53,7 +53,7 @@ def pictures_of(result: Result, degrees: bool = False) -> dict[str, Panels]:
     if not pictures["drive"] and not pictures["reactions"]:
         pictures["kinematics"] = kinematic_panels(result, degrees)
     return {
-        name: tuple(in_units(panel, result.units) for panel in panels)
+        name: tuple(in_units(panel, result._display) for panel in panels)
         for name, panels in pictures.items()
         if panels
     }
@@ -215,7 +215,7 @@ def chosen_panels(
 
 def in_shown(result: Result, unit: str, degrees: bool) -> tuple[float, str]:
     """Factor and unit in which a quantity of a run is drawn."""
-    return shown_in(unit, (*result.units, "°") if degrees else result.units)
+    return shown_in(unit, (*result._display, "°") if degrees else result._display)
 
 
 def values(result: Result, name: str) -> Floats:

@@ -11,31 +11,25 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from numbers import Complex, Integral, Real
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
-from blockmech.ground.errors import Guided
-from blockmech.ground.units import shown_in
+from blockmech.ground.errors import Guided, refused
+from blockmech.ground.units import NoQuantity, quantity, shown_in
 from blockmech.typing import Data
 
 WIDTH = 100  # characters of a line
 LINES = 12  # of a list, the first ones, where it is longer
-DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
 
 
-def with_unit(x: float, unit: str, degrees: bool = DEGREES, units: tuple[str, ...] = ()) -> str:
-    """A number to nine digits in the first of the units of its kind, an angle in degrees if so."""
-    factor, unit = shown_in(unit, (*units, "deg") if degrees else units)
+def with_unit(x: float, unit: str, display: Iterable[str] = ()) -> str:
+    """A number to nine digits in the first of the units of its kind that are displayed."""
+    factor, unit = shown_in(unit, display)
     return f"{factor * x:.9g} {unit}".rstrip()
 
 
-def places(
-    at: Mapping[str, float],
-    units: Mapping[str, str],
-    degrees: bool = DEGREES,
-    display: tuple[str, ...] = (),
-) -> str:
+def places(at: Mapping[str, float], units: Mapping[str, str], display: Iterable[str] = ()) -> str:
     """Coordinates by name as words, e.g. ``crank.q = 30 deg, slide.q = 0.1 m``."""
-    coordinates = {name: with_unit(q, units[name], degrees, display) for name, q in at.items()}
+    coordinates = {name: with_unit(q, units[name], display) for name, q in at.items()}
     return ", ".join(f"{name} = {text}" for name, text in coordinates.items())
 
 
@@ -88,16 +82,44 @@ class Facts:
         return {name: as_json(getattr(self, name)) for name in names}
 
 
-class Report(Guided, ABC):
+class Displayed(Guided):
+    """What is shown in units of the user's choice: its numbers stay in SI."""
+
+    _display: ClassVar[tuple[str, ...]] = ()
+
+    def to(self, *units: str) -> Self:
+        """The same answer, displayed in other units: deg, rpm, mm, kN.
+
+        Texts, tables, CSV, pictures, data frames of pandas and xarray follow; numbers by name, JSON
+        and npz stay in SI. ``result.to("deg", "mm").to_csv("turn.csv")``. Raises `RequestError` for
+        what is no unit.
+
+        >>> print(result.to("deg", "kN").to_csv()[:40])
+        crank.q [deg],time [s],crank.rate [rad/s
+        >>> print(mech.extremes("crank.q").to("deg"))
+        crank.q  minimum 0 deg at crank.q = 0 deg
+        crank.q  maximum 360 deg at crank.q = 360 deg
+        """
+        for unit in units:
+            try:
+                quantity(f"1 {unit}")
+            except NoQuantity as error:
+                raise refused("to", error.found, 'e.g. to("deg", "rpm", "mm")') from None
+        copy = object.__new__(type(self))  # a copy would be made as one is pickled: without plan
+        vars(copy).update(vars(self), _display=units)
+        return copy
+
+
+class Report(Displayed, ABC):
     """Base class of printed results: ``print`` shows all lines, `repr` one, a notebook HTML."""
 
     @abstractmethod
-    def lines(self, degrees: bool = DEGREES) -> Iterable[str]:
+    def lines(self) -> Iterable[str]:
         """The printed lines."""
 
-    def text(self, degrees: bool = DEGREES) -> str:
-        """The lines as one text; angles in degrees if asked for."""
-        return "\n".join(self.lines(degrees))
+    def text(self) -> str:
+        """The lines as one text."""
+        return "\n".join(self.lines())
 
     def __str__(self) -> str:
         return self.text()

@@ -233,15 +233,15 @@ def _unknown(address: object, numbers: Mapping[str, Parameter]) -> Problem:
     """The problem of an address of nothing: what is nearest to it, and how to come by such one."""
     message, text = "the mechanism has no parameter with that address", str(address)
     owners = itertools.accumulate(text.split("."), "{}.{}".format)
-    beside = [[a for a in numbers if a.startswith((f"{x}.", f"{x}["))] for x in owners]
-    neighbours = next(filter(None, reversed(beside)), numbers)
+    siblings = [[a for a in numbers if a.startswith((f"{x}.", f"{x}["))] for x in owners]
+    neighbours = next(filter(None, reversed(siblings)), numbers)
     valid = f"addresses there: {listed(neighbours, 16)}"
     remedy = close_match(text, list(numbers))
     if any(a.startswith("joints.") for a in numbers) and "dimensions" not in remedy:
-        for word, way in OF_LINKS.items():
+        for word, hint in OF_LINKS.items():
             owner, match, _ = f"{text}.".partition(f".{word}.")
             if match and not any(a.startswith(f"{owner}.{word}") for a in numbers):
-                remedy = way.format(owner)
+                remedy = hint.format(owner)
     return Problem("unknown-parameter", text, message, valid, remedy)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,8 @@ from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.paper import shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import among
-from blockmech.ground.report import DEGREES, Facts, with_unit
+from blockmech.ground.report import Facts, with_unit
+from blockmech.ground.units import shown_in
 from blockmech.typing import Data, Record
 
 if TYPE_CHECKING:
@@ -186,7 +187,7 @@ class Modes(Facts, Pictured):
                 arc.circuit,
             )
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """All groups: modes by sample, then arcs."""
         for group in self.groups:
             yield f"{group.group}  {group.kind}"
@@ -194,15 +195,15 @@ class Modes(Facts, Pictured):
                 yield f"  {group.note}"
             for n, modes in enumerate(group.samples):
                 where = ", ".join(
-                    f"{self.prefix}{d}.q = {_coordinate(row[n], self.units[d], degrees)}"
+                    f"{self.prefix}{d}.q = {_coordinate(row[n], self.units[d], self._display)}"
                     for d, row in self.drivers.items()
                 )
                 yield "  " + f"{where}: " * bool(where) + _mode_count(modes, group)
                 for k, mode in enumerate(modes, start=1):
-                    yield from _mode_lines(k, mode, self, degrees)
+                    yield from _mode_lines(k, mode, self)
             if group.arcs:
                 yield f"  along {self.prefix}{self.driver}.q:"
-                yield from _arc_lines(group, self.units[self.driver], degrees)
+                yield from _arc_lines(group, self.units[self.driver], self._display)
 
 
 # ---- text --------------------------------------------------------------------------------
@@ -215,18 +216,15 @@ def _mode_count(modes: tuple[GroupMode, ...], group: GroupModes) -> str:
     return f"{len(modes)} mode{'s' if len(modes) > 1 else ''}"
 
 
-def _mode_lines(number: int, mode: GroupMode, modes: Modes, degrees: bool) -> Iterator[str]:
-    unit = 180 / math.pi if degrees else 1.0
-    angles = ", ".join(
-        f"{link} {pose[2] * unit:.6g} {'deg' if degrees else 'rad'}"
-        for link, pose in mode.links.items()
-    )
+def _mode_lines(number: int, mode: GroupMode, modes: Modes) -> Iterator[str]:
+    factor, unit = shown_in("rad", modes._display)
+    angles = ", ".join(f"{link} {pose[2] * factor:.6g} {unit}" for link, pose in mode.links.items())
     text = f"margin {mode.margin:.4g}"
     text += ", double: a dead centre" if mode.double else ""
     if mode.arc is not None:
         text += f", arc {mode.arc + 1}"
     if mode.reach is not None:
-        low, high = (_coordinate(q, modes.units[modes.driver], degrees) for q in mode.reach)
+        low, high = (_coordinate(q, modes.units[modes.driver], modes._display) for q in mode.reach)
         text += f" (here from {low} to {high})"
     if mode.after_turn not in (None, number - 1):
         text += f", after a turn it is mode {(mode.after_turn or 0) + 1}"
@@ -236,7 +234,7 @@ def _mode_lines(number: int, mode: GroupMode, modes: Modes, degrees: bool) -> It
         yield f"       {json.dumps(mode.put)[1:-1]}"
 
 
-def _arc_lines(group: GroupModes, unit: str, degrees: bool) -> Iterator[str]:
+def _arc_lines(group: GroupModes, unit: str, display: Iterable[str]) -> Iterator[str]:
     for n, arc in enumerate(group.arcs, start=1):
         branch = "" if arc.branch is None else f" (branch {arc.branch:+d})"
         if arc.start.how == WHOLE:
@@ -247,15 +245,15 @@ def _arc_lines(group: GroupModes, unit: str, degrees: bool) -> Iterator[str]:
                 (e.how if e.how != DEAD or e.other is None else f"merges with arc {e.other + 1}")
                 for e in (arc.start, arc.end)
             )
-            low, high = (_coordinate(e.q, unit, degrees) for e in (arc.start, arc.end))
+            low, high = (_coordinate(e.q, unit, display) for e in (arc.start, arc.end))
             span = f"from {low} ({start}) to {high} ({end})"
         yield f"    arc {n}{branch}: {span}"
         for q in arc.change_points:
-            yield f"      change point at {_coordinate(q, unit, degrees)}"
+            yield f"      change point at {_coordinate(q, unit, display)}"
 
 
-def _coordinate(q: float, unit: str, degrees: bool) -> str:
-    return with_unit(shown_place(q), unit, degrees)
+def _coordinate(q: float, unit: str, display: Iterable[str]) -> str:
+    return with_unit(shown_place(q), unit, display)
 
 
 def _nearest_turn(q: float, arc: Arc, rotary: bool) -> float:

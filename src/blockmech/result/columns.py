@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blockmech.ground.errors import Guided
 from blockmech.ground.files import AnyPath
+from blockmech.ground.report import Displayed
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.units import shown_in
 from blockmech.plan.plan import Output
@@ -20,7 +20,7 @@ from blockmech.typing import Arguments, Array, Floats, Named, Real
 __all__ = ["AnyPath", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
 
-class Labelled(Guided, Mapping[str, Floats]):
+class Labelled(Displayed, Mapping[str, Floats]):
     """Base class of results for exports: outputs by name, with their declarations.
 
     ``motion`` is that of a simulation, ``accuracy`` the settings chosen for a requested accuracy;
@@ -32,7 +32,6 @@ class Labelled(Guided, Mapping[str, Floats]):
     settings: Arguments
     motion: Motion | None
     accuracy: Accuracy | None
-    units: tuple[str, ...] = ()  # in which columns and pictures stand, where they are not SI
 
     @property
     @abstractmethod
@@ -160,5 +159,5 @@ def _components(result: Labelled, name: str) -> Iterator[tuple[str, Array]]:
 
 def _column(result: Labelled, name: str, unit: str, values: Real, output: str) -> Column:
     real = np.asarray(values, dtype=np.float64)
-    factor, display_unit = shown_in(unit, result.units)
+    factor, display_unit = shown_in(unit, result._display)
     return Column(name, display_unit, real if display_unit == unit else factor * real, output)

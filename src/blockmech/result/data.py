@@ -118,7 +118,7 @@ def to_xarray(result: Labelled) -> Any:
         rows, units = rows | parts, units | dict.fromkeys(parts, units[name])
     coords = drivers | ({} if time is None else {"time": time})
     units |= {"time": "s"} if "time" in coords else {}
-    factors = {name: shown_in(unit, result.units) for name, unit in units.items()}
+    factors = {name: shown_in(unit, result._display) for name, unit in units.items()}
     variables = {n: (dim, factors[n][0] * x) for n, x in (rows | coords).items()}
     dataset = xarray.Dataset(variables, attrs={n: x for n, x in data.items() if np.ndim(x) == 0})
     for name, (_, unit) in factors.items():

@@ -12,7 +12,7 @@ import numpy as np
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, Facts, Report, as_json
+from blockmech.ground.report import Facts, Report, as_json
 from blockmech.typing import Array, Data, Floats, Real
 
 Status: TypeAlias = Literal["reached", "ended", "rest", "unfinished", "failed"]
@@ -236,7 +236,7 @@ class Motion(Facts, Report):
         inside = ending | ((times >= self.t_start) & (times <= self.t_end))
         return np.where(ending, self.t_end, np.where(inside, times, np.nan))
 
-    def lines(self, degrees: bool = DEGREES) -> list[str]:
+    def lines(self) -> list[str]:
         """End, method, error, figures and notes, one per line."""
         return [*self.summary(), *(f"note: {text}" for text in self.notes)]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cmath import isfinite
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Generic, Self
@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from blockmech.engines.numpy import Planar, Whole, batch_of, complex_array, real_part, samples_of
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, refused
-from blockmech.ground.report import DEGREES, places
+from blockmech.ground.report import places
 from blockmech.ground.runnable import LazyMethod
-from blockmech.ground.units import NoQuantity, quantity
 from blockmech.model.structure import LinkRef
 from blockmech.plan.plan import Output, Plan, Undefined
 from blockmech.result.exported import Exported
@@ -124,25 +123,6 @@ class Result(Exported, Generic[M]):
 
     # -- reading ----------------------------------------------------------------
 
-    def to(self, *units: str) -> Self:
-        """The same result, displayed in other units: deg, rpm, mm, kN.
-
-        Tables, CSV, pictures, data frames of pandas and xarray follow; arrays by name, JSON and npz
-        stay in SI. ``result.to("deg", "mm").to_csv("turn.csv")``. Raises `RequestError` for what is
-        no unit.
-
-        >>> print(result.to("deg", "kN").to_csv()[:40])
-        crank.q [deg],time [s],crank.rate [rad/s
-        """
-        for unit in units:
-            try:
-                quantity(f"1 {unit}")
-            except NoQuantity as error:
-                raise refused("to", error.found, 'e.g. to("deg", "rpm", "mm")') from None
-        copy = object.__new__(type(self))  # a copy would be made as one is pickled: without plan
-        vars(copy).update(vars(self), units=units)
-        return copy
-
     def __getitem__(self, name: str) -> Any:
         if not isinstance(name, str) or name not in self._read:
             values = self._make(name)  # refuses what is no name
@@ -192,10 +172,10 @@ class Result(Exported, Generic[M]):
         name = self._compiled._of_driver
         return {name(d, "q"): self.samples.coordinate(i) for i, d in enumerate(names)}
 
-    def _place(self, sample: int, degrees: bool = DEGREES) -> str:
+    def _place(self, sample: int, display: Iterable[str] = ()) -> str:
         """Where the drivers stand at a sample, in words: ``crank.q = 0.5 rad``."""
         at = {name: float(q[sample]) for name, q in self.drivers.items()}
-        return places(at, {name: self._unit_of_driver(name) for name in at}, degrees)
+        return places(at, {name: self._unit_of_driver(name) for name in at}, display)
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom.

@@ -18,7 +18,7 @@ from blockmech.engines.enclosed.engine import EnclosedEngine
 from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, as_names, listed
-from blockmech.ground.report import DEGREES, Facts, Report, sections
+from blockmech.ground.report import Facts, Report, sections
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.parameters import Parameter, Path
 from blockmech.plan.plan import Plan
@@ -94,10 +94,10 @@ class Enclosure(Facts, Report, Mapping[str, Array]):
         inside = (low.real <= x.real) & (x.real <= high.real)
         return inside & (low.imag <= x.imag) & (x.imag <= high.imag)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """For each output its middle and half width at every sample, then what is proved."""
         subject = "every part within its tolerance" if self.tolerances else "exact numbers"
-        yield from sections(self._table(name, degrees) for name in self)
+        yield from sections(self._table(name) for name in self)
         yield ""
         count = sum(word == PROVED for word in self.status)
         yield f"{count} of {len(self.status)} samples proved for {subject}"
@@ -107,13 +107,13 @@ class Enclosure(Facts, Report, Mapping[str, Array]):
             if word != PROVED:
                 yield f"not proved: {word}"
 
-    def _table(self, name: str, degrees: bool) -> Iterator[str]:
+    def _table(self, name: str) -> Iterator[str]:
         yield f"{name} [{self.result.unit(name) or '-'}]"
         low, high = self.low[name], self.high[name]
         rows = []
         for k, word in enumerate(self.status):
             text = "not proved" if word != PROVED else _bounded(low[k], high[k])
-            rows.append((self.result._place(k, degrees), text))
+            rows.append((self.result._place(k, self._display), text))
         yield from aligned(("at", "value ± bound"), rows)
 
 

@@ -17,7 +17,7 @@ from blockmech.figures.paper import panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import held, listed
 from blockmech.ground.plane import EPS
-from blockmech.ground.report import DEGREES, LINES, as_json, sections
+from blockmech.ground.report import LINES, as_json, sections
 from blockmech.model.parameters import Parameter
 from blockmech.result.columns import Column, components, driver_columns
 from blockmech.result.result import Result
@@ -167,7 +167,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         ranked = self.ranked(name)[:LINES]
         return [e for e in ranked if e.change > 0.0] or ranked[:1]
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """A ranked table of numbers for each output, then the flags of the run."""
         yield from sections([*map(self._table, self), flag_lines(self.result)])
 

@@ -17,7 +17,7 @@ from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, needed, refused
 from blockmech.ground.files import AnyPath
-from blockmech.ground.report import DEGREES, LINES
+from blockmech.ground.report import LINES
 from blockmech.model.parameters import Parameter
 from blockmech.result.columns import Column, components
 from blockmech.result.data import dataframe, pint_unit
@@ -287,7 +287,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                 axes.set_xlabel(axis_label(number.name, number.unit, over), labelpad=1)
         return panels[0, 0].figure
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """Some designs as a table, then why others have no answer."""
         rows = self.table()
         step = max(1, -(-(self.n - 1) // (LINES - 1)))

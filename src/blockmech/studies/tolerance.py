@@ -27,7 +27,7 @@ from blockmech.figures.paper import legend_above, panelled, scaled_unit, shown_n
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import Problem, RequestError
 from blockmech.ground.progress import with_bar
-from blockmech.ground.report import DEGREES, sections
+from blockmech.ground.report import sections
 from blockmech.model.parameters import named
 from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import sensitivity
@@ -150,11 +150,11 @@ class Tolerance(Pictured, Mapping[str, Array]):
         axes.set_ylabel(f"deviation [{unit or '–'}]", labelpad=2)
         axes.set_ylim(bottom=0.0)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The largest deviation of each output, and the share of each number in it."""
-        yield from sections(self._table(output, degrees) for output in self)
+        yield from sections(self._table(output) for output in self)
 
-    def _table(self, output: str, degrees: bool) -> Iterator[str]:
+    def _table(self, output: str) -> Iterator[str]:
         run = self.sensitivity.result
         deviation, unit = self[output], self.sensitivity.unit_of(output)
         if not np.isfinite(deviation).any():
@@ -165,7 +165,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
             yield f"{output}: deviation {deviation[0]:.4g} {unit}".rstrip()
         else:
             summary = f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip()
-            yield f"{summary}, at {run._place(k, degrees)}"
+            yield f"{summary}, at {run._place(k, self._display)}"
         if output in self.sampled:
             sample = self.sampled[output]
             n, off = int(sample.designs[k]), sample.deviation[k]

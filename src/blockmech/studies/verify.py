@@ -10,7 +10,7 @@ from typing import Any, ParamSpec
 
 import numpy as np
 
-from blockmech.analysis.verify import Check, Verification
+from blockmech.analysis.verify import Check, Verification, refuse_foreign
 from blockmech.analysis.verify import verify as verified
 from blockmech.compiled import Compiled
 from blockmech.ground.errors import BlockmechError, refused
@@ -52,7 +52,7 @@ def _recompute_designs(mechanism: Compiled, study: Study) -> Verification:
     runner = study.runner
     if isinstance(runner, MotionRunner):
         raise refused("at", "it is a study of motions", "verify a simulation of one of its designs")
-    mechanism._refuse_foreign(runner.family.mechanism, "it is a study")
+    refuse_foreign(mechanism, runner.family.mechanism, "it is a study")
     answered = np.flatnonzero(study.found.word == 0)
     chosen = answered[np.unique(np.linspace(0, len(answered) - 1, DESIGNS).round().astype(int))]
     sizes = {w.label: float(np.nanmax(np.abs(study[w.label]))) or 1.0 for w in study.columns}
@@ -86,7 +86,7 @@ def _differences(mechanism: Compiled, derivatives: Sensitivity) -> Verification:
     Errors are relative to what rounding of the output makes of a difference.
     """
     run, parameters, rows = derivatives.result, derivatives.parameters, list[Check]()
-    mechanism._refuse_foreign(run.mechanism, "they are")
+    refuse_foreign(mechanism, run.mechanism, "they are")
     names = [name for name in derivatives if name not in derivatives.reduced]
     condition = _condition(mechanism, run.samples)
     chosen = np.unique(np.linspace(0, len(parameters) - 1, DESIGNS).round().astype(int))

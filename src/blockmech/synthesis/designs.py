@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.builders import Graph
-from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.report import Facts, Report
 from blockmech.ground.tolerances import EQUAL
+from blockmech.ground.units import shown_in
 from blockmech.model.versions import VERSION
 from blockmech.result.tables import aligned
 from blockmech.synthesis.fourbar import SHAPE, coupler_point
@@ -53,11 +54,10 @@ class Design(Facts, Report):
         """The largest of the errors."""
         return float(self.errors.max())
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The miss, and where the driver stands at the positions."""
-        at = np.degrees(self.at) if degrees else self.at
-        angles = ", ".join(f"{q + 0.0:.6g}" for q in at)
-        unit = "deg" if degrees else "rad"
+        factor, unit = shown_in("rad", self._display)
+        angles = ", ".join(f"{q + 0.0:.6g}" for q in factor * self.at)
         quality = f"largest miss {self.miss:.6g}, least margin {self.margin:.3g}"
         yield f"{self.output}: {quality}, at {angles} {unit}"
 
@@ -89,7 +89,7 @@ class Synthesis(Facts, Report, Sequence[Design]):
     def __len__(self) -> int:
         return len(self.designs)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The designs, one a line."""
         rows = [(str(i), f"{d.miss:.6g}", f"{d.margin:.3g}") for i, d in enumerate(self.designs)]
         yield from aligned(("design", "largest miss", "least margin"), rows)

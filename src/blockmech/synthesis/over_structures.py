@@ -32,7 +32,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.progress import with_bar
-from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.report import Facts, Report
 from blockmech.ground.tolerances import BLUR, EQUAL
 from blockmech.model.joints.varied import Varied
 from blockmech.plan.plan import Plan
@@ -261,9 +261,9 @@ class Candidate(Facts, Report):
         error = max(self.design.miss, self.met)
         return error, self.moment, -self.design.margin, float(self.links)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """Structure, moment and design."""
-        yield f"{self.structure}: moment {self.moment:.4g} N m, {self.design.text(degrees)}"
+        yield f"{self.structure}: moment {self.moment:.4g} N m, {self.design.to(*self._display)}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -312,7 +312,7 @@ class Candidates(Facts, Report, Sequence[Candidate]):
         """The same as ``candidates``, as JSON names them."""
         return self.candidates
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """A table; * marks the Pareto-optimal designs."""
         best = {id(c) for c in self.pareto}
         rows = [

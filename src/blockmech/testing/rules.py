@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from blockmech.engines.nodes import AsksPython, Untraceable
 from blockmech.engines.numpy import Planar
 from blockmech.engines.trace import Trace
-from blockmech.ground.report import DEGREES, Report
+from blockmech.ground.report import Report
 from blockmech.ground.tolerances import EQUAL, ROUNDING
 from blockmech.plan.plan import Program
 from blockmech.typing import Array, Complex, Data, Nested, Record
@@ -40,7 +40,7 @@ class Conformance(Report):
     name: str
     measured: Mapping[str, float] = field(default_factory=dict)
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """What was measured, one a line."""
         yield f"{self.name} keeps its contract"
         yield from (f"  {label:<60} {error:.1e}" for label, error in self.measured.items())

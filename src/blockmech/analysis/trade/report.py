@@ -15,7 +15,7 @@ from blockmech.figures import palette as ink
 from blockmech.figures.panels import log_ticks, power_of_ten
 from blockmech.figures.paper import legend_above, panelled, shown_name
 from blockmech.figures.pictured import Pictured
-from blockmech.ground.report import DEGREES, Facts, as_json
+from blockmech.ground.report import Facts, as_json
 from blockmech.result.spreadsheet import CsvTable
 from blockmech.result.tables import aligned
 from blockmech.typing import Arguments, Data
@@ -241,7 +241,7 @@ class Trade(CsvTable, Facts, Pictured):
                     break
                 text.remove()
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """The table with a star at the front, the reference, what was skipped, the sentence."""
         pareto, reference = self.pareto, self.reference
         rows = [_row(p, p in pareto) for series in self.series().values() for p in series]

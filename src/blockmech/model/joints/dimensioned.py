@@ -22,7 +22,7 @@ import numpy as np
 
 from blockmech.functions.roots import LONGEST_STEP, NEWTON_STEPS
 from blockmech.ground.errors import GraphError, Problem, listed, path_text
-from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.report import Facts, Report
 from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Pair
 from blockmech.model.joints.closing import CLOSED, Closing
@@ -62,7 +62,7 @@ class Dimensions(Facts, Report):
     free: tuple[str, ...]
     freedoms: int
 
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """Satisfied dimensions, then the remaining degrees of freedom."""
         farthest = max(self.moved, key=lambda name: self.moved[name], default="")
         moved = f"; {farthest} moved most, by {self.moved[farthest]:.3g} m" if farthest else ""
