@@ -184,6 +184,15 @@ def test_what_a_program_cannot_vary_is_compiled_design_by_design(fourbar):
     assert moved.status == ("ok", "no-assembly")
 
 
+def test_the_law_of_a_driver_of_a_general_group_varies():
+    document = bm.Linkage.load(JOINTS / "stephenson_3_triad.json")
+    mech = document.compile()
+    address = next(a for a in mech.parameters() if a.startswith("drivers.") and a.endswith(".rate"))
+    out = f"driver.{mech.drivers[0]}.rate"
+    rates = mech.study({address: [1.0, 2.0]}, want=f"max({out})", samples=3)
+    assert (rates[f"max({out})"] == [1.0, 2.0]).all()
+
+
 def test_numbers_of_a_linkage_that_go_into_its_graph_vary_in_one_program():
     plain = bm.Linkage.load(JOINTS / "ruiz_fourbar.json").compile()
     link = next(a for a in plain.parameters() if a.endswith(".mass"))

@@ -195,7 +195,7 @@ def _passed_on(
     mechanism: Compiled, parameters: tuple[Parameter, ...]
 ) -> dict[Parameter, tuple[Path, ...]]:
     """Where numbers of a document go in its graph, if they go there unchanged."""
-    varied = [p for p in parameters if "pose" not in p.path]
+    varied = [p for p in parameters if "pose" not in p.path and not moves_drivers(p.path)]
     try:
         variation = Variation.of(mechanism, varied)
     except GraphError:
