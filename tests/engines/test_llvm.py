@@ -149,6 +149,7 @@ def program_of(function, inputs, parameters=()):
         (lambda x, y: angle(planar(x, y), planar(1.0, -0.5)), 2, ()),
         (piecewise, 1, (KNOTS, ROWS)),
         (piecewise, 1, (KNOTS[:2], ROWS[:1])),
+        (lambda x, *table: x + piecewise(0.5, *table), 1, (KNOTS, ROWS)),
     ],
 )
 def test_primitives_are_those_of_the_plane(function, inputs, parameters):

@@ -198,3 +198,19 @@ def test_matrices_of_drivers_that_are_pairs_of_groups_are_written():
     np.testing.assert_array_equal(columns[:, square:], expected["mechanism.Q"])
     assert f"mechanism.M.{drivers[0]}.{drivers[-1]}" in program.outputs
     assert len(program.test(samples).splitlines()) > 5
+
+
+@NEEDS_C
+def test_a_table_is_read_at_a_rate_that_is_always_zero(tmp_path):
+    press = bm.Linkage.load(JOINTS / "slider_crank.json")
+    guide = next(x for x in press.joints.values() if x.type == "P")
+    points = {"arguments": [-1.0, 0.5], "values": [1.0, 2.0], "interpolation": "linear"}
+    law = bm.laws.Table(of="rate", **points)
+    press.add_load("brake", "motor", links=list(guide.links), law=law)
+    mech = press.compile()
+    program = CProgram(mech, want=["brake.*"])
+    samples = mech.samples([0.3, 0.4], None, None, None, None)
+    values, _ = Called(program, tmp_path)(samples)
+    run = scalar(program, samples)
+    np.testing.assert_array_equal(values, np.array([run[n] for n in program.outputs]).T)
+    assert np.isclose(np.abs(values), 5 / 3).any()

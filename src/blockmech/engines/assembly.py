@@ -353,7 +353,7 @@ class Text:
         kind = f"<{self.lanes} x i64>" if node.op == "piece" else self.reals
         scalar = "i64" if node.op == "piece" else "double"
         if node.op == "piece":
-            _, first, last = (x.args[0] for x in node.args)
+            first, last = (knot.args[0] for knot in node.args[1:])
             yield f"{me}.knots = getelementptr double, ptr %P, i64 {first}"
         if node.op == "entry":
             yield f"{me}.row = getelementptr double, ptr %P, i64 {node.args[1].args[0]}"

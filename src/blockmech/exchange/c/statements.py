@@ -136,7 +136,7 @@ class Statements:
     def _expression(self, node: Node) -> str:
         op = node.op
         if op == "piece":
-            _, first, last = (x.args[0] for x in node.args)
+            first, last = (knot.args[0] for knot in node.args[1:])
             x = self.name(node.args[0])
             return f"piece({self.tables[first]}, {last - first + 1}, {x})"
         if op == "entry":
