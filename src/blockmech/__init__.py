@@ -17,7 +17,7 @@ from blockmech.ground import sigint as _sigint  # noqa: F401
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from blockmech.ground.garbage import promote_to_oldest, uncollected
+from blockmech.ground.memory import promote_to_oldest, uncollected
 
 with uncollected():  # all that is made here is kept
     from blockmech import friction as friction

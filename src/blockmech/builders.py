@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from weakref import WeakKeyDictionary
 
 from blockmech.ground.errors import FormatError, GraphError, Problem, in_file
-from blockmech.ground.garbage import uncollected
+from blockmech.ground.memory import uncollected
 from blockmech.ground.runnable import LazyMethod, Runnable
 from blockmech.model import document, graph
 from blockmech.model.joints import linkage

@@ -17,8 +17,8 @@ import numpy as np
 
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.cost import account
-from blockmech.engines.numpy import PRECISIONS, NumpyEngine, each_part
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.interpreters import NumpyEngine, ScalarEngine
+from blockmech.engines.numpy import PRECISIONS, each_part
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import (
     BlockmechError,
@@ -29,7 +29,7 @@ from blockmech.ground.errors import (
     listed,
     refused,
 )
-from blockmech.ground.garbage import uncollected
+from blockmech.ground.memory import RETAINED, uncollected
 from blockmech.ground.runnable import EVERYTHING, LazyMethod, Runnable
 from blockmech.model.document import Document
 from blockmech.model.graph import Graph
@@ -63,7 +63,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 CONTRACTION = 2  # place among the reports on a group's friction, see `result.quality.assess`
 CERTAIN = 1 - 1e-3  # of single precision: there it still tells on which side of 1 it is
-PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 
 
 class Compiled(Runnable[M]):
@@ -104,7 +103,7 @@ class Compiled(Runnable[M]):
             name=name,
             document=document,
             # by a proxy: a mechanism whose plans hold it would be a cycle
-            _plans=lru_cache(PLANS)(partial(_plan, weakref.proxy(self))),
+            _plans=lru_cache(RETAINED)(partial(_plan, weakref.proxy(self))),
             _cache={},
         )
 

@@ -16,9 +16,8 @@ import numpy as np
 import pytest
 
 from blockmech.engines import code_cache, cost, llvm
+from blockmech.engines.interpreters import NumpyEngine, ScalarEngine
 from blockmech.engines.llvm import LlvmEngine
-from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
 from blockmech.plan.plan import Program
 from tests.engines.test_llvm import request_of
 from tests.gallery import SHORT, mechanism

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.engines.interpreters import NumpyEngine
 from blockmech.engines.llvm import compiled_program
-from blockmech.engines.numpy import NumpyEngine
 from blockmech.mechanism import Mechanism
 from blockmech.result.samples import make_samples
 from tests.engines.test_designs import design

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.engines.interpreters import NumpyEngine
 from blockmech.engines.llvm import compiled_program
-from blockmech.engines.numpy import NumpyEngine
 from blockmech.studies.family import Family
 
 from . import peers

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.interpreters import NumpyEngine, ScalarEngine
 from blockmech.ground.errors import RequestError
 from tests.dynamics import machines, scenes
 from tests.dynamics.one_chart import in_one_chart

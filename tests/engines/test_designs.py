@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blockmech.engines.interpreters import NumpyEngine
 from blockmech.engines.llvm import compiled_program
-from blockmech.engines.numpy import NumpyEngine
 from blockmech.friction import solvers
 from blockmech.ground.plane import apply
 from blockmech.ground.values import Marker, Place

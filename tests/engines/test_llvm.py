@@ -8,10 +8,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.engines import cost, llvm
+from blockmech.engines.interpreters import ScalarEngine
 from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Whole
-from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.plane import (
     angle,
     maximum,
@@ -276,7 +276,7 @@ def test_one_state_after_the_other_is_the_same_by_machine_code():
 
 def test_machine_code_lives_as_long_as_the_engine_that_calls_it():
     first = LlvmEngine(program_of(lambda x: x * 3.0, 1))
-    llvm._CODES.clear()  # as 128 other structures would
+    llvm._CODES.clear()  # as 64 other structures would
     engines = [LlvmEngine(program_of(lambda x, k=k: x + k, 1)) for k in (1.0, 2.0)]
     assert [engine.one([2.0]) for engine in (first, *engines)] == [(6.0,), (3.0,), (4.0,)]
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from blockmech.engines.binding import bind
-from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.engines.interpreters import NumpyEngine
+from blockmech.engines.numpy import Planar, primitives
 from tests.machines import ruiz, toggle, watt
 
 SINGLE = float(np.finfo(np.float32).eps)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.ground.memory import Recent
 from blockmech.mechanism import Mechanism
 from blockmech.passes import homotopy
 from blockmech.plan import recipes
@@ -46,8 +47,8 @@ def content(plan: Plan) -> list[Any]:
 
 @pytest.fixture(autouse=True)
 def _empty_caches(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recipes, "_RECIPES", {})
-    monkeypatch.setattr(homotopy, "_PATHS", {})
+    monkeypatch.setattr(recipes, "_RECIPES", Recent())
+    monkeypatch.setattr(homotopy, "_PATHS", Recent())
 
 
 def count_schedules(monkeypatch: pytest.MonkeyPatch) -> list[Schedule]:

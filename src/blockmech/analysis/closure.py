@@ -12,8 +12,7 @@ import numpy as np
 
 from blockmech.analysis.scan import ASIDE, SEAM, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
-from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.interpreters import NumpyEngine, ScalarEngine
 from blockmech.ground.tolerances import BLUR
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.scene import Scene

@@ -31,7 +31,8 @@ from numpy.polynomial import chebyshev
 
 from blockmech.compiled import Compiled
 from blockmech.engines.binding import bind_functions
-from blockmech.engines.numpy import NumpyEngine, primitives
+from blockmech.engines.interpreters import NumpyEngine
+from blockmech.engines.numpy import primitives
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.functions.series import Series, fit, panels
 from blockmech.ground.errors import refused

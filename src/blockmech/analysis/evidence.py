@@ -8,6 +8,7 @@ conditioning that it knows is that of the group's own equations, 1 / sqrt(margin
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -16,6 +17,7 @@ import numpy as np
 
 from blockmech.analysis.free_bodies import Body, FreeBodies, Together, unit_motions
 from blockmech.ground.plane import EPS
+from blockmech.loads.laws import Table
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.typing import Array
 
@@ -238,3 +240,17 @@ class Evidence:
             powers.append(power(force, body.v + 1j * body.om * (point - body.p)))
             powers.append(plain(couple * body.om))
         return powers
+
+
+def table_of(law: Table, x: Array) -> Array:
+    """A table (n,) at its argument (n,), by SciPy's splines; NaN beyond its rows."""
+    from scipy.interpolate import CubicSpline
+
+    knots, values = np.asarray(law.arguments), np.asarray(law.values)
+    if law.whole:
+        knots, values = np.append(knots, knots[0] + law.whole), np.append(values, values[0])
+        x = knots[0] + (x - knots[0]) % law.whole
+    if law.interpolation == "linear":
+        return np.asarray(np.interp(x, knots, values, left=math.nan, right=math.nan))
+    ends = "periodic" if law.whole else "not-a-knot"
+    return np.asarray(CubicSpline(knots, values, bc_type=ends, extrapolate=False)(x))

@@ -30,7 +30,8 @@ from blockmech.analysis.friction_answer import (
     FrictionSolutions,
 )
 from blockmech.engines.binding import bind_functions
-from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.engines.interpreters import NumpyEngine
+from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction import enumeration, solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import load_norm

@@ -11,7 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term, plain, power, total
+from blockmech.analysis.evidence import (
+    TOLERANCE,
+    Evidence,
+    Residual,
+    Term,
+    plain,
+    power,
+    table_of,
+    total,
+)
 from blockmech.analysis.free_bodies import Body
 from blockmech.functions.python import Function
 from blockmech.loads import Couple, Element, Following, Force, Motor, Spring, Thrust, TorsionSpring
@@ -19,20 +28,6 @@ from blockmech.loads.contract import LAW
 from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Signal, Table
 from blockmech.model.structure import JointRef
 from blockmech.typing import Array
-
-
-def table_of(law: Table, x: Array) -> Array:
-    """A table (n,) at its argument (n,), by SciPy's splines; NaN beyond its rows."""
-    from scipy.interpolate import CubicSpline
-
-    knots, values = np.asarray(law.arguments), np.asarray(law.values)
-    if law.whole:
-        knots, values = np.append(knots, knots[0] + law.whole), np.append(values, values[0])
-        x = knots[0] + (x - knots[0]) % law.whole
-    if law.interpolation == "linear":
-        return np.asarray(np.interp(x, knots, values, left=math.nan, right=math.nan))
-    ends = "periodic" if law.whole else "not-a-knot"
-    return np.asarray(CubicSpline(knots, values, bc_type=ends, extrapolate=False)(x))
 
 
 def _fourier(law: Fourier, x: Array) -> Array:

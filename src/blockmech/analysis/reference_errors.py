@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
-from blockmech.engines.numpy import NumpyEngine, each_part
+from blockmech.engines.interpreters import NumpyEngine
+from blockmech.engines.numpy import each_part
 from blockmech.ground.tolerances import EQUAL
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples

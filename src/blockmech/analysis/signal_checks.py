@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term
-from blockmech.analysis.load_checks import table_of
+from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term, table_of
 from blockmech.model.structure import JointRef, Structure
 from blockmech.signals.algebra import DeadZone, Gain, Product, Saturation, Sum
 from blockmech.signals.dynamic import BAND, DCMotor, Integrator, Pid, StateSpace, TransferFunction

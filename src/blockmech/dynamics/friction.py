@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.contacts import DEPENDENT, STILL, Constraints
 from blockmech.engines.binding import bind_functions
+from blockmech.engines.interpreters import AdaptiveEvaluator, NumpyEngine
 from blockmech.engines.llvm import SingleEvaluator
-from blockmech.engines.numpy import NumpyEngine, primitives
-from blockmech.engines.scalar import AdaptiveEvaluator
+from blockmech.engines.numpy import primitives
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.passes.signals import STATE

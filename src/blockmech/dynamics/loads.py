@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.source import FRICTIONLESS, Source
-from blockmech.engines.scalar import AdaptiveEvaluator
+from blockmech.engines.interpreters import AdaptiveEvaluator
 from blockmech.functions.python import Function
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from blockmech.dynamics.contacts import SETTLED, Constraints
 from blockmech.dynamics.source import FRICTIONLESS, Source
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.interpreters import ScalarEngine
 from blockmech.ground.names import split_address
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE, JointRef

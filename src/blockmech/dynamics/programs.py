@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.friction import PairProgram
 from blockmech.dynamics.source import FRICTIONLESS, Source, margins
+from blockmech.engines.interpreters import AdaptiveEvaluator, NumpyEngine
 from blockmech.engines.llvm import SingleEvaluator
-from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs, reduction, signals

@@ -46,8 +46,8 @@ from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.source import Source
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.engines.cost import Routes, account
+from blockmech.engines.interpreters import AdaptiveEvaluator, ScalarEngine
 from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
-from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.ground.plane import EPS
 from blockmech.model.structure import JointRef
 from blockmech.plan.plan import Friction, Program

@@ -31,6 +31,7 @@ from blockmech.engines.trace import PRIMITIVES, angle, expi, sqrt
 from blockmech.exchange.c.statements import Statements
 from blockmech.exchange.page.files import SCRIPT, Script, numbers
 from blockmech.ground.errors import BlockmechError
+from blockmech.ground.memory import Recent
 from blockmech.ground.plane import primitives_of
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.varied import Varied, settled, tangents
@@ -42,7 +43,6 @@ from blockmech.studies.variation import designed, planned_near
 from blockmech.typing import Complex, Data, Real, Record
 
 NUMBER = 20  # letters of a number in JSON
-KEPT = 64  # modules
 FAST = """const { sin, cos, atan2 } = Math;
 const hypot = (x, y) => Math.sqrt(x * x + y * y);
 """  # a browser's own functions: 30 times as fast as exact ones, and within 2e-15 of them
@@ -226,16 +226,13 @@ class Live:
         }
 
 
-_TEXTS: dict[str, str] = {}
+_TEXTS = Recent[str, str]()
 
 
 def remember(text: str) -> str:
     """The name of a module's text, which is kept for who asks for it."""
     name = hashlib.sha256(text.encode()).hexdigest()[:16]
-    _TEXTS.pop(name, None)
-    _TEXTS[name] = text
-    while len(_TEXTS) > KEPT:
-        del _TEXTS[next(iter(_TEXTS))]
+    _TEXTS.renew(name, text)
     return name
 
 

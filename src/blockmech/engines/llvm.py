@@ -29,19 +29,19 @@ import numpy as np
 from blockmech.engines import assembly, code_cache
 from blockmech.engines.assembly import LANES
 from blockmech.engines.code_cache import key_of
+from blockmech.engines.interpreters import ScalarEngine
 from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
-from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.trace import Trace, filled
 from blockmech.ground.errors import MissingEngineError, refused
 from blockmech.ground.errors import needed as package
+from blockmech.ground.memory import Recent
 from blockmech.plan.plan import Program
 from blockmech.typing import Floats, Nested, Real, Reals, Record, Values
 
 LONGEST = 50_000  # lines of assembly, two seconds of compiling: others run longer programs
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
 FILL = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
-STRUCTURES = 128  # whose machine code is kept in memory
 PARALLEL = 2**17  # samples: some five milliseconds of work, beside which starting threads is little
 
 
@@ -73,7 +73,7 @@ class Code(NamedTuple):
     read_batch: Callable[..., Values]
 
 
-_CODES: dict[str | None, Code] = {}  # those of the last structures, by their keys
+_CODES = Recent[str | None, Code]()  # by the keys of their structures
 
 
 def code_of(program: Program) -> Code:
@@ -83,7 +83,7 @@ def code_of(program: Program) -> Code:
     `MissingEngineError` without llvmlite.
     """
     key = key_of(program)
-    code = _CODES.pop(key, None)
+    code = _CODES.get(key)
     if code is None:
         stored = None if key is None else code_cache.load(_on_this_machine(key))
         if stored is None:
@@ -98,11 +98,7 @@ def code_of(program: Program) -> Code:
         (fill,) = _linked(data, ("fill", FILL))
         constants = np.array([*map(float, traced.constants)])
         code = Code(traced, fill, constants, *_readers(traced.values))
-    if key is not None:
-        _CODES[key] = code
-        if len(_CODES) > STRUCTURES:
-            del _CODES[next(iter(_CODES))]
-    return code
+    return code if key is None else _CODES.renew(key, code)
 
 
 def is_kept(program: Program) -> bool:

@@ -1,4 +1,4 @@
-"""The NumPy engine: batches in chunks, planar vectors as two real arrays.
+"""Arrays of NumPy: the primitives of the plane on batches, planar vectors as two real arrays.
 
 A batch of vectors is a `Planar`: one array of x and one of y. Real arithmetic is
 rounded the same way at every place of an array, so a sample's answer is the same
@@ -10,7 +10,7 @@ also faster than complex arrays, because nothing is strided.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -18,9 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines import linear
-from blockmech.engines.binding import bind
 from blockmech.ground.plane import (
-    REST_SHARE,
     cross,
     dot,
     has_arithmetic,
@@ -28,7 +26,6 @@ from blockmech.ground.plane import (
     primitives_of,
     times,
 )
-from blockmech.plan.plan import Program
 from blockmech.typing import Array, Complex, Data, Kernel, Nested, Real, Reals, Record, Values
 
 PRECISIONS: Data = {
@@ -288,79 +285,3 @@ def _of_vectors(x: Planar) -> Record:
 @primitives_of.register(np.ndarray)
 def _of_designs(x: object) -> Record:
     return primitives(np.float64) | {"expi": _turned, "one_by_one": one_by_one}
-
-
-class NumpyEngine:
-    """A program bound to arrays of one precision."""
-
-    name = "numpy"
-    designs_together = CHUNK  # samples of designs that are best run at once
-
-    def __init__(self, program: Program, precision: str = "complex128") -> None:
-        self.program = program
-        self.precision = precision
-        self.dtype = PRECISIONS[precision]
-        self.constants = {
-            "ZERO": self._cast(0j),
-            "ONE": self._cast(1 + 0j),
-            "REST": max(REST_SHARE, float(np.finfo(self.dtype).eps) ** 0.75),
-        }
-        self._program = bind(program, primitives(self.dtype), self.constants)
-        self.parameters = tuple(self._cast(v) for v in program.parameters.values())
-
-    def _cast(self, value: Nested) -> Nested:
-        def column(x: Reals) -> Array:
-            return np.array(np.broadcast_arrays(*x), self.dtype)  # (k,), of designs (k, D, 1)
-
-        return cast(value, self.dtype, column)
-
-    def run(self, inputs: Mapping[str, Array], n: int, chunk: int = CHUNK) -> Values:
-        """Values of n samples: real arrays (n,) or `Planar` pairs of them."""
-        columns = [self._rounded(name, inputs[name]) for name in self.program.inputs]
-        rooms: Values = ()
-        with np.errstate(all="ignore"):
-            for k in range(0, max(n, 1), chunk):
-                part = slice(k, min(k + chunk, n))
-                values = self._program(*(c[part] for c in columns), self.parameters)
-                if n <= chunk:
-                    return tuple(each_part(lambda x: _column(x, n), values))
-                rooms = rooms or self._rooms(values, n)
-                for room, value in zip(leaves(rooms), leaves(values), strict=True):
-                    if room.flags.writeable:
-                        room[part] = value
-        return rooms
-
-    def numbers(self, values: Values) -> Values:
-        """Numbers of designs as the engine takes them, of those of `Program.values`."""
-        return tuple(map(self._cast, values))
-
-    def run_designs(self, inputs: Mapping[str, Array], numbers: Values) -> Values:
-        """Values of m designs at n samples each, as batches that broadcast to (m, n).
-
-        ``numbers`` are those of designs, as columns (m, 1); inputs are (n,) or (m, n). A design's
-        numbers are those that it has alone.
-        """
-        columns = [np.atleast_2d(self._rounded(n, inputs[n])) for n in self.program.inputs]
-        with np.errstate(all="ignore"):
-            return self._program(*columns, numbers)
-
-    def _rooms(self, values: Values, n: int) -> Values:
-        """Room for n samples of each value; columns of one block, whose memory is used again."""
-
-        def plain(x: Real) -> bool:
-            return np.ndim(x) == 1 and x.dtype == self.dtype
-
-        block = iter(np.empty((sum(map(plain, leaves(values))), n), self.dtype))
-        return tuple(each_part(lambda x: next(block) if plain(x) else _column(x, n, True), values))
-
-    def _rounded(self, name: str, column: Reals | Array) -> Array:
-        array: Array = np.asarray(column)  # one pose comes as a list
-        # Angles stay in double until sine and cosine are taken.
-        return array if name in self.program.angles else array.astype(self.dtype, copy=False)
-
-
-def _column(x: Real, n: int, room: bool = False) -> Array:
-    """A batch (n, ...) of a value, or room for one; a constant needs none."""
-    if np.ndim(x) == 0:
-        return np.broadcast_to(x, (n,))
-    return np.empty((n, *x.shape[1:]), x.dtype) if room else x

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.interpreters import ScalarEngine
 from blockmech.exchange.formats import Order
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes.forward import guide_direction

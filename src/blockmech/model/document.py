@@ -21,7 +21,7 @@ from blockmech.ground.errors import (
     listed,
     unknown_name,
 )
-from blockmech.ground.garbage import uncollected
+from blockmech.ground.memory import uncollected
 from blockmech.ground.units import number_in_si
 from blockmech.ground.values import StrictModel
 from blockmech.model.diagram import Wire

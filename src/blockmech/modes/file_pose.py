@@ -11,8 +11,7 @@ import numpy as np
 
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode
-from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.interpreters import NumpyEngine, ScalarEngine
 from blockmech.ground.plane import angle
 from blockmech.ground.tolerances import BLUR
 from blockmech.model.structure import JointRef, LinkRef

@@ -20,7 +20,7 @@ import numpy as np
 from blockmech.blocks.contract import Joint
 from blockmech.ground.errors import RequestError, as_names, listed
 from blockmech.ground.forms import form_of
-from blockmech.ground.garbage import uncollected
+from blockmech.ground.memory import uncollected
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure

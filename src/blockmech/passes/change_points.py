@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.blocks.modes import TwoModes
-from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.interpreters import NumpyEngine
 from blockmech.functions.roots import SCANNED
 from blockmech.functions.series import GOLDEN, NODES, Series, fit, panels
 from blockmech.ground.errors import GraphError, Problem

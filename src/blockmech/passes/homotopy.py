@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from blockmech.blocks.general import GeneralGroup
 from blockmech.functions.roots import LONGEST_STEP
 from blockmech.ground.errors import GraphError, Problem, listed
+from blockmech.ground.memory import Recent
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.scene import Scene
@@ -54,7 +55,6 @@ FAR = 50.0  # times the reach at home: a slide on its way to infinity is given u
 BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
 MOST = 5000  # steps of a line, and knots on one side of home
 LAYING = threading.RLock()  # knots are laid by one thread at a time: they grow from each other
-RETAINED = 64  # paths, of some 100 kB each
 MODES = 12  # turns of the driver on which a group may be in another mode each
 
 
@@ -90,13 +90,10 @@ def _shared(path: Path) -> Path:
     homes = [group.home for group in groups if isinstance(group, GeneralGroup)]
     numbers = tuple(tracker.program.parameters.values())
     key = structure.form, path.block, numbers, repr(homes)
-    first = _PATHS[key] = _PATHS.pop(key, path)
-    if len(_PATHS) > RETAINED:
-        del _PATHS[next(iter(_PATHS))]
-    return first
+    return _PATHS.renew(key, _PATHS.get(key, path))
 
 
-_PATHS: dict[Hashable, Path] = {}  # those asked for last
+_PATHS = Recent[Hashable, "Path"]()
 
 
 def followed(structure: Structure) -> tuple[str, ...]:

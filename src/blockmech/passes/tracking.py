@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.interpreters import NumpyEngine, ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import LinkRef, Structure
 from blockmech.passes.forward import link_position, link_velocity, position

@@ -8,19 +8,18 @@ mechanisms with these are planned each for itself.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Hashable, Iterable
 from types import FunctionType
 from typing import Any, NamedTuple, TypeVar
 
 from blockmech.ground.forms import form_of
+from blockmech.ground.memory import Recent
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.plan.plan import Formula, Program, Schedule
 from blockmech.plan.values import Value
 
 T = TypeVar("T")
-CAPACITY = 64  # recipes, those used last; each is some 100 kB
 
 
 class Recipe(NamedTuple):
@@ -34,8 +33,7 @@ class Recipe(NamedTuple):
     rest: Any
 
 
-_RECIPES: dict[Hashable, Recipe] = {}
-_RENEWING = threading.Lock()
+_RECIPES = Recent[Hashable, Recipe]()
 
 
 def program_of(
@@ -62,11 +60,7 @@ def program_of(
         recipe = Recipe(computed, program, rest)
     else:
         program = recipe.program.of(structure, scene)
-    with _RENEWING:
-        _RECIPES.pop(key, None)
-        _RECIPES[key] = recipe
-        if len(_RECIPES) > CAPACITY:
-            del _RECIPES[next(iter(_RECIPES))]
+    _RECIPES.renew(key, recipe)
     return program, recipe.rest
 
 

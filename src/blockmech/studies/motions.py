@@ -28,7 +28,7 @@ from blockmech.dynamics.stops import stops_of
 from blockmech.dynamics.system import System
 from blockmech.engines.compiled_rates import CompiledRhs
 from blockmech.ground.errors import BlockmechError, among, listed, refused
-from blockmech.ground.tolerances import EQUAL
+from blockmech.ground.tolerances import EQUAL, ROUNDING
 from blockmech.model.parameters import Parameter
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import FACT_UNITS, Motion, fact_unit
@@ -50,6 +50,7 @@ from blockmech.studies.runner import Runner
 from blockmech.studies.swings import FirstSwings
 from blockmech.typing import Arguments, Array, Data, Real, Record
 
+STEP = ROUNDING**0.25  # of a number, for differences of motions
 FEW = 16  # designs between two words of progress, and for which nothing is compiled
 TOGETHER = 256  # designs that move side by side: their steps stay in some megabytes
 WITHIN = 0.02  # of its change, within which an output has settled

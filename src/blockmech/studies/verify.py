@@ -17,8 +17,7 @@ from blockmech.ground.errors import BlockmechError, refused
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
 from blockmech.studies.family import document_value, remade
-from blockmech.studies.motions import MotionRunner
-from blockmech.studies.objective import STEP
+from blockmech.studies.motions import STEP, MotionRunner
 from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.table import Study
 from blockmech.typing import Array

@@ -11,8 +11,7 @@ import numpy as np
 
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
-from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.interpreters import NumpyEngine, ScalarEngine
 from blockmech.ground.values import Link, Marker, Place
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph

@@ -17,7 +17,8 @@ from blockmech.analysis.reference_errors import how
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
-from blockmech.engines.numpy import NumpyEngine, Planar
+from blockmech.engines.interpreters import NumpyEngine
+from blockmech.engines.numpy import Planar
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import Marker, Place, Vector
 from blockmech.loads import Force, Thrust
