@@ -443,7 +443,9 @@ def beyond_dead_centres(
     named = {d for d, role in roles.items() if role != FREE}
     named |= {d for watch in request.watch for d in watch.then}
     sensors = (wire.source.split(".") for wire in linkage.wires)
-    named |= {name[1] for name in sensors if name[0] == "driver"} | mechanism.structure.leaders
+    named |= {name[1] for name in sensors if name[0] == "driver"}
+    followers = mechanism.structure.followers.values()  # their couplings read other drivers
+    named |= {d for follower in followers for d, _ in follower.terms + follower.added}
     loads = {getattr(load, "driver", None) for load in linkage.loads.values()}
     fixed = tuple(j for j, d in home.users.items() if d in named or linkage.driven[j] in loads)
     if why := _refused(home, request):

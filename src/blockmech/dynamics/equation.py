@@ -52,14 +52,15 @@ class Equation:
     error: Exception | None = None  # what the mechanism's own kernels raised
     is_fixed: bool = False  # whether friction and stops leave no freedom: signals alone go on
     method: Callable[[], Method] = dop853  # whose steps are made of its machine code
-    _last: tuple[Real, float, float] = (None, math.nan, math.nan)  # q, margin, J
+    holds: bool = False  # whether some of what sticks holds a freedom
+    _last: tuple[bytes, float, float] = (b"", math.nan, math.nan)  # coordinates, margin, J
     _slips: dict[bytes, Sequence[float] | Floats] = field(
         default_factory=dict
     )  # of states looked at last
 
     def again(self) -> Equation:
         """The same for another run: nothing is spent, no pair slips yet."""
-        self.spent, self.sides, self.is_fixed = 0, (), False
+        self.spent, self.sides, self.is_fixed, self.holds = 0, (), False, False
         return self
 
     @cached_property
@@ -87,7 +88,7 @@ class Equation:
         if row is not None:
             size = self.layout.size
             self.took(1)
-            self._last = float(y[0]), row[size], row[size + 1]
+            self.know(y, row[size], row[size + 1])
             return row[:size]
         self.spend(1)
         if self.is_fixed:
@@ -99,7 +100,7 @@ class Equation:
         q, qd = self.layout.motion(y)
         terms = self.system.scalar_terms(q, qd, t, y[self.layout.signals])
         J, tau, dJ, margin, signal_values = terms
-        self._last = q, margin, J
+        self.know(y, margin, J)
         if not margin > 0:
             return (math.nan,) * self.layout.size
         qdd = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
@@ -119,11 +120,13 @@ class Equation:
     def code(self) -> CompiledStepper | None:
         """The rates as machine code, for the directions of slip as they are.
 
-        None where there can be none, and where they are to be interpreted.
+        None where there can be none, and where they are to be interpreted: while pairs that stick,
+        stops or drives hold a freedom.
         """
-        if self.is_fixed or not self.layout.scalar:
+        system = self.system
+        if self.is_fixed or self.holds or system.contacts or system.roles is not None:
             return None
-        steppers, key = self.system.steppers, (self.q0, self.sides, self.method)
+        steppers, key = self.system.steppers, (self.typical, self.sides, self.method)
         if key in steppers:
             return steppers[key]
         unsettled = self.system.friction is not None and not self.sides
@@ -156,7 +159,7 @@ class Equation:
         response = self.resisted(t, y) if self.sides else None
         qdd = None if response is None else response.qdd
         M, c, Q, margin, signal_values = self.system.terms(q, qd, t, y[self.layout.signals], qdd)
-        self._last = (tuple(q), margin, math.nan) if len(q) > 1 else (q[0], margin, M[0, 0])
+        self._last = q.tobytes(), margin, M[0, 0]
         if not margin > 0:
             return np.full(self.layout.size, math.nan)
         works = [Q @ qd]
@@ -240,44 +243,42 @@ class Equation:
             if len(self._slips) > KNOWN:
                 self._slips.clear()
             unit = self.layout.start(y[0], 1.0) if alone else y
-            row, m = self.row(0.0, unit) if alone else None, len(self.sides)
+            row, m = self.row(0.0, unit), len(self.sides)
             first = self.layout.size + 4 + 2 * m  # behind margin, J, loads and the least of both
             q, qd = unit[self.layout.q], unit[self.layout.rate]
             self._slips[key] = friction.rates(q, qd) if row is None else row[first : first + m]
         return self._slips[key]
 
-    def know(self, q: float, margin: float, J: float) -> None:
-        """Keep what was computed elsewhere at a place of the only driver."""
-        self._last = q, margin, J
+    def know(self, y: Floats, margin: float, J: float) -> None:
+        """Keep what was computed at the place of a state."""
+        self._last = y[self.layout.q].tobytes(), margin, J
 
     def closeness(self, y: Floats) -> tuple[float, float]:
         """Margin, and inertia relative to a typical one, of one driver, at a state."""
-        scalar, (q, _) = self.layout.scalar, self.layout.motion(y)
-        coordinates = q if scalar else tuple(q)
-        if self._last[0] != coordinates:
+        q, n = y[self.layout.q], self.layout.size
+        if self._last[0] != q.tobytes():
             row = self.row(0.0, self.layout.start(q, 0.0 * q))
             if row is not None:
-                n = self.layout.size
-                self._last = coordinates, row[n], row[n + 1]
-            elif scalar:
-                terms = self.system.scalar_terms(q)
-                self._last = coordinates, terms.margin, terms.J
+                self.know(y, *row[n : n + 2])
+            elif self.layout.scalar:
+                terms = self.system.scalar_terms(float(q[0]))
+                self.know(y, terms.margin, terms.J)
             else:
-                self._last = coordinates, self.system.terms(q, 0 * q).margin, math.nan
+                self.know(y, self.system.terms(q, 0 * q).margin, math.nan)
         _, margin, J = self._last
-        return margin, J / self.typical if scalar else 1.0
+        return margin, J / self.typical if self.layout.scalar else 1.0
 
     @cached_property
     def typical(self) -> float:
-        """See `System.typical_inertia`."""
-        return self.system.typical_inertia(self.q0)
+        """See `System.typical_inertia`; 1 of several drivers."""
+        return self.system.typical_inertia(self.q0) if self.system.scalar else 1.0
 
     def kinetic(self, y: Floats, rates: Floats | None = None) -> float:
         """Kinetic energy [J] of a state, or at other rates (k,) there."""
         qd = y[self.layout.rate] if rates is None else rates
         if not qd.any():
             return 0.0
-        if self.code is None:
+        if self.code is None or not self.layout.scalar:
             return 0.5 * float(qd @ self.system.terms(*self.layout.motion(y)).M @ qd)
         self.closeness(y)
         return 0.5 * self._last[2] * float(qd[0]) ** 2
@@ -286,11 +287,11 @@ class Equation:
 def cached_rates(system: System, method: Callable[[], Method] = dop853) -> CompiledRhs | None:
     """The rates as machine code, made once a mechanism; None where there can be none.
 
-    There is none of several drivers or roles, and of what is no program: series near change points.
+    There is none of what is no program: series near change points.
     """
-    if not system.scalar or type(system).scalar_terms is not System.scalar_terms:
+    if type(system).scalar_terms is not System.scalar_terms:
         return None
-    about = system.equation_program, system.friction, system.signals
+    about = system.equation_program, system.friction, system.signals, len(system.drivers)
     return system.keep((rates_of, system.method, method), lambda: rates_of(*about, method()))
 
 

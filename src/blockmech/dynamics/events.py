@@ -234,11 +234,11 @@ class EventDetector:
         return replace(self, rules=[rule for rule in self.rules if rule.kind == kind], t=math.nan)
 
     def free_range(self, q: float) -> tuple[float, float]:
-        """The next places of the only driver, below and above one, at which there are events.
+        """The next places of the first driver, below and above one, at which there are events.
 
         Who begins at one of them, as after an impact, has no room: its first step may return.
         """
-        levels = [rule.level for rule in self.rules]
+        levels = [rule.level for rule in self.rules if rule.component == 0]
         below, above = (p for p in levels if p <= q), (p for p in levels if p >= q)
         return max(below, default=-math.inf), min(above, default=math.inf)
 

@@ -112,8 +112,10 @@ class Integration(StickSlip):
         standing, m = lookout.of(ends.STANDSTILL) if steps.turns else lookout, len(steps.t) - 1
         for i in steps.turns:
             hits_in += standing.within(*steps.part(i, i + 1)[:3])
-        if steps.calm < m:
-            hits_in += lookout.within(*steps.part(m - 1, m)[:3])
+        for i in range(steps.calm, m):
+            hits_in += (hits := lookout.within(*steps.part(i, i + 1)[:3]))
+            if any(hit.rule.terminal for hit in hits):
+                break
         hits = until_terminal(hits_in)
         if not (hits and hits[-1].rule.terminal):
             self.note(hits, steps.dense)

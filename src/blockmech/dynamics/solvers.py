@@ -121,12 +121,13 @@ class AdaptiveSolver(Solver):
         options, self.finer = (self.tolerances, limit, every, self.finer, *about), None
         steps = code.steps((self.t, self.y), self.h, self.bound, free_range, *options)
         many = len(steps.series)
-        self.equation.know(float(steps.y[-1, 0]), *steps.row[steps.y.shape[1] :][:2])
+        self.equation.know(steps.y[-1], *steps.row[steps.y.shape[1] :][:2])
         self.equation.took(begins + steps.tried * by.states[0] + many * by.states[1])
         if not many:
             return None
         self.t, self.y, self.h = float(steps.t[-1]), steps.y[-1], steps.h
-        calm = many - steps.doubtful
+        # Stops of several drivers, and of their pairs, are not seen from its numbers.
+        calm = many - steps.doubtful if self.equation.layout.scalar else 0
         turns = [] if every else steps.turns[:calm].nonzero()[0].tolist()
         dense = Dense(steps.t[:-1], steps.t[1:] - steps.t[:-1], steps.series)
         return AcceptedSteps(steps.t, steps.y, dense, calm, turns)
@@ -261,7 +262,7 @@ class EulerQ(FixedSteps):
             h, later = self.bound - t, self.bound
             end, rate = q + w * h + xi * h * h / 2, w + xi * h
         self.i = i + 1
-        self.equation.know(end, self.margin[i + 1], J_next)
+        self.equation.know(np.array([end]), self.margin[i + 1], J_next)
         y, slopes = [end, rate, work + tau * (end - q)], ([w, xi, tau * w], [rate, xi, tau * rate])
         return self.step_to(later, np.array(y), *map(np.array, slopes))
 

@@ -39,7 +39,6 @@ class StickSlip(Run):
     Attributes
     ----------
     zero : pairs without relative rate when sides were settled last, ``settled`` [s] is when
-    holds : whether some of what sticks holds a freedom
     moving : whether a pair has a relative rate that is no rounding
     """
 
@@ -49,7 +48,6 @@ class StickSlip(Run):
     pieces: list[Dense] = field(init=False, default_factory=list)
     zero: Sequence[int] = field(init=False, default=())
     settled: float = field(init=False, default=math.nan)
-    holds: bool = field(init=False, default=False)
     moving: Sequence[bool] = field(init=False, default=())
     slips: list[Slips] = field(init=False, default_factory=list)
 
@@ -61,7 +59,7 @@ class StickSlip(Run):
         """Where pairs with friction end the equation of a segment."""
         equation, friction = self.equation, self.system.friction
         released = EventFunction(ends.RELEASED, self.excess, 1, parts=PARTS // 2, index=0)
-        rules = [released] if self.holds else []
+        rules = [released] if equation.holds else []
         if friction is not None and not equation.is_fixed:
             sides = [s * x for s, x in zip(equation.sides, self.moving, strict=True)]
             about = friction.program, sides, self.layout.scalar
@@ -96,7 +94,7 @@ class StickSlip(Run):
 
     def excess(self, t: float, y: Floats) -> float:
         """What loads need beyond all that pairs that stick hold, as a share of it [-]."""
-        if not self.holds:
+        if not self.equation.holds:
             return -1.0
         at, sides = self._instant(t, y), self.equation.sides
         if at.w[self._unheld(at, sides)].any():
@@ -168,7 +166,7 @@ class StickSlip(Run):
                 self.happened(f"{kind} of {system.pair_name(j)}", *layout.motion(self.y))
         self.y = self.y.copy()
         self.y[layout.rate] = friction.sticking_rates(at, sides)
-        self.holds = bool(friction.stuck(at, sides))
+        equation.holds = bool(friction.stuck(at, sides))
         prescribed = system.roles is not None and system.roles.prescribed
         changes = any(x.then for x in self.request.watch)  # of roles, which may set it free
         equation.is_fixed = bool(friction.fixed(at, sides)) and not prescribed and not changes

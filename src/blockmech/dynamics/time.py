@@ -197,7 +197,7 @@ class TimeIntegration(Integration):
         if (pressed := self._pressed()) is not None:
             return RunEnd(pressed)
         fresh = self.settled == self.t
-        if self.holds and not fresh and self.excess(self.t, self.y) > 0:  # pushed loose
+        if self.equation.holds and not fresh and self.excess(self.t, self.y) > 0:  # pushed loose
             return self.settle(self.stuck, True)
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))

@@ -183,11 +183,6 @@ class Structure:
         """
         return {c.driven: self.follower(name) for name, c in self.couplings.items()}
 
-    @cached_property
-    def leaders(self) -> set[str]:
-        """Drivers whose coordinates couplings read."""
-        return {d for f in self.followers.values() for d, _ in f.terms + f.added}
-
     def follower(self, name: str) -> Follower:
         """Where the coordinate comes from that a coupling gives; see `followers`."""
         coupling = self.couplings[name]
