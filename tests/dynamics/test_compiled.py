@@ -16,6 +16,7 @@ from blockmech.engines.cost import Account
 from blockmech.plan.settings import friction_asked
 from tests.dynamics.test_friction import pendulum, rubbing
 from tests.gallery import changed, document, mechanism
+from tests.independent.released import five_bar
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
 
@@ -127,6 +128,54 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
             pairs = fast.pair_loads(0.1, y), plain.pair_loads(0.1, y)
             np.testing.assert_allclose(*pairs, rtol=1e-11)
     assert cached_rates(system) is not None
+
+
+def five_bar_with(friction=None, stop=0.0):
+    """Two drivers released at rest; pins that rub, and the way of the second driver [rad]."""
+    case = five_bar(np.random.default_rng([1, 7]))
+    for joint in case["joints"].values() if friction else ():
+        joint["friction"] = friction
+    if stop:
+        q = case["initial"]["two"]["q"]
+        case["stops"] = {"two": {"from": q - stop, "to": q + stop}}
+    return bm.Linkage.from_data(case).compile()
+
+
+STRIBECK = {"law": "stribeck", "kinetic": 0.1, "static": 0.2, "stribeck_speed": 0.5}
+
+
+@pytest.mark.parametrize(
+    "friction", [None, {"coefficient": 0.1, "radius": 0.01}, {**STRIBECK, "radius": 0.02}]
+)
+def test_a_row_of_several_drivers_says_what_is_interpreted_otherwise(monkeypatch, friction):
+    system = System(five_bar_with(friction), method=friction_asked(None), engine="llvm")
+    q = np.array([1.6, 2.4])
+    fast, plain = Equation(system, q), Equation(system, q)
+    monkeypatch.setattr(plain, "row", lambda t, y: None, raising=False)
+    for rate in ([2.0, -1.0], [-0.3, 0.7], [1.0, 1.0]):
+        for one in (fast, plain):
+            if system.friction is not None:
+                one.sides = system.friction.slipping(q, np.array(rate))
+        y = fast.layout.start(q, rate)
+        assert fast.code is not None
+        np.testing.assert_allclose(fast(0.1, y), plain(0.1, y), rtol=1e-11)
+        assert fast.closeness(y) == pytest.approx(plain.closeness(y), rel=1e-11)
+        if system.friction is not None:
+            np.testing.assert_allclose(fast.slips(y), plain.slips(y), rtol=1e-11)
+            pairs = fast.pair_loads(0.1, y), plain.pair_loads(0.1, y)
+            np.testing.assert_allclose(*pairs, rtol=1e-10)
+
+
+@pytest.mark.parametrize("stop", [0.0, 0.6])
+def test_a_motion_of_several_drivers_is_the_same(stop):
+    """Reversals, and a stop of a driver that machine code does not look for, end its steps."""
+    friction = {"coefficient": 0.1, "radius": 0.01}
+    request = {"until": "time=0.3", "accuracy": 1e-8}
+    first, second = both(lambda: five_bar_with(friction, stop), **request)
+    assert_one_motion(first, second)
+    assert second.end == ("end stop of two" if stop else "time")
+    assert "reversal of joint.C" in [e.kind for e in second.events]
+    assert second.facts["friction_work"] == pytest.approx(first.facts["friction_work"], rel=1e-8)
 
 
 @pytest.mark.parametrize("engine", ["scalar", "llvm"])
