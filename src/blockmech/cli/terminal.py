@@ -17,12 +17,12 @@ import typer
 
 from blockmech.ground.errors import printable
 from blockmech.ground.files import cannot_write, spare
+from blockmech.ground.progress import PATIENCE
 from blockmech.ground.sigint import leave
 from blockmech.typing import Record
 
 T = TypeVar("T")
 DONE, NO_ANSWER, WRONG, FAULT, INTERRUPTED = 0, 1, 2, 3, 130  # exit codes
-PATIENCE = 1.0  # [s] after which a reader wants to see that something happens
 
 
 def say(*pieces: str, end: str = "\n") -> None:

@@ -28,7 +28,7 @@ CURVES = 5  # of a family, the middle one as the sheet has it
 EVERY = 10  # of the poses, for what takes long at each
 STARTS = 1024  # shapes that are tried for a path
 DESIGNS = 6  # that are shown
-SEARCHED = 24  # of which these are the smallest
+SEARCHED = 4 * DESIGNS  # of which these are the smallest
 NONE = "No four-bar without defects passes these; move them, or ask for fewer."
 
 

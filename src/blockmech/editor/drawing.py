@@ -15,7 +15,6 @@ from blockmech.draw.motion import Motion
 from blockmech.draw.sketch import sketch_of
 from blockmech.editor.dragging import handles_of
 from blockmech.editor.pins import (
-    SAME,
     Drawn,
     cylinders_of,
     ends_of,
@@ -28,6 +27,7 @@ from blockmech.editor.pins import (
 from blockmech.editor.sketching import Form
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import shown_name
+from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.dimensions import KINDS
@@ -153,7 +153,7 @@ def of_blocks(motion: Motion) -> Drawing:
     def end(link: Any, z: complex) -> Any:
         """A corner of a link: the pin there, which may be dragged, or a place."""
         corner = complex(motion.at(link, z)[k])
-        names = (name for name, at in at_pins.items() if abs(at - corner) <= SAME * size)
+        names = (name for name, at in at_pins.items() if abs(at - corner) <= EQUAL * size)
         return next(names, spot(link, z))
 
     def pin(

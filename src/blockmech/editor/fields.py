@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from decimal import Decimal
@@ -34,7 +35,7 @@ MANY |= {"lbf": 1 / Fraction("4.4482216152605"), "deg": 180 / PI, "rpm": 30 / PI
 """How many of a unit that a user may choose make one of SI; doubles are too few to go back."""
 COMMA = re.compile(r"([-+]?\d+),(\d+)(?![\d,.])")
 ENTRIES = ("number", "place", "text")  # kinds of fields that stand in a list
-DIGITS = 17  # that tell every double from its neighbours
+DIGITS = sys.float_info.dig + 2  # 17, that tell every double from its neighbours
 
 
 class Field(NamedTuple):

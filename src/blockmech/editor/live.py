@@ -23,6 +23,7 @@ from blockmech.builders import Graph, Linkage
 from blockmech.compiled import Compiled
 from blockmech.editor import sketching
 from blockmech.editor.dragging import Hold, dragged
+from blockmech.editor.fields import DIGITS
 from blockmech.editor.pins import pins_of, standing_at
 from blockmech.editor.revision import Revision
 from blockmech.engines.nodes import Node, Untraceable
@@ -42,7 +43,7 @@ from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.studies.variation import designed, planned_near
 from blockmech.typing import Complex, Data, Real, Record
 
-NUMBER = 20  # letters of a number in JSON
+NUMBER = DIGITS + 3  # letters of a number in JSON: digits, sign, point and comma
 FAST = """const { sin, cos, atan2 } = Math;
 const hypot = (x, y) => Math.sqrt(x * x + y * y);
 """  # a browser's own functions: 30 times as fast as exact ones, and within 2e-15 of them

@@ -13,12 +13,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from blockmech.editor.fields import item_at
+from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Place
 from blockmech.model.joints.contents import FRAME
 from blockmech.typing import Record
 
 LOOSE = ("view", "pins")  # where pins stand that no link carries yet
-SAME = 1e-9  # of the drawing's size, within which two pins stand on one place: it has 3 digits
 
 
 class Drawn(NamedTuple):
@@ -61,7 +61,7 @@ def standing_at(pins: Mapping[str, Drawn], name: str) -> list[str]:
         if companion != name
         and (not pin.links or {*pin.links} & links)
         and pin.kind
-        and abs(pin.z - z) <= SAME * size
+        and abs(pin.z - z) <= EQUAL * size
     ]
 
 

@@ -14,12 +14,12 @@ import numpy as np
 from blockmech.builders import Linkage
 from blockmech.draw.motion import Motion
 from blockmech.ground.errors import BlockmechError, RequestError, refused
+from blockmech.ground.tolerances import EQUAL
 from blockmech.model.joints.blocks import Form, SaidByLinks
 from blockmech.model.joints.contents import FRAME
 from blockmech.typing import Record
 
 COMPARED = 3  # poses
-SAME = 1e-9  # of the size: poses are found by other formulas
 
 
 def as_links(form: Record, motion: Motion) -> Form:
@@ -57,6 +57,6 @@ def _compare(redrawn: SaidByLinks, motion: Motion, mechanism: Any) -> None:
     for link, name in redrawn.links.items():
         if name != FRAME:
             off = np.abs(result[f"link.{name}.p"] - motion.origin[link][rows]).max()
-            if not off <= SAME * size:
+            if not off <= EQUAL * size:
                 where = f"{name} would stand {off:.3g} m elsewhere"
                 raise refused(name, where, "look at the coordinates of the drivers")

@@ -30,7 +30,7 @@ from blockmech.exchange.page.files import Link, contents_of
 from blockmech.ground.errors import BlockmechError, FormatError, refused
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.form import canonical_text
-from blockmech.model.reading import text_of
+from blockmech.model.reading import LARGEST, text_of
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.testing.graph_files import gallery
 from blockmech.typing import Data, Record
@@ -265,7 +265,6 @@ def _stamp(path: Path) -> str:
 
 
 KEY = "#doc="
-MOST = 4 << 20  # bytes of a link that is unpacked
 
 
 def link_of(now: Revision, names: Iterable[str]) -> Link:
@@ -297,7 +296,7 @@ def unpacked(fragment: str) -> Opened:
     try:
         data = base64.b64decode(text + "=" * (-len(text) % 4), b"-_", validate=True)
         maker = zlib.decompressobj(-zlib.MAX_WBITS)
-        unpacked_bytes = maker.decompress(data, MOST)
+        unpacked_bytes = maker.decompress(data, LARGEST)
         if maker.unconsumed_tail or not maker.eof:
             raise ValueError("it is cut, or larger than a document may be")
         document = str(json.loads(unpacked_bytes)["document"])

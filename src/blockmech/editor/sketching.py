@@ -14,7 +14,6 @@ from typing import Any
 from blockmech.editor.fields import Path, with_item
 from blockmech.editor.pins import (
     LOOSE,
-    SAME,
     Drawn,
     cylinders_of,
     ends_of,
@@ -25,6 +24,7 @@ from blockmech.editor.pins import (
 )
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.names import numbered_name
+from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
 from blockmech.typing import Data, Record
@@ -189,7 +189,7 @@ def with_dimension(form: Form, names: Iterable[str]) -> Form:
         raise refused(listed(names), "two pins have a distance, three an angle", "choose these")
     *first, corner, last = (pins[name].z for name in names)
     arms, kind = [z - corner for z in (*first, last)], DIMENSIONS[len(names)]
-    if min(map(abs, arms)) <= SAME * max(map(abs, arms)):
+    if min(map(abs, arms)) <= EQUAL * max(map(abs, arms)):
         raise refused(listed(names), "they stand at one place", "choose pins that stand apart")
     value = cmath.phase(arms[1] / arms[0]) if first else abs(arms[0])
     dimension = {"type": kind, "points": [point_of(pins, name) for name in names], "value": value}
@@ -223,7 +223,7 @@ def _put(form: Form, name: str, pin: Drawn, z: complex, links: Sequence[str]) ->
         for link in links:
             i = pin.links.index(link)
             (o, e), local = pose_of(form, link), Place.parse(at[i]).z
-            apart = abs(o + e * local - pin.z) > SAME * (abs(complex(z)) + abs(pin.z))
+            apart = abs(o + e * local - pin.z) > EQUAL * (abs(complex(z)) + abs(pin.z))
             at[i] = (
                 xy(local + (z - pin.z) / e) if apart or pin.kind == "P" else on_link(form, link, z)
             )
@@ -244,7 +244,7 @@ def _loads_put(form: Form, put: Sequence[tuple[Drawn, Any]], fixed: Container[st
             o, e = pose_of(form, link)
             z_end = o + e * Place.parse(position).z
             for pin, z in put:
-                coincident = abs(z_end - pin.z) <= SAME * (abs(o) + abs(z_end))
+                coincident = abs(z_end - pin.z) <= EQUAL * (abs(o) + abs(z_end))
                 if coincident and link in pin.links and link not in fixed:
                     at[i] = on_link(form, link, z)
         if at != [position for _, position in ends]:

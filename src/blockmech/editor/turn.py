@@ -13,6 +13,7 @@ from blockmech.analysis.limits import Limits, limits
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion, moves, moves_of_result
 from blockmech.draw.simulation import screen_time
+from blockmech.exchange.page.files import SECONDS
 from blockmech.figures.curves import abscissa
 from blockmech.figures.panels import Abscissa
 from blockmech.model.laws_of_motion import OverRange
@@ -21,7 +22,6 @@ from blockmech.result.failures import why_not
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.typing import Arguments, Array, Data, Floats
 
-SECONDS = 3.0  # that a turn is played
 MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each
 
 

@@ -28,6 +28,7 @@ Math. 67 (1994), sec. 4 and 5.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -375,7 +376,7 @@ class Text:
             before = after
 
 
-STEPS = 60  # of Laguerre's method: six or so, more where several values lie together
+STEPS = 8 - round(math.log2(EPS))  # of Laguerre's method: six or so; 60 halve a cluster to its end
 
 
 class Lanes(NamedTuple):

@@ -25,6 +25,7 @@ from functools import cache, lru_cache
 from types import CodeType, FunctionType
 from typing import TYPE_CHECKING
 
+from blockmech.blocks.general.kernels import STEPS as NEWTON_STEPS
 from blockmech.engines.numpy import leaves
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.plane import SCALAR_PRIMITIVES
@@ -37,7 +38,6 @@ CALLED = re.compile(r"\b([A-Za-z_]\w*)\(", re.ASCII)
 SYSTEMS = ("solve", "solve_transposed", "spread")
 OPERATION = 50  # bytes of byte code
 FEW = 8  # samples of a first call, for which a program is not worth looking at
-GUESSES = 5  # linear systems that a pose without closed form needs beside those of the text
 # Seconds of a sample by Python's numbers, of a call and a sample by arrays, and by machine code:
 # of an operation, and of a linear system for each link. Measured over the gallery.
 SCALAR = 0.2e-6, 13e-6
@@ -158,7 +158,7 @@ def _is_kept(program: Program) -> bool:
 
 def size_of(program: Program) -> tuple[int, int]:
     """Operations of a program, those of its loops once, and linear systems by their links."""
-    calls, total, systems = Counter(CALLED.findall(program.source)), 0, GUESSES
+    calls, total, systems = Counter(CALLED.findall(program.source)), 0, NEWTON_STEPS
     for name, f in program.functions.items():
         if isinstance(f, FunctionType):
             length, solving = _length(f.__code__, f.__module__)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import cmath
 from typing import IO
 
+from blockmech.exchange.drawing import UNITS as METRES
 from blockmech.exchange.drawing import Inertia
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.pmks_plus import (
@@ -31,7 +32,7 @@ from blockmech.exchange.standing import Standing
 from blockmech.ground.errors import listed, refused
 from blockmech.model.structure import JointRef
 
-CM = 100.0
+CM = 1 / METRES["cm"]
 SHOWN = 0b10011000  # grids, and forces as they were
 PAGE = "https://app.pmksplus.com/?"
 

@@ -46,7 +46,7 @@ from blockmech.ground.names import free_name, numbered_name
 from blockmech.model.versions import VERSION
 from blockmech.typing import Data
 
-MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move
+MOST_JOINTS = 50  # of a linkage, that are tried for what can move
 BOUNDLESS = 1e10  # what a limit is that is none
 
 

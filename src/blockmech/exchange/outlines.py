@@ -16,12 +16,13 @@ from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from blockmech.draw.sketch import hull
+from blockmech.exchange.drawing import UNITS
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.standing import Standing
 from blockmech.ground.errors import printable, refused
 from blockmech.ground.names import numbered_name
 
-MM = 1e3
+MM = 1 / UNITS["mm"]
 OPTIONS = {
     "width": "of a link, e.g. 20mm; default an eighth of the longest link",
     "hole": "diameter of its holes, e.g. 5mm; default a third of the width",

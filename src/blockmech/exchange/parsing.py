@@ -12,6 +12,7 @@ from xml.parsers import expat
 
 from blockmech.ground.errors import FormatError, Problem, shown
 
+ROUNDED = 1e-4  # of a size, or of an axis: what drawing programs round to
 DEEPEST = 100  # elements in each other
 MOST = 100_000  # elements of a file
 LONGEST = 300  # digits of a whole number, beyond which it is none of a drawing

@@ -17,7 +17,7 @@ from typing import Any
 
 from blockmech.exchange import pylinkage
 from blockmech.exchange.drawing import UNITS
-from blockmech.exchange.drawn_linkage import document
+from blockmech.exchange.drawn_linkage import MOST_JOINTS, document
 from blockmech.exchange.formats import READERS, Reader
 from blockmech.exchange.parsing import wrong
 from blockmech.ground.errors import (
@@ -125,7 +125,6 @@ def _reader(text: str, name: str, format: str | None) -> Reader:
 
 
 STEP = 0.05  # [rad], and of the size of a linkage
-MOST = 60  # joints that are tried
 
 
 def beyond(linkage: Any, rounded: Callable[[], Any]) -> Any:
@@ -175,7 +174,7 @@ def _trials(data: Data) -> Iterator[tuple[str, str, float]]:
     movable = ((name, x) for name, x in data["joints"].items() if x["type"] != "weld")
     joints = [(name, joint) for name, joint in movable if name not in driven]
     joints.sort(key=lambda x: (x[1]["type"] == "P", x[1]["type"], "frame" not in x[1]["links"]))
-    for name, joint in joints[:MOST]:
+    for name, joint in joints[:MOST_JOINTS]:
         step = STEP * (size if joint["type"] == "P" else 1.0)
         for driver in data["drivers"]:
             yield from ((driver, name, math.copysign(step, sign)) for sign in (1, -1))

@@ -22,9 +22,8 @@ from dataclasses import dataclass, field
 
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Slot, direction
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import Record, number, wrong, xml_of
+from blockmech.exchange.parsing import ROUNDED, Record, number, wrong, xml_of
 
-NEAR = 1e-4  # of the sketch's size: what drawing programs round to
 MOST = 1000  # circles
 INSUNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}
 DRIVES = ("drive", "driver", "motor", "input")
@@ -52,7 +51,7 @@ def sketched(layers: dict[str, Layer], drawing: Drawing, where: str) -> Drawing:
 
     def pin(z: complex) -> str:
         for name, position in drawing.points.items():
-            if abs(z - position) <= NEAR * size:
+            if abs(z - position) <= ROUNDED * size:
                 return name
         # A, B, ... Z, A1, B1, ...
         k = len(drawing.points)
@@ -73,10 +72,12 @@ def sketched(layers: dict[str, Layer], drawing: Drawing, where: str) -> Drawing:
             drawing.links[name] = list(dict.fromkeys(map(pin, layer.circles)))
     for name, layer in special.items():
         if name.lower().startswith("slot"):
-            _slots(name, layer, drawing, NEAR * size, where)
+            _slots(name, layer, drawing, ROUNDED * size, where)
             continue
         for z in layer.circles:
-            matches = [p for p, centre in drawing.points.items() if abs(z - centre) <= NEAR * size]
+            matches = [
+                p for p, centre in drawing.points.items() if abs(z - centre) <= ROUNDED * size
+            ]
             if matches:
                 drawing.drives[matches[0]] = Drive()
             else:

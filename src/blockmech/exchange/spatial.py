@@ -29,12 +29,10 @@ from blockmech.exchange.drawing import (
     scaled,
     together,
 )
-from blockmech.exchange.parsing import Record, wrong
+from blockmech.exchange.parsing import ROUNDED, Record, wrong
 from blockmech.ground.names import numbered_name
 from blockmech.ground.tolerances import BLUR
 from blockmech.typing import Data, Floats
-
-ORTHONORMAL = 1e-4  # [-] what axes may miss that were written in single precision
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ def orthonormal(axes: Floats, where: str) -> Floats:
     """The rotation next to a matrix. Raises `FormatError` where it is none up to rounding."""
     u, _, v = np.linalg.svd(axes)
     nearest: Floats = u @ v
-    if abs(nearest - axes).max() > ORTHONORMAL or np.linalg.det(nearest) < 0:
+    if abs(nearest - axes).max() > ROUNDED or np.linalg.det(nearest) < 0:
         raise wrong(where, "its columns are no axes", "a rotation")
     return nearest
 
@@ -222,7 +220,7 @@ class Assembly:
     def _joint(self, joint: Joint) -> float:
         """Draw a joint; the sense in which its coordinate counts there."""
         drawing, axis = self.drawing, joint.pose.axes[:, 2]
-        across, inside = self._across(axis), abs(axis @ self.plane[0]) < ORTHONORMAL
+        across, inside = self._across(axis), abs(axis @ self.plane[0]) < ROUNDED
         a, b = self.flat(joint.pose.origin), self.flat(joint.second_pose.origin)
         pair = Pair(joint.first, joint.second, a, None, None, b, joint.name)
         pair = pair._replace(stiffness=joint.stiffness, damping=joint.damping)

@@ -11,7 +11,7 @@ from contextvars import ContextVar
 from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., object])
-PATIENCE, REFRESH = 1.0, 0.2  # [s] before the bar is shown, and between two of its states
+PATIENCE, REFRESH = 1.0, 0.2  # [s] until a reader wants to see a bar, and between its states
 
 FOLLOWED = ContextVar("followed", default=False)
 """Whether somebody follows the progress of a call around this one."""

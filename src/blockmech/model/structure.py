@@ -261,10 +261,8 @@ class Structure:
 
     def contact_at(self, ref: JointRef) -> str | None:
         """The driver of a pair whose coupling acts by a contact on its later link; else None."""
-        if not self.joint(ref).driven:
-            return None
-        driver = self.blocks[ref.block].driver_name(*ref)
-        return driver if driver in self.followers and self.contact(driver) else None
+        driver = next((d for d in self.followers if self.driven[d] == ref), None)
+        return driver if driver and self.contact(driver) else None
 
     def leading_link(self, follower: Follower) -> LinkRef:
         """The link that a coupled driver follows, or that carries the wheel that it follows."""
@@ -303,8 +301,7 @@ class Structure:
 
     def drivers_of(self, block: str) -> tuple[str, ...]:
         """Drivers inside a block, in the order of its joints."""
-        b = self.blocks[block]
-        return tuple(b.driver_name(block, joint.name) for joint in b.driven)
+        return tuple(driver for driver, pair in self.driven.items() if pair.block == block)
 
     def driver_joint(self, driver: str) -> Joint:
         """Declaration of the pair that a driver drives: units, kind."""
@@ -447,14 +444,12 @@ class Structure:
 
     def friction_law(self, ref: JointRef) -> FrictionLaw:
         """The friction law of a joint that has one; of a mesh its losses."""
-        if self.separates(ref):
-            return Coulomb.model_construct(coefficient=1.0)
-        if self.touches(ref):
-            rubs = self.couplings[ref.name.removesuffix(RUB)].rubs
-            return Coulomb.model_construct(coefficient=rubs)
-        if ref.name.endswith(MESH):
-            lost = self.couplings[ref.name.removesuffix(MESH)].lost
-            return Coulomb.model_construct(coefficient=lost, guide_length=2.0)
+        name, mark, _ = ref.name.partition("/")
+        if mark:
+            coupling = self.couplings[name]
+            if ref.name.endswith(MESH):
+                return Coulomb.model_construct(coefficient=coupling.lost, guide_length=2.0)
+            return Coulomb.model_construct(coefficient=coupling.rubs if self.touches(ref) else 1.0)
         return self.blocks[ref.block].friction[ref.name]
 
     def block(self, name: str) -> Block:

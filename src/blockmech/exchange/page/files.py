@@ -142,7 +142,7 @@ class Script(CProgram):
 
 
 FRAMES = 181  # poses of the range
-SECONDS = 3.0  # that they are played
+SECONDS = 3.0  # that a range or a turn is played
 FEW = 3  # sliders where none are asked for
 IMPORT = re.compile(r'^import \{(.*)\} from "([./\w]+)\.js";$', re.M)
 
