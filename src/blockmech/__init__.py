@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.motion_outputs import SimulationResult
     from blockmech.dynamics.request import Until, Watch
     from blockmech.editor import studio
-    from blockmech.exchange.writing import write
+    from blockmech.exchange.formats import write
     from blockmech.mechanism import Mechanism
     from blockmech.result.result import Result
     from blockmech.studies import distributions as dist
@@ -143,7 +143,7 @@ _LATER = {
     "Until": "blockmech.dynamics.request",
     "Watch": "blockmech.dynamics.request",
     "studio": "blockmech.editor",
-    "write": "blockmech.exchange.writing",
+    "write": "blockmech.exchange.formats",
 }
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from blockmech.assur.diagnosis import diagnose
 from blockmech.assur.formation import formation
-from blockmech.assur.groups import Unit
-from blockmech.assur.pairs import Pair
+from blockmech.assur.groups import Pair, Unit
 
 FRAME = ("frame",)
 

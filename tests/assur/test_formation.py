@@ -10,7 +10,7 @@ import pytest
 
 from blockmech.assur.diagnosis import diagnose
 from blockmech.assur.formation import formation, reseat
-from blockmech.assur.pairs import Pair
+from blockmech.assur.groups import Pair
 from blockmech.assur.rigidity import rigidity
 from tests.assur.structures import (
     CLASS_IV,

@@ -2,7 +2,7 @@
 
 import math
 
-from blockmech.assur.pairs import Side, axes
+from blockmech.assur.groups import Side, axes
 from blockmech.ground.tolerances import EQUAL
 
 FAR = 3.0 * EQUAL  # [m] apart on a mechanism of 1 m

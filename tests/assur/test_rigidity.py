@@ -15,7 +15,7 @@ import pytest
 
 from blockmech.assur.diagnosis import diagnose
 from blockmech.assur.formation import formation
-from blockmech.assur.pairs import Pair
+from blockmech.assur.groups import Pair
 from blockmech.assur.rigidity import rigidity
 from tests.assur.structures import (
     FOUR_BAR,

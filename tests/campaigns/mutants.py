@@ -43,7 +43,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     **{f"dynamics.{m}": ("motions/pin_pendulum", WATT) for m in ("friction", "path", "work")},
     **{f"friction.{m}": (PRESS, "ruiz_fourbar") for m in ("equations", "solvers")},
     "friction.laws.stribeck": ("ruiz_fourbar",),
-    "engines.dual": (WATT,),
+    "engines.derivatives": (WATT,),
     "blocks.rrr": (WATT,),
     "blocks.rrp": (PUMP, "hammer"),
 }

@@ -14,8 +14,7 @@ import mpmath
 import numpy as np
 
 import blockmech as bm
-from blockmech.engines.derivatives import DualEngine
-from blockmech.engines.dual import Dual
+from blockmech.engines.derivatives import Dual, DualEngine
 from blockmech.engines.numpy import Planar
 from blockmech.ground.plane import EPS
 from blockmech.mechanism import Mechanism

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from blockmech.engines.binding import bind_functions
-from blockmech.engines.derivatives import PRIMITIVES
-from blockmech.engines.dual import TANGENTS, Dual
-from blockmech.functions.python import Function
+from blockmech.engines.derivatives import PRIMITIVES, TANGENTS, Dual
+from blockmech.functions.pieces import Function
 from blockmech.ground.errors import RequestError
 from blockmech.ground.plane import SCALAR_PRIMITIVES
 from blockmech.testing.strategies import EVERY, Options, Seeded, random_mechanism

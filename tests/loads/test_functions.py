@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.functions.python import Function
+from blockmech.functions.pieces import Function
 from blockmech.ground.errors import FormatError, GraphError, RequestError
 from tests import machines
 

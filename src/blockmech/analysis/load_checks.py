@@ -22,7 +22,7 @@ from blockmech.analysis.evidence import (
     total,
 )
 from blockmech.analysis.free_bodies import Body
-from blockmech.functions.python import Function
+from blockmech.functions.pieces import Function
 from blockmech.loads import Couple, Element, Following, Force, Motor, Spring, Thrust, TorsionSpring
 from blockmech.loads.contract import LAW
 from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Signal, Table

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import networkx as nx
 
-from blockmech.assur.pairs import Pair, sorted_parts
+from blockmech.assur.groups import Pair, sorted_parts
 from blockmech.assur.rigidity import rigidity
 from blockmech.ground.errors import listed
 

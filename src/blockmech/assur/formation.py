@@ -21,10 +21,8 @@ from typing import NamedTuple, TypeAlias
 import networkx as nx
 import numpy as np
 
-from blockmech.assur.groups import DYADS, Unit, classify
-from blockmech.assur.pairs import Pair, joined, sorted_parts
-from blockmech.assur.rank import TooTangledError
-from blockmech.assur.rigidity import rigidity
+from blockmech.assur.groups import DYADS, Pair, Unit, classify, joined, sorted_parts
+from blockmech.assur.rigidity import TooTangledError, rigidity
 
 Edge: TypeAlias = tuple[int | None, int | None, int]
 """Two nodes by number, None for all earlier links, and how many conditions join them."""

@@ -62,8 +62,7 @@ def written(
     **options: str | bool | None,
 ) -> None:
     """Write what a file holds in a format, by default beside its name."""
-    from blockmech.exchange.formats import writer_for
-    from blockmech.exchange.writing import write
+    from blockmech.exchange.formats import write, writer_for
 
     mechanism = reading(file, compiled)
     if output is None:

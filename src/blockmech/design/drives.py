@@ -22,8 +22,7 @@ import numpy as np
 from blockmech.analysis.deflections import refuse_deflections
 from blockmech.compiled import Compiled
 from blockmech.design.efforts import with_efforts
-from blockmech.engines.derivatives import DualEngine
-from blockmech.engines.dual import Dual
+from blockmech.engines.derivatives import Dual, DualEngine
 from blockmech.engines.numpy import CHUNK
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import panelled, scaled_unit

@@ -36,8 +36,7 @@ from blockmech.analysis.deflections import refuse_deflections
 from blockmech.analysis.extremes import PART_OF, number_of
 from blockmech.compiled import Compiled
 from blockmech.design.measurements import Record, record_of
-from blockmech.engines.derivatives import DualEngine
-from blockmech.engines.dual import slope, value
+from blockmech.engines.derivatives import DualEngine, slope, value
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured

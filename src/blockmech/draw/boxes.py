@@ -21,8 +21,8 @@ from blockmech.figures.paper import shown_name, text_width
 from blockmech.ground.errors import listed
 from blockmech.ground.names import split_address
 from blockmech.loads.contract import Element, Following
+from blockmech.model.checks import couplings_of
 from blockmech.model.diagram import Ends, UnknownBlock, Wire, driven_joints
-from blockmech.model.drivers import couplings_of
 from blockmech.model.flat import open_ports
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names

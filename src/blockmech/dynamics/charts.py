@@ -38,11 +38,10 @@ from blockmech.ground.values import Marker
 from blockmech.model.graph import Graph
 from blockmech.model.joints.blocks import SaidByLinks
 from blockmech.model.joints.closing import Closing
-from blockmech.model.joints.contents import FRAME, DriverGiven, LinkGiven
+from blockmech.model.joints.contents import FRAME, DriverGiven, LinkGiven, coordinate_of
 from blockmech.model.joints.decompose import decompose
 from blockmech.model.joints.layout import Layout, Pose, Poses
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import coordinate_of
 from blockmech.model.naming import LinkName, Names
 from blockmech.model.scene import Initial
 from blockmech.model.spots import marker_place

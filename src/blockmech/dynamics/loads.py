@@ -15,7 +15,7 @@ import numpy as np
 
 from blockmech.dynamics.source import FRICTIONLESS, Source
 from blockmech.engines.interpreters import AdaptiveEvaluator
-from blockmech.functions.python import Function
+from blockmech.functions.pieces import Function
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.plane import EPS
 from blockmech.loads.contract import VELOCITY_READS, Element, Following

@@ -19,7 +19,7 @@ from scipy.optimize import root
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.functions.python import Function
+from blockmech.functions.pieces import Function
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import RequestError, refused
 from blockmech.ground.plane import EPS

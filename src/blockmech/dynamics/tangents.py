@@ -13,7 +13,7 @@ of it obeys M x'' + C x' + K x = 0. Laws that are a user's function of Python ha
 derivatives by differences.
 
 Sources: Shabana, Dynamics of Multibody Systems, 4th ed., ch. 3 (linearised equations);
-`blockmech.engines.dual`.
+`blockmech.engines.derivatives`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from blockmech.dynamics.source import FRICTIONLESS, Source, margins
-from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
-from blockmech.engines.dual import Dual, value
+from blockmech.engines.derivatives import WITH_DIFFERENCES, Dual, DualEngine, value
 from blockmech.ground.errors import refused
 from blockmech.passes import reduction
 from blockmech.passes.homotopy import schedule

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from blockmech.dynamics.request import Pairs
 from blockmech.dynamics.source import Source
-from blockmech.functions.python import Function
+from blockmech.functions.pieces import Function
 from blockmech.ground.errors import refused
 from blockmech.loads.contract import Following
 from blockmech.signals.functions import Python

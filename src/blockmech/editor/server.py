@@ -33,12 +33,11 @@ from blockmech.editor.diagram import diagram_of
 from blockmech.editor.exports import formats
 from blockmech.editor.fields import CHOICES, Units
 from blockmech.editor.forms import form_of
-from blockmech.editor.gallery import title_of
 from blockmech.editor.guard import HOST, Guard
 from blockmech.editor.jobs import Jobs
 from blockmech.editor.live import live, module, remember
 from blockmech.editor.revision import Question
-from blockmech.editor.sheets import Desk, Sheet, files_of, link_of, packed
+from blockmech.editor.sheets import Desk, Sheet, files_of, link_of, packed, title_of
 from blockmech.editor.sketching import posed
 from blockmech.editor.state import names_of, picture_of, state_of
 from blockmech.editor.turn import fault_of, poses_of

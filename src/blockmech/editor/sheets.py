@@ -19,6 +19,7 @@ import os
 import secrets
 import zlib
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING
@@ -27,6 +28,7 @@ from blockmech.builders import Graph, Linkage, Opened, from_data, opened, read_t
 from blockmech.editor.revision import Revision, Step
 from blockmech.exchange.formats import Order
 from blockmech.exchange.page.files import Link, contents_of
+from blockmech.figures.paper import rendered
 from blockmech.ground.errors import BlockmechError, FormatError, refused
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.form import canonical_text
@@ -304,3 +306,17 @@ def unpacked(fragment: str) -> Opened:
         remedy = "copy the whole link again"
         raise refused("link", f"it holds no document: {error}", remedy, code="not-a-link") from None
     return read_text(document, "the link")
+
+
+def picture_of(name: str) -> bytes:
+    """The mechanism of a gallery graph as SVG."""
+    from blockmech.draw.mechanism import draw_tile
+
+    return rendered(draw_tile(opened(gallery()[name]).compile()), ".svg")
+
+
+@cache
+def title_of(name: str) -> str:
+    """What a mechanism of the gallery is, in a line."""
+    title: str = json.loads(gallery()[name].read_text("utf-8")).get("title", "")
+    return title

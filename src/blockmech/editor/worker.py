@@ -19,8 +19,8 @@ from blockmech.builders import read_text
 from blockmech.editor.analyses import analysis, synthesis
 from blockmech.editor.curves import simulation
 from blockmech.editor.exports import exported
-from blockmech.editor.gallery import picture_of
 from blockmech.editor.revision import Question, Revision
+from blockmech.editor.sheets import picture_of
 from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.typing import Arguments, Data

@@ -6,6 +6,6 @@ Each format is a file of its own, and registers itself by name: a reader in the 
 
 from __future__ import annotations
 
-from blockmech.exchange.writing import write
+from blockmech.exchange.formats import write
 
 __all__ = ["write"]

@@ -19,7 +19,7 @@ import re
 from collections.abc import Iterable
 from itertools import combinations
 
-from blockmech.assur.pairs import Pair as AssurPair
+from blockmech.assur.groups import Pair as AssurPair
 from blockmech.assur.rigidity import rigidity
 from blockmech.exchange.drawing import (
     FRAME,
@@ -32,12 +32,10 @@ from blockmech.exchange.drawing import (
     Ratio,
     Weld,
     Wheels,
-    scaled,
-)
-from blockmech.exchange.drawn_couplings import (
     cam_with_follower,
     rack_and_pinion,
     ratio_of_joints,
+    scaled,
     wheels_that_mesh,
 )
 from blockmech.exchange.parsing import wrong

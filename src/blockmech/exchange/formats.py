@@ -1,4 +1,4 @@
-"""Formats by name: blockmech's own, and those of installed packages.
+"""Formats by name, and what writes in one: blockmech's own, and those of installed packages.
 
 An outside package names an object in the entry-point group ``blockmech.readers`` or
 ``blockmech.writers``, under the format's name: a `Writer`, or a `Reader`.
@@ -6,19 +6,20 @@ An outside package names an object in the entry-point group ``blockmech.readers`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import IO, TYPE_CHECKING, Generic, NamedTuple, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
 from blockmech.exchange.drawing import Drawing
-from blockmech.ground.errors import among, refused, shown
-from blockmech.ground.files import writing
-from blockmech.ground.runnable import EVERYTHING
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import among, as_names, refused, shown
+from blockmech.ground.files import AnyPath, refuse_spared, spare, sparing, writing
+from blockmech.ground.runnable import EVERYTHING, Runnable
 from blockmech.ground.units import NoQuantity, quantity
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
@@ -217,3 +218,58 @@ def writer_for(path: Path, to: str | None) -> Writer:
     suffixes = ", ".join(f"{WRITERS[n].suffixes[0]} ({n})" for n in WRITERS)
     message = f'no format has the suffix "{suffix}"' if suffix else "the name has no suffix"
     raise refused(str(path), message, 'name the format, e.g. to="csv"', f"suffixes: {suffixes}")
+
+
+POSES = ("at", "samples", "times")
+SETTINGS = ("friction", "static")
+
+
+@declared
+def write(
+    subject: Runnable,
+    path: AnyPath,
+    to: str | None = None,
+    *,
+    want: Iterable[str] | str = EVERYTHING,
+    **options: Any,
+) -> list[Path]:
+    """Write a mechanism as a file of another program, e.g. C text.
+
+    Parameters
+    ----------
+    subject : a graph, a linkage or a compiled mechanism
+    path : the file, or for some formats the folder; whole or not at all
+    to : the format's name; by default the suffix says it
+    want : outputs, for formats that have numbers in them
+    options : ``at``, ``samples``, ``times``, ``friction``, ``static``
+        as `Mechanism.run` takes them, and the format's own options, e.g. ``real="float"``
+
+    Returns
+    -------
+    The files that were written.
+
+    Raises
+    ------
+    RequestError for an unknown format or option, for the file that the mechanism was read from, and
+    for features of the mechanism that the format cannot express
+
+    >>> bm.write(g, "fourbar.c", want="crank.drive")
+    [PosixPath('fourbar.h'), PosixPath('fourbar.c'), PosixPath('fourbar_test.c')]
+    """
+    path = Path(path)
+    writer = writer_for(path, to)
+    mechanism = subject.compile()
+    settings = {k: v for k, v in options.items() if k not in (*POSES, *SETTINGS)}
+    among(writer.options, "option of this format", settings)
+    order = Order(
+        mechanism,
+        as_names("want", want),
+        {k: options[k] for k in POSES if options.get(k) is not None},
+        {k: options[k] for k in SETTINGS if options.get(k) is not None},
+        {k: v for k, v in settings.items() if v is not None},
+    )
+    with sparing():
+        if mechanism.document is not None and mechanism.document.file:
+            spare(mechanism.document.file)
+        refuse_spared(path)
+        return writer.write(order, path)

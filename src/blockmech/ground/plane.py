@@ -152,7 +152,7 @@ def implicit(step: Kernel, state: State, *data: Nested) -> State:
     """``state``, at which a step of Newton's method stands still, as it is.
 
     An engine of derivatives takes this one step: it differentiates the equations that the
-    state solves, not the way to it (`blockmech.engines.dual`).
+    state solves, not the way to it (`blockmech.engines.derivatives`).
     """
     return state
 

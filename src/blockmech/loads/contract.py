@@ -35,7 +35,7 @@ from pydantic import (
 )
 
 from blockmech.blocks.block import Block, Mistake, refuse
-from blockmech.functions.python import Function
+from blockmech.functions.pieces import Function
 from blockmech.ground.errors import listed
 from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Axis

@@ -15,10 +15,8 @@ from typing import TypeAlias
 import networkx as nx
 
 from blockmech.assur.formation import Formation, formation
-from blockmech.assur.groups import roman
-from blockmech.assur.pairs import Pair, Side, axes
-from blockmech.assur.rank import TooTangledError
-from blockmech.assur.rigidity import Overconstraint, rigidity
+from blockmech.assur.groups import Pair, Side, axes, roman
+from blockmech.assur.rigidity import Overconstraint, TooTangledError, rigidity
 from blockmech.blocks.contract import Block, Joint, Moving
 from blockmech.blocks.general import GeneralGroup
 from blockmech.ground.errors import Problem, listed

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from pydantic.fields import FieldInfo
 
-from blockmech.functions.python import Function
+from blockmech.functions.pieces import Function
 from blockmech.ground.errors import (
     MOST,
     FormatError,

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import WithJsonSchema, field_validator, model_validator
 
-from blockmech.functions.python import numbers_of, parameters_of
+from blockmech.functions.pieces import numbers_of, parameters_of
 from blockmech.ground.plane import each
 from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import Finite, Maybe, Positive, default, in_unit

@@ -5,7 +5,7 @@ y, as functions of coordinates, rates and accelerations of the drivers, of x, an
 the design. Run on dual numbers it gives their derivatives; what signals feed back, through any
 sensor, is in them.
 
-Source: `blockmech.engines.dual`; Ogata, Modern Control Engineering, 2010, section 2-7.
+Source: `blockmech.engines.derivatives`; Ogata, Modern Control Engineering, 2010, section 2-7.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ import numpy as np
 
 from blockmech.compiled import Compiled
 from blockmech.dynamics.source import margins
-from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
-from blockmech.engines.dual import Dual, slope, value
+from blockmech.engines.derivatives import WITH_DIFFERENCES, Dual, DualEngine, slope, value
 from blockmech.ground.errors import refused
 from blockmech.model.parameters import Parameter
 from blockmech.passes import forces, reduction, signals

@@ -23,8 +23,7 @@ from blockmech.analysis.deflections import Course
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turning_points import signal_of, turns_of
 from blockmech.compiled import Compiled
-from blockmech.engines.derivatives import DualEngine
-from blockmech.engines.dual import Dual, slope
+from blockmech.engines.derivatives import Dual, DualEngine, slope
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, refused
 from blockmech.ground.plane import REST_SHARE

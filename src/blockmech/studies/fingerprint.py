@@ -15,7 +15,7 @@ from types import CodeType, FunctionType, MethodType, ModuleType
 
 import numpy as np
 
-from blockmech.functions.python import Function
+from blockmech.functions.pieces import Function
 from blockmech.ground.errors import refused
 from blockmech.model.form import EXTRAS
 from blockmech.model.graph import Graph

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.engines.dual import Dual
+from blockmech.engines.derivatives import Dual
 from blockmech.functions.series import GOLDEN
 from blockmech.ground.tolerances import BLUR
 from blockmech.model.graph import Graph

@@ -25,8 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.builders import Graph
-from blockmech.engines.derivatives import DualEngine
-from blockmech.engines.dual import Dual, slope, value
+from blockmech.engines.derivatives import Dual, DualEngine, slope, value
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError

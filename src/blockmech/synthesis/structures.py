@@ -15,7 +15,7 @@ import numpy as np
 
 from blockmech.assur.chains import Chain, chains, mechanisms
 from blockmech.assur.formation import formation
-from blockmech.assur.pairs import Pair
+from blockmech.assur.groups import Pair
 from blockmech.builders import Graph, Linkage
 from blockmech.model.versions import VERSION
 from blockmech.typing import Data

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from random import Random
 from typing import NamedTuple
 
-from blockmech.assur.pairs import Pair
+from blockmech.assur.groups import Pair
 from blockmech.assur.rigidity import rigidity
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.equations import ends

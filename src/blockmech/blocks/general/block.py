@@ -58,8 +58,7 @@ from blockmech.ground.values import (
 from blockmech.typing import Data, Parameters
 
 if TYPE_CHECKING:
-    from blockmech.assur.groups import Unit
-    from blockmech.assur.pairs import Pair
+    from blockmech.assur.groups import Pair, Unit
 
 PairType = Literal["R", "P"]
 SUPPORTS = "the supports"  # how counting and its messages call all earlier links
@@ -210,7 +209,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
     @cached_property
     def structural(self) -> tuple[Pair, ...]:
         """The pairs without geometry, for counting; earlier links are one, ``SUPPORTS``."""
-        from blockmech.assur.pairs import Pair
+        from blockmech.assur.groups import Pair
 
         pairs = []
         for name, pair in self.pairs.items():

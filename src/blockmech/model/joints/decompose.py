@@ -24,7 +24,7 @@ from blockmech.assur.groups import DYADS, Unit, classify
 from blockmech.ground.errors import GraphError, Problem, in_file, path_text
 from blockmech.ground.plane import EPS
 from blockmech.model.joints.closing import Closing, coordinate
-from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.contents import FRAME, reference_problems
 from blockmech.model.joints.diagnosis import (
     dead_centre,
     does_not_close,
@@ -38,7 +38,6 @@ from blockmech.model.joints.drafts import closed_form, driving_link, general_gro
 from blockmech.model.joints.elements import links_read_as_they_are, links_sensed
 from blockmech.model.joints.layout import Connections, Layout, Poses, seated
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
 from blockmech.model.parameters import wrong_units

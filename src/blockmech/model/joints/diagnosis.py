@@ -15,8 +15,7 @@ from dataclasses import replace
 from blockmech.assur.diagnosis import Finding, diagnose
 from blockmech.assur.formation import formation
 from blockmech.assur.groups import Unit
-from blockmech.assur.rank import TooTangledError
-from blockmech.assur.rigidity import Rigidity, rigidity
+from blockmech.assur.rigidity import Rigidity, TooTangledError, rigidity
 from blockmech.ground.errors import Problem, listed, path_text
 from blockmech.ground.values import MILLI
 from blockmech.model.joints.closing import MOST_LINKS, Closing, Gap, gaps, special_geometry

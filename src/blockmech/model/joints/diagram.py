@@ -20,7 +20,7 @@ from blockmech.ground.values import Place, xy
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.form import plain
 from blockmech.model.joints.closing import coordinate
-from blockmech.model.joints.contents import FRAME, LinkGiven
+from blockmech.model.joints.contents import FRAME, LinkGiven, coordinate_of
 from blockmech.model.joints.drafts import GENERAL, BlockDraft, End
 from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import (
@@ -33,7 +33,6 @@ from blockmech.model.joints.layout import (
     Sums,
 )
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import coordinate_of
 from blockmech.model.joints.varied import phase, settled
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names

@@ -26,11 +26,10 @@ from blockmech.ground.report import Facts, Report
 from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Pair
 from blockmech.model.joints.closing import CLOSED, Closing
-from blockmech.model.joints.contents import FRAME
+from blockmech.model.joints.contents import FRAME, reference_problems
 from blockmech.model.joints.dimensions import Dimension
 from blockmech.model.joints.layout import Layout, LinkPlacement, Pose
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import Varied, settled
 from blockmech.model.parameters import Path, value_at
 from blockmech.typing import Complex, Floats, Real

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.assur.formation import reseat
-from blockmech.assur.pairs import Pair, Side, axes, joined
+from blockmech.assur.groups import Pair, Side, axes, joined
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.ground.errors import GraphError, Problem, path_text
 from blockmech.model.joints.contents import FRAME, GuideGiven, WeldGiven

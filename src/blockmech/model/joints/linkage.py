@@ -29,10 +29,11 @@ from blockmech.model.joints.contents import (
     LINKAGE_FILE,
     JointGiven,
     LinkGiven,
+    reference_problems,
     sections,
+    wire_problems,
 )
 from blockmech.model.joints.dimensions import Dimension
-from blockmech.model.joints.references import reference_problems, wire_problems
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Role, Scene, Stops
 from blockmech.signals.contract import Signal
