@@ -27,6 +27,7 @@ from urllib.parse import unquote
 
 from blockmech.exchange.drawing import (
     FRAME,
+    STEP,
     Drawing,
     Drive,
     Inertia,
@@ -48,7 +49,6 @@ CLOCKWISE, NO_GRAVITY = 1 << 0, 1 << 8  # among the settings
 MARKS = "JLFCSKH"  # what the last group has of locks, anchors, synthesis, colours and holds
 RPM = math.tau / 60
 SLIDING = 5.0  # lengths per second of a drive that slides, where the address is older than that
-STROKE = 0.05  # of the drawing's size, where a slide is driven
 
 
 class Units(NamedTuple):
@@ -441,7 +441,7 @@ def _drive(joint: Joint, driven: Joint, address: Address, drawing: Drawing) -> D
         return Drive(speed * RPM or address.turning)
     rate = speed or address.sliding
     points = [j.at for j in address.joints.values()]
-    stroke = math.copysign(STROKE * max(abs(z - points[0]) for z in points), rate)
+    stroke = math.copysign(STEP * max(abs(z - points[0]) for z in points), rate)
     drawing.note(f"the drive of {driven.key} has no stroke in the address: {stroke:.3g} was taken")
     return Drive(rate, 0.0, stroke)
 

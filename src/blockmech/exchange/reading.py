@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any
 
 from blockmech.exchange import pylinkage
-from blockmech.exchange.drawing import UNITS
+from blockmech.exchange.drawing import STEP, UNITS
 from blockmech.exchange.drawn_linkage import MOST_JOINTS, document
 from blockmech.exchange.formats import READERS, Reader
 from blockmech.exchange.parsing import wrong
@@ -122,9 +122,6 @@ def _reader(text: str, name: str, format: str | None) -> Reader:
             return READERS[key]
     formats = ", ".join(READERS)
     raise wrong("", "no format that is read looks like this", f"formats: {formats}")
-
-
-STEP = 0.05  # [rad], and of the size of a linkage
 
 
 def beyond(linkage: Any, rounded: Callable[[], Any]) -> Any:

@@ -45,7 +45,7 @@ from blockmech.model.spots import Spot, marker_place
 from blockmech.model.structure import LinkRef
 from blockmech.result.quality import WORDS
 from blockmech.result.result import Result
-from blockmech.result.samples import Samples
+from blockmech.result.samples import DEFAULT_SAMPLES, Samples
 from blockmech.typing import Array, Data, Vectors
 
 WEB = Path(__file__).with_name("web")
@@ -141,7 +141,7 @@ class Script(CProgram):
         return rows
 
 
-FRAMES = 181  # poses of the range
+FRAMES = DEFAULT_SAMPLES // 2 + 1  # poses of the range: every other one
 SECONDS = 3.0  # that a range or a turn is played
 FEW = 3  # sliders where none are asked for
 IMPORT = re.compile(r'^import \{(.*)\} from "([./\w]+)\.js";$', re.M)
