@@ -101,7 +101,7 @@ class Search:
             self.peaks = Peaks(size.max(axis=1), self.s[size.argmax(axis=1)], np.zeros(m))
             row, cell = np.divmod(np.arange(m * (n - 1)), n - 1)
         else:
-            size = np.abs(self.y[:, :: n // 4]).max(axis=1)
+            size = np.abs(self.y[:, :: n // 4].T).max(axis=0)
             self.turn &= bool((np.abs(self.y[:, -1] - self.y[:, 0]) <= EQUAL * size).all())
             row, cell = self._smooth()
         if len(row):
@@ -119,13 +119,11 @@ class Search:
         bound, row, k = self._bound(y, size), np.arange(len(y)), size.argmax(axis=1)
         self.peaks = Peaks(size[row, k], self.s[k], np.zeros(len(y)))
         tops, limit = [(row, k)], self.peaks.limit
-        for _ in range(TOPS):
+        while len(row) and len(tops) <= TOPS:
             self._leave_out(bound, row, k)
             k = bound.argmax(axis=1)[row]
             higher = bound[row, k] > limit[row]
             row, k = row[higher], k[higher]
-            if not len(row):
-                break
             tops.append((row, k))
         row, k = map(np.concatenate, zip(*tops, strict=True))
         sure = self._put_tops(row, k)
@@ -160,8 +158,9 @@ class Search:
 
     def _leave_out(self, bound: Floats, row: Indices, k: Indices) -> None:
         """Forget bounds beside samples k of functions."""
-        last, cells = bound.shape[1] - 1, k[:, None] + BESIDE
-        bound[row[:, None], cells % last if self.turn else cells.clip(0, last)] = -np.inf
+        last = bound.shape[1] - 1
+        for cell in k + BESIDE[:, None]:
+            bound[row, cell % last if self.turn else cell.clip(0, last)] = -np.inf
         if self.turn:
             bound[:, -1] = bound[:, 0]
 
@@ -188,11 +187,11 @@ class Search:
         """Where the top of a smooth curve is, in spacings behind sample k and at most one."""
         n, reach = self.y.shape[1], AROUND[-1]
         middle = k if self.turn else k.clip(reach, n - 1 - reach)
-        index = middle[:, None] + AROUND
-        y = self.y[row[:, None], index % (n - 1) if self.turn else index] * sign[:, None]
-        off = (k - middle).astype(float)
-        top = turning(polynomial(tuple(AROUND.tolist())) @ y.T, off)
-        return np.asarray(np.clip(top - off, -1.0, 1.0))
+        index = middle + AROUND[:, None]
+        y = self.y.ravel().take(n * row + (index % (n - 1) if self.turn else index)) * sign
+        offset = (k - middle).astype(float)
+        top = turning(polynomial(tuple(AROUND.tolist())) @ y, offset)
+        return np.asarray(np.clip(top - offset, -1.0, 1.0))
 
     # -- wherever there may be more ------------------------------------------------------
 
@@ -248,10 +247,11 @@ def steepest(values: Floats) -> Floats:
 
 
 @cache
-def series_end() -> Floats:
-    """Values (8,) at the nodes of a panel -> the last two coefficients of its Chebyshev series."""
+def panel_series() -> Floats:
+    """Values (8,) at the nodes of a panel -> its polynomial, rising, and the last two
+    coefficients of its Chebyshev series."""
     inverse = np.linalg.inv(chebyshev.chebvander(NODES, len(NODES) - 1))
-    return np.ascontiguousarray(inverse[-2:].T)
+    return np.concatenate([polynomial(tuple(NODES.tolist())), inverse[-2:]])
 
 
 def turning(c: Floats, x: Floats) -> Floats:
@@ -279,6 +279,7 @@ def summits(values: Floats, start: Floats) -> tuple[Floats, Floats, Floats]:
 
     Places (k,) are -1 to 1 inside a panel; what its polynomial leaves out is in the values' unit.
     """
-    c = polynomial(tuple(NODES.tolist())) @ values.T
+    series = panel_series() @ values.T
+    c, tail = series[:-2], np.abs(series[-2:]).max(axis=0)
     z = turning(c, start)
-    return z, valued(c, z.clip(-1.0, 1.0)), np.abs(values @ series_end()).max(axis=1)
+    return z, valued(c, z.clip(-1.0, 1.0)), tail
