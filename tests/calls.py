@@ -36,6 +36,7 @@ from tests.gallery import GRAPHS
 
 SAMPLES = 5
 MOVES = "time=0.05"
+BUDGET = 3.0  # [s] of a motion, which then ends in its own words; most take a hundredth of it
 REFUSED = ("broken/", "legacy/")  # files that are no mechanism, or of blocks that are not installed
 FEW = 3  # numbers of a design where a call takes several
 
@@ -111,7 +112,7 @@ class Subject:
     @cached_property
     def motion(self) -> Result:
         """Its motion over a short time."""
-        return self.mechanism.simulate(MOVES, want="*")
+        return self.mechanism.simulate(MOVES, want="*", budget=BUDGET)
 
     @property
     def links(self) -> list[str]:
@@ -138,7 +139,7 @@ def _stepper(s: Subject) -> Any:
 
 
 def _impulses(s: Subject) -> Any:
-    motion = s.mechanism.simulate("time=0.3").motion
+    motion = s.mechanism.simulate("time=0.3", budget=BUDGET).motion
     return [s.mechanism.impulses(impact) for impact in motion.impacts[:2]]
 
 
@@ -240,7 +241,9 @@ METHODS: dict[str, Call] = {
     "equilibria": lambda s: s.mechanism.equilibria(starts=4),
     "explain": lambda s: s.mechanism.explain(),
     "extremes": _each(lambda m, name: m.extremes(name)),
-    "floquet": lambda s: bm.design.floquet(s.mechanism, s.mechanism.simulate("time=0.05"), steps=8),
+    "floquet": lambda s: bm.design.floquet(
+        s.mechanism, s.mechanism.simulate("time=0.05", budget=BUDGET), steps=8
+    ),
     "flywheel": lambda s: bm.design.flywheel(s.mechanism, 10.0, 0.02),
     "friction_solutions": lambda s: s.mechanism.friction_solutions(**s.places),
     "function": _function,
@@ -265,7 +268,7 @@ METHODS: dict[str, Call] = {
     "run": lambda s: s.mechanism.run(**s.places, on_gap="mark"),
     "run_to": lambda s: s.mechanism.run(**s.places, accuracy=1e-6, on_gap="mark"),
     "sensitivity": lambda s: s.mechanism.sensitivity(s.output, **s.places),
-    "simulate": lambda s: s.mechanism.simulate(MOVES, want="*"),
+    "simulate": lambda s: s.mechanism.simulate(MOVES, want="*", budget=BUDGET),
     "solve": lambda s: (
         s.mechanism.solve(dict.fromkeys(s.mechanism.drivers and [s.output], 0.5))
         if len(s.mechanism.drivers) == 1
@@ -293,10 +296,12 @@ MORE: dict[str, Call] = {
     "successive": lambda s: s.mechanism.run(**s.places, friction="successive", on_gap="mark"),
     "one sample": lambda s: s.mechanism.run(at=s.pose),
     "at rest": lambda s: s.mechanism.simulate(
-        MOVES, start={d: (q, 0.0) for d, q in s.pose.items()}
+        MOVES, start={d: (q, 0.0) for d, q in s.pose.items()}, budget=BUDGET
     ),
     "steady": lambda s: s.mechanism.simulate("steady", budget=1.0),
-    "until it stands": lambda s: s.mechanism.simulate("time=0.2", method=bm.FixedStep("rk4", 0.01)),
+    "until it stands": lambda s: s.mechanism.simulate(
+        "time=0.2", method=bm.FixedStep("rk4", 0.01), budget=BUDGET
+    ),
     "trade of a motion": lambda s: s.mechanism.trade("simulate", budget=0.05, until="time=0.01"),
     "study in a folder": _study_out,
     "study of motions": _study_of_motions,

@@ -274,3 +274,10 @@ def test_beside_a_change_point_no_error_is_understated(off: float) -> None:
         assert run.accuracy.estimate >= 1
     else:
         assert abs(got / right - 1) <= run.accuracy.estimate
+
+
+@pytest.mark.parametrize("accuracy", [None, 1e-15])
+def test_states_of_a_controller_are_refused_with_an_accuracy_as_without(accuracy):
+    mech = mechanism("control/speed_controlled_fourbar")
+    with pytest.raises(bm.RequestError, match="states of signal blocks"):
+        mech.run(at=[0.1, 0.7], accuracy=accuracy)

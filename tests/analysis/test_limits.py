@@ -23,7 +23,7 @@ from tests.analysis.linkages import (
     slotted_lever,
     turning_guide,
 )
-from tests.gallery import mechanism
+from tests.gallery import GRAPHS, mechanism
 from tests.machines import fourbar, pushed, wire
 from tests.wiring import EPS
 
@@ -422,3 +422,9 @@ def test_labels_leave_room_for_the_bars(name, analysis):
     figure = getattr(mechanism, analysis)().figure()
     figure.draw_without_rendering()
     assert figure.axes[0].get_position().width > 0.9
+
+
+def test_a_link_without_length_says_where_it_closes_without_a_warning():
+    document = bm.Graph.load(GRAPHS / "rack_gripper.json").replace({"upper_finger.l_i": 5e-324})
+    with pytest.raises(bm.AssemblyError, match="upper_finger"):
+        document.compile().run(at=[0.1, 0.7])

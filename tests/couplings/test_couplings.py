@@ -114,6 +114,14 @@ def test_a_flat_follower_on_that_cam_is_undercut_where_the_radius_vanishes():
     assert "enlarge the base circle" in message
 
 
+@pytest.mark.parametrize("over", [1e-300, 5e-324])
+def test_a_cam_that_rises_over_nothing_is_refused_in_words(over):
+    rise = {"motion": "3-4-5", "over": over, "rise": 0.01}
+    back = {"motion": "3-4-5", "over": 1.2, "rise": -0.01}
+    with pytest.raises(GraphError, match="beyond the range of floating-point numbers"):
+        cam_and_valve(law={"kind": "segments", "segments": [rise, back]}).compile()
+
+
 def test_a_geneva_wheel_turns_as_worked_out_and_rests_between():
     g = cranks(bm.Geneva(driver="one", driven="two", slots=6, pin=0.4))
     run = g.compile().run(at=[0.4 + th for th in GENEVA], rates=1.0)

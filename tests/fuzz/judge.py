@@ -24,7 +24,7 @@ from blockmech.builders import Graph, Linkage, Opened
 from blockmech.mechanism import Mechanism
 from blockmech.model.document import read
 from blockmech.result.result import Result
-from tests.calls import METHODS, MORE, Subject, faults, silent
+from tests.calls import BUDGET, METHODS, MORE, Subject, faults, silent
 from tests.codes import FILE_CODES, LINKAGE_CODES
 from tests.fuzz.mutants import Mutant, mutant
 
@@ -92,7 +92,7 @@ def judged(text: str) -> Iterator[tuple[str, str, str]]:
             yield "verified", "ok beside a failing verify", bad
         else:
             yield "verified", "", ""
-    moved = _answer(lambda: mechanism.simulate(MOVES))
+    moved = _answer(lambda: mechanism.simulate(MOVES, budget=BUDGET))
     if moved is not None:
         yield f"moved: {moved.motion.status}", *_numbers(moved)
     subject = Subject(document, mechanism)

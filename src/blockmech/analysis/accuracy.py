@@ -184,10 +184,9 @@ class _Request(NamedTuple):
     ) -> Result:
         """A run with a setting."""
         settings: Arguments = {"friction": setting.method, "static": self.static}
-        plan = self.mechanism._plan_at(samples, self.want, **settings)
-        engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
-        values, name = self.mechanism._evaluate(plan, samples, engine, setting.precision, chunk)
-        return Result(self.mechanism, plan, samples, values, name, settings)
+        return self.mechanism._answer(
+            samples, self.want, settings, engine, setting.precision, chunk
+        )
 
 
 def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:

@@ -10,6 +10,7 @@ number lies between. An extremum within its rounding touches zero: a change poin
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -269,7 +270,8 @@ class _Margin:
 
 def _bounded(margin: Floats) -> Floats:
     """A margin, at most 2, by another scale: poles, as of a cylinder without length, are smooth."""
-    return margin / (3 - margin)
+    margin = np.maximum(margin, -sys.float_info.max)
+    return np.asarray(margin / (3 - margin))
 
 
 def _rolled(values: Array, first: int, turn: float | None = None) -> Array:

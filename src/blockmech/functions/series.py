@@ -51,6 +51,7 @@ def _to_coefficients(n: int) -> Floats:
     return np.asarray(matrix)
 
 
+@np.errstate(invalid="ignore")  # of values without bound, which have none
 def coefficients(values: Floats) -> Floats:
     """Chebyshev coefficients (..., n) of values (..., n) at `nodes`."""
     return np.asarray(values @ _to_coefficients(values.shape[-1]))
