@@ -252,6 +252,19 @@ def test_rates_grow_without_bound_towards_a_dead_centre():
     assert extremes.to_dict()["value"]["maximum"]["value"] is None
 
 
+@pytest.mark.parametrize(("turns", "followed"), [(100, True), (1e9, False)])
+def test_a_range_of_more_turns_than_samples_can_follow_is_refused(turns, followed):
+    mech = fourbar(1.0, 3.0, 2.5, 3.0 + 0j).compile()
+    ends = mech.run(at=[0.0, math.tau * turns], want="dyad.j.omega", rates=1.0)
+    if not followed:
+        with pytest.raises(bm.RequestError, match="1e\\+09 turns"):
+            extremes(ends, "dyad.j.omega")
+        return
+    turn = mech.run(at=[0.0, math.tau], want="dyad.j.omega", rates=1.0)
+    largest, once = (extremes(run, "dyad.j.omega")[""].maximum.value for run in (ends, turn))
+    assert largest == pytest.approx(once, rel=1e-9)
+
+
 def test_extremes_are_followed_in_time_where_the_law_is_one_of_time():
     law = bm.motion.Harmonic(amplitude=1.0, frequency=2.0)
     g = slider_crank(1.0, 3.0, 0.0, law)

@@ -37,6 +37,13 @@ def test_right_mechanism_is_verified(name, settings):
     assert max(row.value for row in report.rows) < TOLERANCE / 100
 
 
+@pytest.mark.parametrize("length", [0.6, 1e3, 1e6, 1e9])
+def test_slow_slip_may_be_sliding_or_rest(length):
+    graph = bm.Graph.load(GRAPHS / "stribeck_slider_crank.json").replace({"ram.l": length})
+    report = graph.compile().verify(samples=7)
+    assert report.ok, str(report)
+
+
 def test_every_pair_link_load_block_and_drive_has_its_row():
     names = [row.name for row in ruiz().compile().verify().rows]
     assert names == [

@@ -289,7 +289,10 @@ def _distinct(rising: list[float], apart: float, turn: float) -> list[float]:
     return distinct
 
 
-def _notes(line: Line, curves: Iterable[Curve]) -> Iterator[str]:
+def _notes(line: Line, curves: Sequence[Curve]) -> Iterator[str]:
+    if len(curves) > 1:
+        name = line.mechanism._of_driver(line.mechanism.drivers[0], "q")
+        yield f"of all {len(curves)} arcs of {name}: a motion need not lead from one to another"
     farthest = loads.REACH * loads.largest_length(line.mechanism.structure)
     ends = np.abs([q for curve in curves for q in (curve.q[0], curve.q[-1])])
     if not line.system.rotary[0] and np.isclose(ends, farthest).any():

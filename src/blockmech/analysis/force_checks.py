@@ -122,9 +122,8 @@ def friction(e: Evidence) -> Iterator[Residual]:
             yield Residual("friction in", ref, driven, scale)
             still = law.at_rest()
             capacity = np.where(e.smooth, 0.0, still.factor * load + still.drag)
-            residual = np.where(
-                rests, np.maximum(np.abs(t) - capacity, 0.0), np.abs(np.abs(t) - bound)
-            )
+            sliding, beyond = np.abs(np.abs(t) - bound), np.maximum(np.abs(t) - capacity, 0.0)
+            residual = np.where(rests, np.minimum(beyond, sliding), sliding)
             yield Residual("friction in", ref, np.where(e.exact, residual, 0.0), scale)
 
 

@@ -154,6 +154,8 @@ def by_coordinate(
     rotary = mechanism.structure.driver_joint(mechanism.drivers[0]).rotary
     count = (high - low) / TURN if rotary else 0.0
     turns = round(count) >= 1 and abs(count - round(count)) <= ROUNDING * count
+    if NODES * count > MOST:  # less than a panel a turn: what is between samples is not seen
+        raise refused("range", f"it has {count:.3g} turns", f"follow {MOST // NODES} at most")
     steps = min(MOST, max(SCANNED, n - 1, math.ceil(SCANNED * count)))
     rate = driver_rates.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
 

@@ -17,7 +17,7 @@ STILL = Transmission(0.0, 0.0, 0.0)
 def check_couplings(s: Structure) -> None:
     """Raise `GraphError` with all couplings whose parts do not fit where they are."""
     problems: list[Problem] = []
-    for name, coupling in s.couplings.items():
+    for name in s.couplings:
         try:
             s.follower(name)
             problems += _changing_distance(s, name)

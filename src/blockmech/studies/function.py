@@ -153,6 +153,7 @@ class Rates(ProgramOfDesigns):
     parameters : address -> number of the original design
     """
 
+    @np.errstate(all="ignore")
     def __call__(
         self, t: Real, state: tuple[Real, Real], parameters: Record | None = None
     ) -> tuple[Real, Real]:
