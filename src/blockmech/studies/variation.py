@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from blockmech.outputs.by_block import Catalogue
 from blockmech.passes.homotopy import path_of
 from blockmech.typing import Array, Data
 
+T = TypeVar("T")
 GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
 PER_DRIVER = ("drivers", "initial", "stops", "motion")  # sections of a document
 BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
@@ -148,23 +149,26 @@ class Variation:
 
     def design(self, seeds: Array) -> tuple[Structure, Scene]:
         """The design with tangents in k directions (k, m) of the numbers that vary."""
-        return designed(self.base, {path: _dual(x, seeds) for path, x in self.numbers.items()})
+        return designed(self.base, _duals(self.numbers, seeds))
 
     def outputs(self, seeds: Array) -> Catalogue:
         """The outputs, which read the angles of a document's links with their tangents."""
         names = self.base.names
         if names is None:
             return self.base.outputs
-        links = {
-            name: replace(at, turn=_dual(at.turn, seeds)) if isinstance(at.turn, Varied) else at
-            for name, at in names.links.items()
-        }
-        joints = {
-            name: replace(at, shift=_dual(at.shift, seeds)) if isinstance(at.shift, Varied) else at
-            for name, at in names.joints.items()
-        }
+        turns = _duals({name: at.turn for name, at in names.links.items()}, seeds)
+        shifts = _duals({name: at.shift for name, at in names.joints.items()}, seeds)
+        links = {name: replace(at, turn=turns[name]) for name, at in names.links.items()}
+        joints = {name: replace(at, shift=shifts[name]) for name, at in names.joints.items()}
         return Catalogue(self.base.structure, replace(names, links=links, joints=joints))
 
 
-def _dual(x: Varied, seeds: Array) -> Dual:
-    return Dual(np.float64(complex(x).real), (seeds @ x.d.real)[:, None])
+def _duals(numbers: Mapping[T, Any], seeds: Array) -> dict[T, Any]:
+    """Numbers with tangents in k directions (k, m) of those that vary; others as they are."""
+    varied = {key: x for key, x in numbers.items() if isinstance(x, Varied)}
+    rates = np.reshape([x.d.real for x in varied.values()], (len(varied), seeds.shape[-1]))
+    tangents = zip(varied.items(), rates @ seeds.T, strict=True)
+    return {
+        **numbers,
+        **{k: Dual(np.float64(complex(x).real), d[:, None]) for (k, x), d in tangents},
+    }
