@@ -32,6 +32,7 @@ LONGEST = 30.0  # [s] of the thread's processor time for one document
 SAMPLES = 7
 MOVES = "time=0.3"
 EACH = 2  # of all calls, on each document
+OUTPUTS = 4  # about which those calls are asked that go through all, a second each at worst
 SLOW = {"trade", "enclose", "tolerance", "trade of a motion", "replace", "mode shapes"}
 ASKED = [call for call in (*METHODS, *MORE, "write c", "write svg") if call not in SLOW]
 
@@ -95,8 +96,10 @@ def judged(text: str) -> Iterator[tuple[str, str, str]]:
     moved = _answer(lambda: mechanism.simulate(MOVES, budget=BUDGET))
     if moved is not None:
         yield f"moved: {moved.motion.status}", *_numbers(moved)
-    subject = Subject(document, mechanism)
-    for call in random.Random(text).sample(ASKED, EACH):
+    subject, chance = Subject(document, mechanism), random.Random(text)
+    calls = chance.sample(ASKED, EACH)
+    subject.outputs = chance.sample(subject.outputs, min(OUTPUTS, len(subject.outputs)))
+    for call in calls:
         for fault in faults(subject, call):
             yield call, fault.kind, f"{call}: {fault.detail}"
 
