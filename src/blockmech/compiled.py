@@ -356,6 +356,7 @@ class Compiled(Runnable[M]):
             values = self._doubts_in_double(plan, values, inputs, samples.n)
         return values, "numpy"
 
+    @np.errstate(over="ignore")  # double holds numbers that single does not
     def _doubts_in_double(self, plan: Plan, values: Values, inputs: Record, n: int) -> Values:
         """Values in single precision, but with friction that it cannot tell from double.
 

@@ -51,14 +51,22 @@ from blockmech.ground.values import is_number
 from blockmech.result.quality import Accuracy
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import Arguments, Array, FrictionMethod, FrictionName, Successive
+from blockmech.typing import (
+    Arguments,
+    Array,
+    EngineName,
+    FrictionMethod,
+    FrictionName,
+    Precision,
+    Successive,
+)
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has been seen
 ENOUGH = 2048  # samples below which single precision saves nothing
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
 SINGLE = float(np.finfo(np.float32).eps)
-EPS_OF = {"complex64": SINGLE, "complex128": DOUBLE, "clongdouble": LONG}
+EPS_OF: Mapping[Precision, float] = {"complex64": SINGLE, "complex128": DOUBLE, "clongdouble": LONG}
 FRICTION: tuple[tuple[FrictionName, int | None], ...] = (
     ("none", None),
     ("single", None),
@@ -81,7 +89,7 @@ class Probe(NamedTuple):
     share: float
     contraction: float
     margin: float
-    rounding: Mapping[str, float]
+    rounding: Mapping[Precision, float]
     rubs: bool
     few: Samples
     errors: ReferenceErrors
@@ -92,7 +100,7 @@ class Setting(NamedTuple):
 
     friction: FrictionName
     iterations: int | None = None
-    precision: str = "complex128"
+    precision: Precision = "complex128"
 
     @property
     def method(self) -> FrictionMethod:
@@ -107,7 +115,7 @@ def run_to(
     samples: Samples,
     want: Iterable[str] | str,
     static: bool,
-    engine: str,
+    engine: EngineName,
     chunk: int | None,
 ) -> Result:
     """Run with the settings that an accuracy needs; ``result.accuracy`` says which.
@@ -179,7 +187,7 @@ class _Request(NamedTuple):
         self,
         samples: Samples,
         setting: Setting,
-        engine: str = "numpy",
+        engine: EngineName = "numpy",
         chunk: int | None = None,
     ) -> Result:
         """A run with a setting."""
@@ -213,8 +221,8 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     elif rubs and WIDER and signed.any():
         rubbed = request.run(few, Setting("newton", precision="clongdouble"))
         lost = reference_errors(rubbed, double, signed).without(excluded).error(double)
-        for name, eps in (("complex128", DOUBLE), ("clongdouble", LONG)):
-            rounding[name] = max(rounding[name], lost * eps / DOUBLE)
+        for name in rounding.keys() - {"complex64"}:
+            rounding[name] = max(rounding[name], lost * EPS_OF[name] / DOUBLE)
     elif rubs:
         rounding["complex128"] *= 1 + share / max(1 - contraction, DOUBLE)
     if wide is not None and SAFETY * rounding["complex128"] > accuracy / 2:
@@ -252,7 +260,7 @@ def _least_margin(result: Result, good: Array) -> float:
 
 def _rounding(
     single: Result, double: Result, wide: Result | None, good: Array
-) -> tuple[dict[str, float], tuple[str, ...]]:
+) -> tuple[dict[Precision, float], tuple[str, ...]]:
     """Errors of the precisions on the probe, without friction, and outputs made of rounding.
 
     Where no wider number is at hand the error in double is inferred from the one in
@@ -261,7 +269,7 @@ def _rounding(
     if wide is not None:
         errors = reference_errors(wide, double, good)
         lost = max(errors.error(double), DOUBLE)
-        rows = {"complex128": lost, "clongdouble": lost * LONG / DOUBLE}
+        rows: dict[Precision, float] = {"complex128": lost, "clongdouble": lost * LONG / DOUBLE}
     else:
         errors = reference_errors(double, single, good, unsure=1.0)
         rows = {"complex128": max(errors.error(single) * DOUBLE / SINGLE, DOUBLE)}
@@ -269,7 +277,7 @@ def _rounding(
 
 
 def _settings(
-    request: _Request, probe: Probe, n: int, accuracy: float, engine: str
+    request: _Request, probe: Probe, n: int, accuracy: float, engine: EngineName
 ) -> Iterator[Setting]:
     """Settings to try, from the cheapest that does at the probe to the most exact."""
     narrow = n >= ENOUGH and not probe.rubs

@@ -17,25 +17,19 @@ STILL = Transmission(0.0, 0.0, 0.0)
 def check_couplings(s: Structure) -> None:
     """Raise `GraphError` with all couplings whose parts do not fit where they are."""
     problems: list[Problem] = []
-    for name in s.couplings:
+    for name, coupling in s.couplings.items():
         try:
             s.follower(name)
             problems += _changing_distance(s, name)
+            pair, p = s.coupled_pair(name), coupling_numbers(s, name)
+            problems += coupling.faults(name, pair, sides(s, name), p)
         except GraphError as error:
             problems += error.problems
-        else:
-            problems += _faults(s, name)
+        except ArithmeticError:
+            message = "its numbers lead to others beyond the range of floating-point numbers"
+            remedy = "check units and powers of ten"
+            problems.append(Problem("wrong-value", name, message, "", remedy))
     GraphError.raise_for(problems)
-
-
-def _faults(s: Structure, name: str) -> list[Problem]:
-    """What a coupling says against its parts, and its numbers if no double holds them."""
-    coupling, pair = s.couplings[name], s.coupled_pair(name)
-    try:
-        return [*coupling.faults(name, pair, sides(s, name), coupling_numbers(s, name))]
-    except ArithmeticError:
-        message = "its numbers lead to others beyond the range of floating-point numbers"
-        return [Problem("wrong-value", name, message, "", "check units and powers of ten")]
 
 
 def _changing_distance(s: Structure, name: str) -> Iterator[Problem]:

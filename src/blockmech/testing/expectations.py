@@ -376,6 +376,4 @@ def _row(o: Outcome) -> tuple[str, ...]:
 
 
 def _number(x: complex | float) -> str:
-    if isinstance(x, complex):
-        return f"[{x.real:.12g}, {x.imag:.12g}]"
-    return f"{x:.12g}"
+    return f"[{x.real:.12g}, {x.imag:.12g}]" if isinstance(x, complex) else f"{x:.12g}"
