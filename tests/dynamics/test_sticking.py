@@ -135,6 +135,17 @@ def test_an_arm_rests_where_both_pins_hold_it_and_says_how_much_of_that_is_used(
         assert mech.simulate(standstill, start=start, want=(), **until).motion.q_end[0] == 0.3
 
 
+def test_events_of_the_time_are_met_at_rest():
+    """They were skipped: nothing was looked at until a load let the arm go, or the run was over."""
+    start, watch = {"upper": (0.3, 0.0), "fore": (0.2, 0.0)}, []
+    for name, t0 in (("tick", 0.2), ("bell", 0.5), ("late", 0.9)):
+        watch.append(bm.Watch(name, lambda t, q, qd, t0=t0: t - t0, terminal=name != "tick"))
+    motion = arm(0.6, 0.4).compile().simulate("time=2", start=start, watch=watch, want=()).motion
+    assert (motion.status, motion.end, motion.t_end) == ("reached", "bell", 0.5)
+    assert [(e.kind, e.t) for e in motion.events] == [("rest", 0.0), ("tick", 0.2), ("bell", 0.5)]
+    assert (motion.q_end == [0.3, 0.2]).all()
+
+
 def test_a_load_of_the_time_releases_the_pair_that_it_outgrows():
     """The shoulder holds 2 m g at its arm, hanging at rest; the moment grows by 0.5 N m/s."""
     law = {"kind": "polynomial", "of": "time", "coefficients": [0.0, 0.5]}

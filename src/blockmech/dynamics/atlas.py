@@ -23,7 +23,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.charts import Chart, home_chart
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.ends import RunEnd
-from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped
+from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped, until
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.pair_stops import HALVED, Counted
@@ -225,10 +225,12 @@ class Atlas:
             goals = self.request.goals
             until = Until("event")
             watch += tuple(Watch(request.until.goal, partial(_beyond, x)) for x in goals)
-        if counted is not None:
-            watch = tuple(
-                replace(w, surface=partial(_user_surface, counted, w.surface)) for w in watch
-            )
+        if counted is not None:  # events are told in the user's coordinates
+
+            def surface(of: Surface, t: float, *state: Real) -> float:
+                return of(t, *counted.state(*state))
+
+            watch = tuple(replace(w, surface=partial(surface, w.surface)) for w in watch)
         return replace(request, until=until, watch=watch)
 
     def _run(
@@ -358,25 +360,6 @@ class Atlas:
 def _beyond(goal: float, t: float, q: Real, qd: Real) -> Real:
     """How far the only driver of the user is beyond a place [rad or m]."""
     return q - goal
-
-
-def _user_surface(counted: Counted, surface: Surface, t: float, q: Real, qd: Real) -> float:
-    """The surface of an event, which is told in the user's coordinates."""
-    return surface(t, *counted.state(q, qd))
-
-
-def until(motion: Motion, t: float) -> Motion:
-    """A motion up to a time [s]."""
-    q, qd = (x[0] for x in motion.at(np.array([t])))
-    return motion.but(
-        t_end=t,
-        q_end=q,
-        qd_end=qd,
-        x_end=tuple(motion.signal_states(np.array([t]))[0].tolist()),
-        end="time",
-        time_error=0.0,
-        events=tuple(e for e in motion.events if e.t <= t),
-    )
 
 
 def _refused(home: Chart, request: SimulationRequest) -> str:

@@ -31,6 +31,7 @@ from blockmech.blocks.modes import TwoModes
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.pair_stops import Counted, PairStops, stopped_pairs
 from blockmech.dynamics.request import Pairs, Start
+from blockmech.dynamics.system import run_cache
 from blockmech.ground.errors import GraphError
 from blockmech.ground.names import free_name
 from blockmech.ground.tolerances import BLUR
@@ -281,11 +282,6 @@ def _pose(pose: Pose) -> tuple[float, float, float]:
 # -- the user's ----------------------------------------------------------------------------
 
 
-def chart_cache(mechanism: Compiled) -> dict[str, Chart]:
-    """Charts of a mechanism that were made, by their blocks and end stops."""
-    return {}
-
-
 def home_chart(mechanism: Compiled, q: Floats) -> Chart:
     """The user's chart: of blocks with the document that says them as links and joints.
 
@@ -310,7 +306,8 @@ def home_chart(mechanism: Compiled, q: Floats) -> Chart:
         joints = [as_links.joints[s.driven[d]] for d in mechanism.drivers]
     users = dict(zip(joints, mechanism.drivers, strict=True))
     home, names = _marked(linkage, cast("Names", names), s)
-    return Chart(mechanism, tuple(joints), home, users, names, mechanism._once(chart_cache))
+    cache = mechanism._once(run_cache).setdefault("charts", {})
+    return Chart(mechanism, tuple(joints), home, users, names, cache)
 
 
 def _marked(linkage: Linkage, names: Names, s: Structure) -> tuple[Linkage, Names]:

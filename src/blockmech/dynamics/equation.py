@@ -24,6 +24,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.ends import RunEnd, TooMany
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
+from blockmech.dynamics.source import by_name
 from blockmech.dynamics.system import REPORTED, System
 from blockmech.engines.compiled_rates import KNOWN, CompiledRhs, CompiledStepper
 from blockmech.engines.stages import Method, dop853
@@ -178,13 +179,8 @@ class Equation:
         layout, signals = self.layout, self.system.signals
         assert signals.update is not None
         slope = np.asarray(self(t, y), dtype=np.float64)
-        inputs = dict(zip(signals.names, y[layout.signals], strict=True)) | {"t": t}
-        for prefix, values in (
-            ("q", y[layout.q]),
-            ("qd", y[layout.rate]),
-            ("qdd", slope[layout.rate]),
-        ):
-            inputs |= {f"{prefix}_{i}": float(x) for i, x in enumerate(values)}
+        parts = y[layout.q], y[layout.rate], slope[layout.rate], y[layout.signals]
+        inputs = by_name(*(x.tolist() for x in parts)) | {"t": t}
         engine = signals.update.engine(self.system.compiled_states)
         new = engine.one([inputs[name] for name in signals.update.program.inputs])
         after = y.copy()
@@ -212,7 +208,8 @@ class Equation:
         assert friction is not None
         q, qd = map(np.atleast_1d, self.motion(t, y))
         constraint = self.system.against(q, qd, t)
-        return friction.at(q, qd, t, self.sides, self.layout.states(y), constraint)
+        at = friction.instant(q, qd, t, self.layout.states(y), constraint)
+        return friction.respond(at, self.sides)
 
     def stop_force(self, i: int, t: float, y: Floats) -> float:
         """What a stop that it lies against pushes with [N m or N], along its coordinate."""

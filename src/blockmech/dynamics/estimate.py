@@ -294,25 +294,29 @@ def judged(
         return fine.but(error=apart.error_of_finer(remainder), time_error=fine.time_error + late)
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), requested)
     off = np.abs(coarse.at(times).q - fine.at(times).q).reshape(times.size, -1)
-    parted, is_single = np.flatnonzero(~(off <= apart.limits).all(axis=1)), off.shape[1] == 1
+    parted = np.flatnonzero(~(off <= apart.limits).all(axis=1))
     last = int(parted[0]) - 1 if parted.size else times.size - 1
     t = float(times[max(last, 0)])
-    state = fine.at(t)
     description = f"they differ by {apart.q:.1e}, in the time of their ends by {apart.t:.1e} s"
     if coarse.end != fine.end:
         description = f"one ends in {coarse.end}, the other in {fine.end}"
     note = f"two runs that differ in accuracy alone part after t = {t:.9g} s: {description}"
-    return replace(
-        fine,
-        status="failed",
-        end=ends.UNDECIDED,
+    error, notes = float(off[: max(last, 0) + 1].max()), (*fine.notes, note)
+    uncertainty = {"error": error, "time_error": math.inf, "notes": notes}
+    return until(fine, t).but(status="failed", end=ends.UNDECIDED, **uncertainty)
+
+
+def until(motion: Motion, t: float) -> Motion:
+    """A motion up to a time [s]."""
+    q, qd = (x[0] if x.ndim > 1 else float(x[0]) for x in motion.at(np.array([t])))
+    return motion.but(
         t_end=t,
-        q_end=float(state.q) if is_single else state.q,
-        qd_end=float(state.qd) if is_single else state.qd,
-        events=tuple(e for e in fine.events if e.t <= t),
-        error=float(off[: max(last, 0) + 1].max()),
-        time_error=math.inf,
-        notes=(*fine.notes, note),
+        q_end=q,
+        qd_end=qd,
+        x_end=tuple(motion.signal_states(np.array([t]))[0].tolist()),
+        end="time",
+        time_error=0.0,
+        events=tuple(e for e in motion.events if e.t <= t),
     )
 
 

@@ -50,7 +50,6 @@ class EventFunction:
     component : of the state, of which ``value`` is what is above ``level``, or above zero
     level : [rad or m] of the only driver that it is about
     by_user : whether it is a user's
-    arrays : whether ``value`` takes times (m,) and states (n, m) at once
     """
 
     kind: str
@@ -63,7 +62,6 @@ class EventFunction:
     component: int = -1
     level: float = math.nan
     by_user: bool = False
-    arrays: bool = False
 
 
 class EventHit(NamedTuple):
@@ -191,10 +189,10 @@ def user_rule(watch: Watch, layout: StateLayout) -> EventFunction:
     """A user's event, of states of a layout."""
 
     def value(t: Real, y: Real) -> Real:
-        return watch.surface(t, *(y[:2] if watch.arrays else layout.motion(y)))
+        return watch.surface(t, *layout.motion(y))
 
     options = watch.direction, watch.terminal or bool(watch.then)
-    return EventFunction(watch.name, value, *options, by_user=True, arrays=watch.arrays)
+    return EventFunction(watch.name, value, *options, by_user=True)
 
 
 # -- finding them --------------------------------------------------------------------------
@@ -280,11 +278,8 @@ class EventDetector:
             dips = rule.dips and min(low, high) < threshold
             parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
             stride = self.parts // parts
-            if rule.arrays:
-                between = rule.value(*(x[..., stride - 1 :: stride] for x in inner))
-            else:
-                some = (x[..., stride - 1 :: stride].T for x in inner)
-                between = [rule.value(float(s), y) for s, y in zip(*some, strict=True)]
+            some = (x[..., stride - 1 :: stride].T for x in inner)
+            between = [rule.value(float(s), y) for s, y in zip(*some, strict=True)]
             row = np.array([low, *between, high], dtype=np.float64)
             if (row.min() > 0 or row.max() < 0) and not dips:
                 continue

@@ -21,7 +21,7 @@ from blockmech.dynamics.time import TimeIntegration, integrate
 from blockmech.ground.errors import RequestError
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Motion
-from blockmech.typing import Floats, Real
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -54,12 +54,6 @@ class SectionReturn(NamedTuple):
     kind: str  # ends.STANDSTILL, ends.TURN or ends.REST
     x: Floats
     time: float
-
-
-class Gone(Watch):
-    """An event of our own, whose surface takes arrays."""
-
-    arrays = True
 
 
 @dataclass
@@ -157,10 +151,8 @@ class Flow:
         """The way of one driver to the next standstill or whole turn."""
         begin, limit = float(x[0]), float(self.turns[0]) or FAR * self.system.span
 
-        def gone(t: Real, q: Real, qd: Real) -> Real:
-            return np.abs(q - begin) - limit
-
-        motion = self._run(x, tolerance, Until("standstill"), [Gone(ends.TURN, gone)])
+        gone = Watch(ends.TURN, lambda t, q, qd: abs(q - begin) - limit)
+        motion = self._run(x, tolerance, Until("standstill"), [gone])
         time = motion.t_end - motion.t_start
         if motion.end == ends.TURN and not self.turns[0]:
             raise MotionEnded("a way without end")

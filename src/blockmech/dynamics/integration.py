@@ -19,7 +19,6 @@ from blockmech.dynamics.events import PARTS, EventDetector, EventHit, until_term
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
 from blockmech.dynamics.solvers import NO_PLAN, STEPPERS, AcceptedSteps, AdaptiveSolver, Solver
 from blockmech.dynamics.stick_slip import StickSlip
-from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event
 from blockmech.typing import Floats, Real
@@ -169,11 +168,6 @@ class Integration(StickSlip):
         self.turned = max(self.turned, float(np.abs(steps.y[1:, self.layout.work]).max()))
         if self.system.progress is not None:
             self.system.progress(self.name, *self._progress())
-
-    def wait(self, until: float) -> None:
-        """Stand still until a time [s]: no step at all."""
-        dense = Dense.cubic(self.t, until - self.t or 1.0, (self.y, self.y), (0 * self.y,) * 2)
-        self.take(AcceptedSteps.single((until, until), (self.y, self.y), dense))
 
     def _refuse_stiff(self) -> None:
         """Give up early where the motion is too stiff for an explicit method.

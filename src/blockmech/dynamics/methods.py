@@ -27,6 +27,7 @@ from blockmech.dynamics.textbook import in_fixed_steps
 from blockmech.dynamics.time import integrate
 from blockmech.ground.errors import RequestError, listed, refused
 from blockmech.result.motion import Event, Motion, Status
+from blockmech.typing import Real
 
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
@@ -72,10 +73,10 @@ def _with_misfit(system: System, motion: Motion) -> Motion:
     times = spread(motion.t_start, motion.t_end)[1:-1]
     states = zip(*motion.at(times), times.tolist(), strict=True)
     sides = motion.sides(times).tolist()
-    misfits = [
-        friction.at(np.atleast_1d(q), np.atleast_1d(qd), t, tuple(side)).misfit
-        for (q, qd, t), side in zip(states, sides, strict=True)
-    ]
+    misfits = list[Real]()
+    for (q, qd, t), side in zip(states, sides, strict=True):
+        at = friction.instant(np.atleast_1d(q), np.atleast_1d(qd), t, None, None)
+        misfits.append(friction.respond(at, tuple(side)).misfit)
     worst = float(max(misfits))
     note = (
         f'friction "{friction_method.method}": pairs miss their laws by up to {worst:.1e} of the '

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from blockmech.dynamics.contacts import SETTLED, Constraints
-from blockmech.dynamics.source import FRICTIONLESS, Source
+from blockmech.dynamics.source import FRICTIONLESS, Source, by_name
 from blockmech.engines.interpreters import ScalarEngine
 from blockmech.ground.names import split_address
 from blockmech.ground.plane import EPS
@@ -79,9 +79,7 @@ class PairStops:
         if not p:
             return np.empty(0), np.empty((0, k)), np.empty(0)
         engine, outputs = self._program
-        inputs = dict[str, float]()
-        for i, (x, rate) in enumerate(zip(q, qd, strict=True)):
-            inputs |= {f"q_{i}": float(x), f"qd_{i}": float(rate), f"qdd_{i}": 0.0}
+        inputs = by_name(q.tolist(), qd.tolist(), [0.0] * k)
         values, coordinates = list(engine.one([inputs[x] for x in engine.program.inputs])), []
         for output, count in outputs:
             columns = [np.asarray(values.pop(0)) for _ in range(count)]

@@ -143,7 +143,6 @@ class SignalProgram(NamedTuple):
     blocks : the signal blocks
     initial : states where a motion starts
     sizes : of states: 1, of friction laws the deflection in steady slip
-    names : inputs of the states
     kinks : number of those values
     update : states that discrete blocks switch to at an instant; None without any
     updated : block and place of the state of each of its values
@@ -152,7 +151,6 @@ class SignalProgram(NamedTuple):
     blocks: Mapping[str, Signal] = {}
     initial: tuple[float, ...] = ()
     sizes: tuple[float, ...] = ()
-    names: tuple[str, ...] = ()
     kinks: int = 0
     update: SingleEvaluator | None = None
     updated: tuple[tuple[str, int], ...] = ()
@@ -188,13 +186,7 @@ def program_with_deflections(compiled: Source) -> SignalProgram:
     structure, initial = compiled.structure, compiled.structure.initial_states
     laws = [structure.friction_law(ref) for ref in structure.remembering]
     bent = (abs(float(law.steady_kernel()(1.0, law.parameters()))) for law in laws)
-    changes = {"initial": initial, "names": names_of(initial), "sizes": (*program.sizes, *bent)}
-    return SignalProgram(**{**program._asdict(), **changes})
-
-
-def names_of(initial: Sequence[float]) -> tuple[str, ...]:
-    """Inputs of some states."""
-    return tuple(f"{signals.STATE}{i}" for i in range(len(initial)))
+    return program._replace(initial=initial, sizes=(*program.sizes, *bent))
 
 
 def signal_program(compiled: Source) -> SignalProgram:
@@ -207,7 +199,6 @@ def signal_program(compiled: Source) -> SignalProgram:
         structure.signals,
         initial,
         (1.0,) * len(initial),
-        names_of(initial),
         len(signals.kinks(schedule(structure, compiled.scene, FRICTIONLESS))),
         SingleEvaluator(s.program(updated.values())) if updated else None,
         tuple((ref.block, structure.states[ref]) for ref in updated),

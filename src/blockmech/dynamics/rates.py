@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+from blockmech.dynamics.source import by_name
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.compiled_rates import CompiledRhs
 from blockmech.engines.nodes import Untraceable
@@ -29,7 +30,6 @@ from blockmech.friction.solvers import Solution, balanced
 from blockmech.ground.errors import MissingEngineError
 from blockmech.ground.plane import NAN, minimum, mul, where
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
-from blockmech.passes.signals import STATE
 from blockmech.typing import Complex, Data, Edges, Planars, Real, Reals
 
 if TYPE_CHECKING:
@@ -217,12 +217,6 @@ def _free(program: Program, signals: SignalProgram, method: Method, k: int) -> C
         return of_state
 
     return CompiledRhs(program, body, 2 * k + 1 + n, 3, 3 + signals.kinks, method)
-
-
-def by_name(q: Reals = (), qd: Reals = (), qdd: Reals = (), x: Reals = ()) -> dict[str, Real]:
-    """Inputs of a program: coordinates, rates and accelerations of drivers, states of signals."""
-    columns = ("q_", q), ("qd_", qd), ("qdd_", qdd), (STATE, x)
-    return {f"{name}{i}": value for name, values in columns for i, value in enumerate(values)}
 
 
 def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method, k: int) -> CompiledRhs:

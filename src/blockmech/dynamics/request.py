@@ -97,7 +97,6 @@ class Watch:
     direction: int = 0
     terminal: bool = True
     then: Mapping[str, str] = field(default_factory=dict)
-    arrays = False  # whether the surface takes arrays: a user's is asked for state by state
 
 
 _UNITS = {"time": ("s",), "steady": ("s",), "angle": ("rad", "m")}  # of a slide it is a length

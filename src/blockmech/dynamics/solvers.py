@@ -193,9 +193,7 @@ class RungeKutta4(FixedSteps):
         """y' at a state."""
         return np.asarray(self.equation(t, y), dtype=np.float64)
 
-    def steps(
-        self, free_range: tuple[float, float] = ANYWHERE, every: bool = True
-    ) -> AcceptedSteps | None:
+    def steps(self, *_: object) -> AcceptedSteps | None:
         """One step; None to where there is no pose."""
         t, y = self.t, self.y
         k1 = self.rates(t, y) if self.slope is None else self.slope
@@ -240,9 +238,7 @@ class EulerQ(FixedSteps):
         system = self.equation.system
         return self.tau[self.i] if system.depends_on <= {"q"} else system.scalar_terms(q, w, t).tau
 
-    def steps(
-        self, free_range: tuple[float, float] = ANYWHERE, every: bool = True
-    ) -> AcceptedSteps | None:
+    def steps(self, *_: object) -> AcceptedSteps | None:
         """One step; None to where there is no pose, or it would bounce off a dead centre."""
         self.equation.spend(1)
         t, (q, w, work) = self.t, self.y.tolist()

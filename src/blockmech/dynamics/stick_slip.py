@@ -52,8 +52,8 @@ class StickSlip(Run):
     slips: list[Slips] = field(init=False, default_factory=list)
 
     @abstractmethod
-    def wait(self, until: float) -> None:
-        """Stand still until a time [s]."""
+    def wait(self, until: float) -> RunEnd | None:
+        """Stand still until a time [s]; why the run is over where a user's event ends it before."""
 
     def pair_rules(self) -> list[EventFunction]:
         """Where pairs with friction end the equation of a segment."""
@@ -134,7 +134,8 @@ class StickSlip(Run):
         if until is None and self.request.span == math.inf:
             end = f"{ends.END_STOP} at rest" if system.contacts else ends.REST
             return RunEnd(end, "ended" if self.pieces or system.contacts else "rest")
-        self.wait(t_last if until is None else until)
+        if (over := self.wait(t_last if until is None else until)) is not None:
+            return over
         loose = until is not None and self.excess(until, y) >= 0
         return self.settle(self.stuck, True) if loose else None
 

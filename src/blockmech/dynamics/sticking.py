@@ -294,18 +294,6 @@ class JointFriction(PairFriction):
 
     # -- at a state --------------------------------------------------------------
 
-    def at(
-        self,
-        q: Floats,
-        qd: Floats,
-        t: float,
-        sides: Sides,
-        x: InnerStates = None,
-        constraint: Constraints | None = None,
-    ) -> Response:
-        """One state, while it lies against stops that are held."""
-        return self.respond(self.instant(q, qd, t, x, constraint), sides)
-
     def power(self, response: Response, sides: Sides) -> float:
         """[W] that friction takes at an instant, less what laws with a state store."""
         slipping = (np.array(sides) != 0) & ~np.array(self.program.separates)

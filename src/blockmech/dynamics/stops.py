@@ -218,16 +218,6 @@ class _Coordinate:
         return slope
 
 
-def bouncing(stops: tuple[Between, ...]) -> bool:
-    """Whether one of the stops lets it bounce."""
-    return any(stop.restitution is not None for between in stops for stop in between)
-
-
-def bounds_of(stops: tuple[Between, ...]) -> tuple[tuple[float, float], ...]:
-    """Lowest and highest coordinate of each driver [rad or m]."""
-    return tuple((low.q, high.q) for low, high in stops)
-
-
 def prepared(
     mechanism: Compiled,
     request: SimulationRequest,
@@ -240,8 +230,9 @@ def prepared(
     Raises `RequestError` for stops that cannot be.
     """
     between = stops_of(mechanism, starts, stops)
-    if bouncing(between):
+    if any(stop.restitution is not None for both in between for stop in both):
         request = replace(request, stops=between)
     counted = counted_pairs(mechanism, starts, between)
-    bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
-    return system_of(mechanism, **bounds, **options), request
+    bounds = tuple((low.q, high.q) for low, high in between)
+    about = {"stops": bounds, "counted": counted, "roles": request.roles}
+    return system_of(mechanism, **about, **options), request

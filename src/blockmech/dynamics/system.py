@@ -43,7 +43,7 @@ from blockmech.dynamics.programs import (
     signal_program,
 )
 from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.source import Source
+from blockmech.dynamics.source import Source, by_name
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.engines.cost import Routes, account
 from blockmech.engines.interpreters import AdaptiveEvaluator, ScalarEngine
@@ -332,8 +332,7 @@ class System:
         self._count(q.size, True)
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
         inputs = {"q_0": q.ravel(), "qd_0": rates, "qdd_0": 0.0 * rates, "t": np.full(q.size, t)}
-        states = zip(self.signals.names, self.signals.initial, strict=True)
-        inputs |= {name: np.full(q.size, x) for name, x in states}
+        inputs |= by_name(x=[np.full(q.size, x) for x in self.signals.initial])
         with np.errstate(all="ignore"):
             return engine.run({n: inputs[n] for n in engine.program.inputs}, q.size)
 
@@ -378,10 +377,8 @@ class System:
             )
             bias = np.array([0.5 * dJ * qd * qd])
             return Terms(np.array([[J]]), bias, np.array([tau]), margin, signal_values)
-        inputs: dict[str, float] = {"t": t}
-        for i in range(k):
-            inputs[f"q_{i}"], inputs[f"qd_{i}"] = float(q[i]), float(qd[i])
-            inputs[f"qdd_{i}"] = 0.0 if qdd is None else float(qdd[i])
+        rises = [0.0] * k if qdd is None else qdd.tolist()
+        inputs = by_name(q.tolist(), qd.tolist(), rises) | {"t": t}
         values = self._single(inputs, x)
         M = np.array(values[: k * k]).reshape(k, k)
         Q, c = np.array(values[k * k : k * k + k]), np.array(values[k * k + k : k * k + 2 * k])
@@ -389,7 +386,7 @@ class System:
         last = first + self.signals.values
         if qdd is None and self.follows_acceleration:
             qdd, _ = self.accelerations(M, Q - c, q, qd, t)
-            values = self._single(inputs | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
+            values = self._single(inputs | by_name(qdd=qdd.tolist()), x)
         return Terms(M, c, Q, smallest(values[last:]), values[first:last])
 
     def accelerations(
@@ -439,9 +436,8 @@ class System:
     ) -> tuple[float, ...]:
         """Values of the program of the equation of motion at one state."""
         self._count(1, False)
-        if self.signals.names:
-            states = self.signals.initial if x is None else x
-            inputs = {**inputs, **dict(zip(self.signals.names, states, strict=True))}
+        if self.signals.initial:
+            inputs = {**inputs, **by_name(x=self.signals.initial if x is None else x)}
         return self.engine_of_states.one([inputs[name] for name in self.equation_program.inputs])
 
     @property

@@ -36,12 +36,13 @@ from blockmech.dynamics.events import (
     kink_rules,
     signal_rules,
     turned,
+    until_terminal,
 )
 from blockmech.dynamics.integration import Integration
 from blockmech.dynamics.layout import TimeTrack
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.solvers import STEPPERS
+from blockmech.dynamics.solvers import STEPPERS, AcceptedSteps
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
@@ -160,6 +161,21 @@ class TimeIntegration(Integration):
         turns = self.system.period is not None and self.method not in STEPPERS
         if turns and repeats(self.system, self.request):
             self.turns = TurnsInTime(float(self.y[0]), self.t, float(self.y[1]) ** 2)
+        return over
+
+    def wait(self, until: float) -> RunEnd | None:
+        """See `StickSlip`: no step at all, but a user's events of the time are looked for."""
+        still, y = (0 * self.y,) * 2, (self.y, self.y)
+        steps = AcceptedSteps.single(
+            (self.t, until), y, Dense.cubic(self.t, until - self.t or 1.0, y, still)
+        )
+        rules = [rule for rule in self.general if rule.by_user]
+        lookout = EventDetector(rules, PARTS, self.system.spans, self.t)
+        hits = until_terminal(lookout.within(*steps[:3])) if until > self.t else []
+        over = self._met(hits[-1]) if hits and hits[-1].rule.terminal else None
+        end = until if over is None else hits[-1].t
+        self.take(steps._replace(t=np.array([end, end])))
+        self.note(hits, steps.dense)
         return over
 
     def _rules(self) -> list[EventFunction]:
