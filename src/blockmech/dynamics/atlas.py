@@ -23,8 +23,9 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.charts import Chart, home_chart
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.ends import RunEnd
-from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped, until
+from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped
 from blockmech.dynamics.impact import Chain, Move
+from blockmech.dynamics.layout import until
 from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.pair_stops import HALVED, Counted
 from blockmech.dynamics.request import (

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.layout import until
 from blockmech.functions.series import GOLDEN
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Motion, State
@@ -304,20 +305,6 @@ def judged(
     error, notes = float(off[: max(last, 0) + 1].max()), (*fine.notes, note)
     uncertainty = {"error": error, "time_error": math.inf, "notes": notes}
     return until(fine, t).but(status="failed", end=ends.UNDECIDED, **uncertainty)
-
-
-def until(motion: Motion, t: float) -> Motion:
-    """A motion up to a time [s]."""
-    q, qd = (x[0] if x.ndim > 1 else float(x[0]) for x in motion.at(np.array([t])))
-    return motion.but(
-        t_end=t,
-        q_end=q,
-        qd_end=qd,
-        x_end=tuple(motion.signal_states(np.array([t]))[0].tolist()),
-        end="time",
-        time_error=0.0,
-        events=tuple(e for e in motion.events if e.t <= t),
-    )
 
 
 def stopped(motion: Motion, best: Motion | None) -> Motion:

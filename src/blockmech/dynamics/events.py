@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.layout import StateLayout
+from blockmech.dynamics.layout import StateLayout, until
 from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.rates import LEAST_INERTIA, NEAR, bearing
 from blockmech.dynamics.request import SimulationRequest, Watch
@@ -380,12 +380,6 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
         return replace(motion, events=tuple(sorted((*motion.events, *events), key=attrgetter("t"))))
     end = events[-1]
     earlier = [e for e in motion.events if e.t <= end.t]
-    return replace(
-        motion,
-        events=tuple(sorted([*earlier, *events], key=attrgetter("t"))),
-        t_end=end.t,
-        q_end=end.q,
-        qd_end=end.qd,
-        status="reached",
-        end=end.kind,
-    )
+    events = sorted([*earlier, *events], key=attrgetter("t"))
+    reached = {"status": "reached", "end": end.kind, "time_error": motion.time_error}
+    return until(motion, end.t).but(events=tuple(events), **reached)

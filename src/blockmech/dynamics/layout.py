@@ -115,6 +115,20 @@ def in_numbers(motion: Motion) -> Motion:
     return motion.but(q_end=q, qd_end=qd, events=tuple(events), track=NumberTrack(motion.track))
 
 
+def until(motion: Motion, t: float) -> Motion:
+    """A motion up to a time [s]."""
+    q, qd = (x[0] if x.ndim > 1 else float(x[0]) for x in motion.at(np.array([t])))
+    return motion.but(
+        t_end=t,
+        q_end=q,
+        qd_end=qd,
+        x_end=tuple(motion.signal_states(np.array([t]))[0].tolist()),
+        end="time",
+        time_error=0.0,
+        events=tuple(e for e in motion.events if e.t <= t),
+    )
+
+
 @dataclass(frozen=True)
 class TimeTrack:
     """States at any time of a run, from dense output that joins its steps."""

@@ -96,17 +96,11 @@ def check(system: System, request: SimulationRequest) -> None:
         raise _unfitting(
             "until", goal, "it needs one driver that is free", ("time", "event", "steady")
         )
-    if goal == "steady" and request.roles is not None:
-        why = "with drivers that are prescribed or locked no steady state is looked for"
-        raise _unfitting("until", goal, why, ("time", "event"))
-    if goal == "steady" and (why := _no_search(system, request.start.t)):
+    if goal == "steady" and (why := _no_search(system, request)):
         raise _unfitting("until", goal, why, ("time", "event"))
     if goal == "event" and not any(w.terminal for w in request.watch):
         remedy = f"give one in Python: watch=[{WATCH}]"
         raise refused("until", '"event": no event is given that ends the run', remedy, code="until")
-    if several and goal == "steady" and system.friction is not None:
-        why = "with joint friction and several drivers no steady state is looked for"
-        raise _unfitting("until", goal, why, ("time", "event"))
     if system.signals.initial and system.friction is not None:
         sensors = system.compiled._once(felt)
         if sensors:
@@ -120,19 +114,21 @@ def check(system: System, request: SimulationRequest) -> None:
         raise _unfitting("method", name, why, ("auto", *fit))
 
 
-def _no_search(system: System, t: float) -> str:
-    """Why no search for a steady state follows the states of signals; empty where one does."""
-    if "state" not in system.depends_on:
-        return ""
-    if system.remembers:
-        return "the loads depend on states of friction laws, which no search for it follows"
-    if len(system.drivers) > 1 or "time" in system.depends_on:
-        return (
-            "states of signals are followed with one driver and loads that do not follow the time"
-        )
-    if math.isfinite(system.signals.next_time(t)):
-        return "blocks that switch at instants do not repeat with the turns of the driver"
-    return ""
+def _no_search(system: System, request: SimulationRequest) -> str:
+    """Why no steady state is looked for; empty where one is."""
+    depends, several = system.depends_on, len(system.drivers) > 1
+    if request.roles is not None:
+        return "with drivers that are prescribed or locked no steady state is looked for"
+    if "state" in depends:
+        if system.remembers:
+            return "the loads depend on states of friction laws, which no search for it follows"
+        if several or "time" in depends:
+            alone = "one driver and loads that do not follow the time"
+            return f"states of signals are followed with {alone}"
+        if math.isfinite(system.signals.next_time(request.start.t)):
+            return "blocks that switch at instants do not repeat with the turns of the driver"
+    why = "with joint friction and several drivers no steady state is looked for"
+    return why if several and system.friction is not None else ""
 
 
 def _unfit(method: Method, system: System, request: SimulationRequest) -> str:

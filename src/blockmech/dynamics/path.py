@@ -317,18 +317,14 @@ class PathRun(Run):
             return self.repeat(
                 swings(self.since_mark(mirrored=True), self.request, self.standstills)
             )
-        if self.is_too_slow():
+        # The time asked for is out of reach of swings that take work each, as these.
+        if self.count > MOST / 8 and math.inf > self.request.span > self.t * MOST / self.count:
             note = (
                 f"{self.count} panels of {MOST} reach {self.t:.3g} s: ask for a "
                 'shorter time, or for the steady motion, "steady"'
             )
             return RunEnd(ends.TOO_MANY, "failed", note=note)
         return self.leave()
-
-    def is_too_slow(self) -> bool:
-        """Whether the time asked for is out of reach of swings that take work each, as these."""
-        some = self.count > MOST / 8
-        return some and math.inf > self.request.span > self.t * MOST / self.count
 
     def arrive(self, kind: str) -> RunEnd:
         """The end of the path."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -81,17 +82,11 @@ def load_sizes(compiled: Source) -> AdaptiveEvaluator:
     )
 
 
-def equation(compiled: Source) -> SingleEvaluator:
-    """M, Q, c (one driver: dJ/dq), what signals add, then the margins, at one state."""
-    return _equation(compiled, deflections=False)
+def equation(compiled: Source, deflections: bool = False) -> SingleEvaluator:
+    """M, Q, c (one driver: dJ/dq), what signals add, then the margins, at one state.
 
-
-def equation_with_deflections(compiled: Source) -> SingleEvaluator:
-    """The same, with the rates of the states of friction laws behind those of signals."""
-    return _equation(compiled, deflections=True)
-
-
-def _equation(compiled: Source, deflections: bool) -> SingleEvaluator:
+    With ``deflections`` the rates of the states of friction laws stand behind those of signals.
+    """
     s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
     drivers = compiled.structure.drivers
     M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
@@ -101,6 +96,9 @@ def _equation(compiled: Source, deflections: bool) -> SingleEvaluator:
     signal_rates = [*signals.rates(s), *(friction.deflection_rates(s) if deflections else ())]
     signal_rates += signals.kinks(s)
     return SingleEvaluator(s.program([*M, *Q, *c, *signal_rates, *margins(s)]))
+
+
+equation_with_deflections = partial(equation, deflections=True)
 
 
 def load_inputs(compiled: Source) -> tuple[str, ...]:

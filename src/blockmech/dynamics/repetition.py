@@ -52,27 +52,18 @@ def swings(
     earlier : standstills until the end of the first swing
     """
     regime, span = "libration", swing.duration
-    facts = {"swing_time": span, "period": 2 * span}
+    about = swing, regime, {"swing_time": span, "period": 2 * span}
     remaining = min(request.standstills - earlier, (request.span - swing.t0) / span - 1)
     if remaining == math.inf:
-        return PeriodicContinuation(
-            swing, regime, facts, swing.begins(2), RunEnd(f"never reached: {regime}")
-        )
+        return PeriodicContinuation(*about, swing.begins(2), RunEnd(f"never reached: {regime}"))
     last = int(remaining)
     standstills = swing.panels.end, swing.panels.begin
     listed = [*range(1, min(last, AT_ONCE)), last] if last else []
     listed_standstills = tuple((swing.begins(n + 1), standstills[n % 2]) for n in listed)
     t = request.span if request.span < math.inf else swing.begins(last + 1)
     note = f"of {last} further standstills {AT_ONCE} are listed" if last > AT_ONCE else ""
-    return PeriodicContinuation(
-        swing,
-        regime,
-        facts,
-        t,
-        RunEnd(request.until.goal, "reached"),
-        listed_standstills,
-        note=note,
-    )
+    over = RunEnd(request.until.goal, "reached")
+    return PeriodicContinuation(*about, t, over, listed_standstills, note=note)
 
 
 def turns(
@@ -101,9 +92,8 @@ def turns(
     if t <= last and t < math.inf:
         return PeriodicContinuation(turn, regime, facts, t, RunEnd(goal, "reached"))
     if turn.gain >= 0 and request.span == math.inf and not ways:
-        return PeriodicContinuation(
-            turn, regime, facts, turn.begins(1), RunEnd(f"never reached: {regime}")
-        )
+        about = turn, regime, facts, turn.begins(1)
+        return PeriodicContinuation(*about, RunEnd(f"never reached: {regime}"))
     too_many = RunEnd(ends.TOO_MANY, "failed", note=f"{count} turns reach no further")
     over = too_many if turn.gain > 0 else None
     return PeriodicContinuation(turn, regime, facts, last, over, many=int(count))

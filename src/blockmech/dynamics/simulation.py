@@ -49,9 +49,7 @@ from blockmech.result.failures import loads_without_value
 from blockmech.result.motion import Event, Motion, RolesFrom
 from blockmech.result.samples import Samples
 from blockmech.typing import (
-    Arguments,
     EngineName,
-    Floats,
     FrictionMethod,
     M,
     MotionMethod,
@@ -127,10 +125,10 @@ def simulate(
     >>> swing["crank.q"].round(4)
     array([0.4155, 0.5439])
     """
-    friction_method, settings = friction_asked(friction), {"friction": friction or "newton"}
     about = until, method, accuracy, times, start, stops, watch, roles, engine
     request, starts = request_of(mechanism.scene, mechanism._coordinate_units, *about)
     report, limit = progress_of(progress), budget_of(budget)
+    friction_method = friction_asked(friction)
     options = {"method": friction_method, "progress": report, "engine": engine, "budget": limit}
     prepare = partial(prepared, options=options)
     system, request = prepare(mechanism, request, starts, stops)
@@ -152,7 +150,14 @@ def simulate(
     if request.roles is not None and len(mechanism.drivers) == 1:
         motion = in_numbers(motion)
     motion = explained(mechanism, system, request, motion)
-    return _at_times(mechanism, motion, None if times is None else request.times, want, settings)
+    curve = motion.curve_times(OUTPUTS if motion.t_end > motion.t_start else 1)
+    reached = motion.reached_times(curve if times is None else request.times)
+    inside = reached[~np.isnan(reached)]
+    if late := len(reached) - len(inside):
+        note = f"{late} of {len(reached)} times after the end are left out"
+        motion = replace(motion, notes=(*motion.notes, note))
+        inside = inside if len(inside) else np.array([motion.t_end])
+    return result_along(mechanism, motion, inside, want, friction or "newton")
 
 
 def leading_joints(mechanism: Compiled) -> tuple[str, ...]:
@@ -204,26 +209,6 @@ def evaluation_cost(mechanism: Compiled, friction: FrictionMethod | None) -> str
     for program_name, (program, times) in passes.items():
         parts.append(f"{program_name} {program.calls}" + (f", {times} times" if times > 1 else ""))
     return "kernel calls of an evaluation of the motion: " + "; ".join(parts)
-
-
-def _at_times(
-    mechanism: Compiled,
-    motion: Motion,
-    times: Sequence[float] | Floats | None,
-    want: Iterable[str] | str,
-    settings: Arguments,
-) -> SimulationResult:
-    """The result at some times, those after the end left out."""
-    if times is None:
-        times = motion.curve_times(OUTPUTS if motion.t_end > motion.t_start else 1)
-    reached = motion.reached_times(times)
-    inside = ~np.isnan(reached)
-    late = len(reached) - np.count_nonzero(inside)
-    if late:
-        note = f"{late} of {len(reached)} times after the end are left out"
-        motion = replace(motion, notes=(*motion.notes, note))
-        reached = reached[inside] if inside.any() else np.array([motion.t_end])
-    return result_along(mechanism, motion, reached, want, **settings)
 
 
 # -- loads without a value -----------------------------------------------------------------

@@ -200,11 +200,9 @@ def time_of_release(
 
     latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
     part = min(periods, default=latest - t) / (2 * PER_SWING)
-    a, kink = t, loads.next_time_kink(structure, t)
+    a = t
     while a < latest:
-        b = min(a + part, kink, latest)
-        if b == kink:
-            kink = loads.next_time_kink(structure, kink)
+        b = min(a + part, loads.next_time_kink(structure, a), latest)
         if beyond(b) > 0:
             if beyond(a) < 0:
                 b = float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
