@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blockmech.engines import linear
+from blockmech.engines import numpy as linear
 from blockmech.ground.plane import SCALAR_PRIMITIVES
 
 LONG = np.longdouble
@@ -52,7 +52,7 @@ def test_a_singular_matrix_costs_no_other_sample_its_answer() -> None:
 
 def test_a_matrix_takes_numbers_and_batches_side_by_side() -> None:
     column = np.array([1.0, 2.0, 3.0])
-    result = linear.matrix([[column, 0.0], [0.5, np.float64(4.0)]], np.float64)
+    result = linear.stacked_matrix([[column, 0.0], [0.5, np.float64(4.0)]], np.float64)
     assert result.tolist() == [[[x, 0.0], [0.5, 4.0]] for x in column]
 
 

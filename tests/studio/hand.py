@@ -1,6 +1,6 @@
 """What a hand does to a sheet, without a browser: acts, and what is said to them."""
 
-from blockmech.editor import state
+from blockmech.editor import drawing
 from blockmech.editor.acts import acted
 from blockmech.editor.pins import pins_of
 from blockmech.editor.revision import Question
@@ -37,7 +37,7 @@ class Hand:
         except BlockmechError as error:
             self.said = str(error)
         else:
-            self.said = state.status_of(self.sheet.now)
+            self.said = drawing.status_of(self.sheet.now)
 
     def act(self, name, *pins, **options):
         self.do(name, pins=list(pins), **options)

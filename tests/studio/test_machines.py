@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="it is no browser's driver")
 
 import blockmech as bm
-from blockmech.editor.state import coordinate
+from blockmech.editor.drawing import coordinate
 from blockmech.model.joints.layout import Layout
 from tests.studio.page import Sheet
 

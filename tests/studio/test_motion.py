@@ -12,8 +12,8 @@ from blockmech.draw.sketch import sketch_of
 from blockmech.editor.analyses import analysis
 from blockmech.editor.curves import curves, simulation, wire_text
 from blockmech.editor.dragging import dragged, handles_of
+from blockmech.editor.drawing import state_of
 from blockmech.editor.revision import Question, Revision, blamed_blocks, what_moves
-from blockmech.editor.state import state_of
 from blockmech.editor.turn import dead_centres, fault_of, travel, turn
 from blockmech.ground.errors import BlockmechError
 from blockmech.result.wires import wires_of

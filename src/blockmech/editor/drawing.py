@@ -1,4 +1,6 @@
-"""What is drawn of a document: shapes on links, whose poses the page works out.
+"""What the page is told of a sheet: its drawing, motion, problems and numbers.
+
+The drawing is of shapes on links, whose poses the page works out.
 
 Of links and joints everything stands on the links of the document, also before they are a
 mechanism; of blocks on the links of the part that moves. Places are metres in the frame of a
@@ -9,8 +11,9 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
+from blockmech.builders import Linkage, Opened
 from blockmech.draw.motion import Motion
 from blockmech.draw.sketch import sketch_of
 from blockmech.editor.dragging import handles_of
@@ -24,13 +27,17 @@ from blockmech.editor.pins import (
     pose_of,
     sides_of,
 )
+from blockmech.editor.revision import Question, Revision
 from blockmech.editor.sketching import Form
+from blockmech.editor.turn import motion_data
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import shown_name
 from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Place, xy
+from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.dimensions import KINDS
+from blockmech.model.joints.layout import Layout
 from blockmech.model.spots import Spot
 from blockmech.typing import Data, Record
 
@@ -193,3 +200,75 @@ def of_blocks(motion: Motion) -> Drawing:
             for w in sketch.wheels
         ],
     }
+
+
+FIRST = {
+    "joints": "Drag on the sheet to draw the first link.",
+    "blocks": "Add a frame and a crank, then wire the crank to a marker of the frame.",
+}
+SENTENCES = 3  # problems that are said at once
+
+
+def picture_of(ask: Question) -> Data:
+    """The drawing with its motion."""
+    now, (motion, message) = ask.now, ask.outcome
+    picture: Data = {"kind": "blocks", "drawing": None, "motion": None}
+    picture["said"] = "" if now.empty else message
+    if isinstance(now.document, Linkage):
+        picture |= {"kind": "joints", "drawing": of_links(now.form)}
+    elif motion is not None:
+        picture["drawing"] = of_blocks(motion)
+    if motion is not None:
+        picture["motion"] = motion_data(motion, _home(now.document, motion))
+    return picture
+
+
+def _home(document: Opened, motion: Motion) -> dict[str, float]:
+    """Where the drivers are in the pose of the drawing."""
+    if isinstance(document, Linkage):
+        layout = Layout.of(document)
+        pairs = {d: layout.pairs[p] for p, d in layout.drivers.items()}
+        return {d: float(coordinate(layout.given, pair)) for d, pair in pairs.items()}
+    return {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
+
+
+def state_of(ask: Question) -> Data:
+    """All that the page shows of a revision but answers."""
+    now, (motion, _) = ask.now, ask.outcome
+    return {
+        "revision": now.number,
+        "name": now.form["name"],
+        "problems": [problem.to_dict() for problem in now.problems],
+        "status": status_of(now),
+        "empty": now.empty,
+        "names": [] if motion is None else ask.names or drives_of(motion),
+        **picture_of(ask),
+    }
+
+
+def names_of(ask: Question) -> Data:
+    """The outputs and the numbers that can be chosen."""
+    mechanism, (motion, _) = cast(Any, ask.now.mechanism), ask.outcome
+    numbers = {} if mechanism is None else mechanism.parameters()
+    return {
+        "outputs": [] if motion is None else list(motion.mechanism.outputs),
+        "parameters": [name for name, x in numbers.items() if x.value],
+    }
+
+
+def status_of(now: Revision) -> str:
+    """What the sheet is, or what comes next, in a line."""
+    links = isinstance(now.document, Linkage)
+    if now.empty:
+        return FIRST["joints" if links else "blocks"]
+    if now.problems:
+        sentences = [". ".join(filter(None, (p.found, p.remedy))) for p in now.problems[:SENTENCES]]
+        return "Next: " + " ".join(f"{p.where}: {x}." for p, x in zip(now.problems, sentences))  # noqa: B905
+    return now.formation.replace("->", "→")
+
+
+def drives_of(motion: Motion) -> list[str]:
+    """What moves the drivers: the outputs that are shown where none are chosen."""
+    m = motion.mechanism
+    drives = (m._of_driver(d, "drive") for d in m.drivers)
+    return [name for name in drives if name in m.outputs]

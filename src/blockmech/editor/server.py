@@ -30,6 +30,7 @@ from blockmech.editor.acts import acted
 from blockmech.editor.analyses import ANALYSES
 from blockmech.editor.curves import curves_or_reason, vectors, wire_text
 from blockmech.editor.diagram import diagram_of
+from blockmech.editor.drawing import names_of, picture_of, state_of
 from blockmech.editor.exports import formats
 from blockmech.editor.fields import CHOICES, Units
 from blockmech.editor.forms import form_of
@@ -39,7 +40,6 @@ from blockmech.editor.live import live, module, remember
 from blockmech.editor.revision import Question
 from blockmech.editor.sheets import Desk, Sheet, files_of, link_of, packed, title_of
 from blockmech.editor.sketching import posed
-from blockmech.editor.state import names_of, picture_of, state_of
 from blockmech.editor.turn import fault_of, poses_of
 from blockmech.exchange.page.files import bundle, embeddable
 from blockmech.ground.errors import BlockmechError, Problem, refused

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from blockmech.engines import linear
 from blockmech.engines import numpy as plain
 from blockmech.engines.binding import bind
 from blockmech.engines.numpy import CHUNK, Planar, each_part
@@ -273,7 +272,7 @@ def planar(x: Real, y: Real) -> Planar:
 
 def matrix(rows: Sequence[Reals]) -> Dual | Array:
     """Square matrices (..., N, N), tangents (m, ..., N, N)."""
-    x = linear.matrix([[value(v) for v in row] for row in rows], np.float64)
+    x = plain.stacked_matrix([[value(v) for v in row] for row in rows], np.float64)
     slopes = [slope(v) for row in rows for v in row if isinstance(v, Dual)]
     if not slopes:
         return x
@@ -286,7 +285,7 @@ def matrix(rows: Sequence[Reals]) -> Dual | Array:
 
 def solve(a: Dual | Array, right: Reals) -> tuple[Dual | Array, ...]:
     """Solution of a x = right: a dx = d right - da x."""
-    x = linear.solve(value(a), [value(v) for v in right])
+    x = plain.solve(value(a), [value(v) for v in right])
     if not isinstance(a, Dual) and not any(isinstance(v, Dual) for v in right):
         return x
     change = np.stack(x, axis=-1)[..., None]
@@ -294,7 +293,7 @@ def solve(a: Dual | Array, right: Reals) -> tuple[Dual | Array, ...]:
         np.moveaxis((slope(a) @ change)[..., 0], -1, 0) if isinstance(a, Dual) else [0.0] * len(x)
     )
     rest = [slope(v) - x for v, x in zip(right, moved, strict=True)]
-    return tuple(map(Dual, x, linear.solve(value(a), rest)))
+    return tuple(map(Dual, x, plain.solve(value(a), rest)))
 
 
 def solve_transposed(a: Dual | Array, right: Reals) -> tuple[Dual | Array, ...]:
@@ -307,7 +306,7 @@ def solve_transposed(a: Dual | Array, right: Reals) -> tuple[Dual | Array, ...]:
 
 def spread(a: Dual | Array) -> Dual | Array:
     """Ratio of the smallest to the largest singular value, each with tangent u . da v."""
-    y = linear.spread(value(a))
+    y = plain.spread(value(a))
     if not isinstance(a, Dual):
         return y
     good = np.isfinite(value(a)).all(axis=(-2, -1))
