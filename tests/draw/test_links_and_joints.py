@@ -12,7 +12,8 @@ from blockmech.draw.diagram import draw_diagram
 from blockmech.draw.mechanism import draw_mechanism, paths_of
 from blockmech.draw.motion import moves
 from blockmech.draw.shapes import Stage, drive_ways
-from blockmech.draw.sketch import sketch_of
+from blockmech.draw.sketch import line_sign, sketch_of
+from blockmech.editor.drawing import of_links
 from blockmech.figures.curves import pictures_of
 from blockmech.ground.errors import RequestError
 from tests.model.documents import DOCUMENTS, flipped, linkage
@@ -50,6 +51,32 @@ def test_paths_are_those_of_the_documents_markers(crank):
     assert np.abs(result["link.rod.P"] - run["link.rod.P.p"]).max() <= 1e-15
     with pytest.raises(RequestError, match=r"rod_piston\.C.*link\.rod\.P"):
         paths_of(motion, ["rod_piston.C"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "load"),
+    [
+        ("spring", bm.Spring(stiffness=10.0, damping=1.0)),
+        ("damper", bm.Spring(stiffness=0.0, damping=1.0)),
+        ("strut", bm.Thrust(law=bm.laws.Constant(value=5.0))),
+    ],
+)
+def test_lines_of_loads_have_one_sign_in_print_and_studio(crank, kind, load):
+    crank.add_load("line", load, links=["frame", "piston"], at=[(9.0, 1.0), (0.0, 0.0)])
+    picture = draw_mechanism(crank.compile(), at=0.5)
+    (line,) = (x for x in picture.axes.lines if x.get_label() == f"{kind}:line")
+    z = line.get_xydata() @ [1, 1j]
+    sign = line_sign(kind, (len(z) - 4) // 2)
+    assert len(z) == len(sign)
+    across = (((z - z[0]) / (z[-1] - z[0])).imag * abs(z[-1] - z[0])) / picture.stage.unit
+    assert np.abs(across - sign[:, 2]).max() < 1e-9  # points of the page
+    assert line_sign(kind).tolist() in [x["line"] for x in of_links(crank.to_data())["loads"]]
+
+
+def test_markers_of_the_user_have_a_mark_and_a_name(crank):
+    picture = draw_mechanism(crank.compile(), trace="link.rod.P")
+    assert [x.get_label() for x in picture.axes.lines if "marker" in x.get_label()] == ["marker:P"]
+    assert "P" in words(picture.labels)
 
 
 def test_an_arrow_shows_where_the_driven_link_goes_however_its_joint_is_named(crank):

@@ -23,11 +23,14 @@ def test_each_kind_of_study_has_its_picture(kind, tmp_path):
     study = mechanism("ruiz_fourbar").study(vary, want=WANT, samples=9, friction="none", **options)
     figure = study.figure()
     panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
-    assert len(panels) == {"curves": 2, "maps": 2, "scatter": 4}[kind]
+    assert len(panels) == {"curves": 2, "maps": 2, "scatter": 6}[kind]
     assert "without an answer" in " ".join(figure._supxlabel.get_text().split())
     labels = " ".join(axes.get_ylabel() + axes.get_xlabel() for axes in figure.axes)
     assert "dyad.l_i [m]" in labels
     assert "margin) [–]" in labels.replace("\n", " ")
+    if kind == "scatter":  # a histogram of each result counts its designs
+        bars = [sum(bar.get_width() for bar in axes.patches) for axes in panels]
+        assert bars[2::3] == [study.status.count("ok"), study.n]
     study.plot(tmp_path / "study.png")
     assert (tmp_path / "study.png").stat().st_size > 10_000
 

@@ -10,7 +10,6 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.draw.mechanism import draw_result
-from blockmech.exchange.report import dimensioned
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 HURT = "</title><script>hurt=1</script>"
@@ -37,11 +36,7 @@ def test_a_report_has_drawing_dimensions_values_and_verification(tmp_path, name)
 def test_a_drawing_has_the_lengths_of_links():
     """Of the four-bar in its file: crank 2 m, coupler 6 m, rocker 3 m, in mm."""
     linkage = opened(GRAPHS / "joints" / "ruiz_fourbar.json")
-    picture = draw_result(linkage.run(samples=25, want=()))
-    lengths = dimensioned(picture)
-    assert lengths["crank 1"] == pytest.approx(2000)
-    assert max(lengths.values()) == pytest.approx(6000)
-    assert lengths["rocker 1"] == pytest.approx(3000)
+    picture = draw_result(linkage.run(samples=25, want=()), sheet=True)
     texts = {text.get_text() for text in picture.axes.texts}
     assert {"2000", "6000", "3000"} <= texts
 

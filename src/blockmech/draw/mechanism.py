@@ -6,6 +6,7 @@ import cmath
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 MANY = 9  # labels from which the picture is two columns wide
+SHORTEST = 14.0  # [pt] of a side whose length is written
 TILE, ROOM = 2.4, 1.3  # [in] side of a tile; of the mechanism's size that it holds
 POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one, others faint
 
@@ -63,6 +65,7 @@ def draw_mechanism(
     degrees: bool = IN_DEGREES,
     curves: Paths | None = None,
     named: bool = True,
+    sheet: bool = False,
 ) -> Picture:
     """Draw a mechanism at poses: the first in full, the others faintly.
 
@@ -75,6 +78,7 @@ def draw_mechanism(
     degrees : angles in the caption in degrees
     curves : name -> places (n,) [m] to be drawn in place of paths
     named : with names and a caption: the title of the document, poses and gravity
+    sheet : on a sheet that has the title: with lengths of links [mm] in its place
 
     Raises `RequestError` where the range is not known and no pose is named, and the
     errors of `Compiled.run` where the first pose cannot be reached.
@@ -86,7 +90,8 @@ def draw_mechanism(
     sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
     paths = paths_of(sweep, trace) if sweep is not None and sweep.result.n > 1 else {}
     paths = worded(paths) if curves is None else curves
-    text = _heading(motion, sweep if paths else None, degrees) if named else ""
+    title = mechanism.document.title if mechanism.document and not sheet else ""
+    text = _heading(title, motion, sweep if paths else None, degrees) if named else ""
     with styled():
         page = page_of(sketch, motion, paths, [text] * bool(text))
         stage = Stage(sketch, motion, page.unit)
@@ -102,14 +107,15 @@ def draw_mechanism(
         if not named:
             return picture
         crowd = page.crowd(main_shapes, paths)
-        for position in map(crowd.place, _labels(page, stage, degrees)):
+        lengths = side_lengths(page, stage) if sheet else ()
+        for position in map(crowd.place, (*_labels(page, stage, degrees), *lengths)):
             page.draw(page.leader(position))
             picture.labels.append(page.write(position))
     return picture
 
 
-def draw_result(result: Result, degrees: bool = IN_DEGREES) -> Picture:
-    """Draw the mechanism in some poses of a run.
+def draw_result(result: Result, degrees: bool = IN_DEGREES, sheet: bool = False) -> Picture:
+    """Draw the mechanism in some poses of a run; ``sheet`` is that of `draw_mechanism`.
 
     Paths of markers are drawn where laws of motion move it. Raises the errors of `draw_mechanism`.
     """
@@ -118,7 +124,7 @@ def draw_result(result: Result, degrees: bool = IN_DEGREES) -> Picture:
     some = good[np.linspace(0, len(good), number, endpoint=False, dtype=int)]
     drivers = enumerate(result.mechanism.drivers)
     at = {driver: result.samples.coordinate(i)[some] for i, driver in drivers}
-    return draw_mechanism(result.mechanism, at, degrees=degrees)
+    return draw_mechanism(result.mechanism, at, degrees=degrees, sheet=sheet)
 
 
 def draw_tile(mechanism: Compiled, at: Coordinates | None = None) -> Any:
@@ -178,12 +184,10 @@ def _poses(motion: Motion, named: bool) -> list[int]:
 # -- captions ------------------------------------------------------------------------------
 
 
-def _heading(motion: Motion, traced: Motion | None, degrees: bool) -> str:
-    """The title of the document, the poses, and the turns that traced paths leave out."""
-    mechanism = motion.mechanism
-    title = mechanism.document.title if mechanism.document else ""
+def _heading(title: str, motion: Motion, traced: Motion | None, degrees: bool) -> str:
+    """A title, the poses, and the turns that traced paths leave out."""
     poses = caption(motion, range(len(motion.samples)), degrees)
-    notes = missing_turns(mechanism, traced.result.samples.inputs) if traced else []
+    notes = missing_turns(motion.mechanism, traced.result.samples.inputs) if traced else []
     return "\n".join(filter(None, [title, poses, *notes]))
 
 
@@ -266,6 +270,9 @@ def joint_labels(page: Page, stage: Stage) -> Iterator[Label]:
     for pin in stage.sketch.pins:
         z = page.points(stage.motion.at(*pin.spot))
         yield Label("\n".join(map(shown_name, pin.names)), [z], clearance=SIZES.pin)
+    for point in stage.sketch.points:
+        z = page.points(stage.motion.at(*point.spot))
+        yield Label(shown_name(point.name), [z], clearance=SIZES.marker)
     for slider in stage.sketch.sliders:
         z = page.points(stage.motion.at(*slider.point))
         yield Label(shown_name(slider.name), [z], clearance=SIZES.slider[1] + 2)
@@ -291,6 +298,16 @@ def _labels(page: Page, stage: Stage, degrees: bool) -> Iterator[Label]:
         yield from _load_label(page, stage, load)
 
 
+def side_lengths(page: Page, stage: Stage) -> Iterator[Label]:
+    """Lengths of bars and of the sides of plates [mm], of sides that have room for them."""
+    for body in stage.sketch.bodies:
+        corners = [complex(stage.motion.at(body.link, z)[0]) for z in body.outline]
+        for a, b in pairwise([*corners, *corners[: len(corners) > 2]]):
+            if abs(b - a) > SHORTEST * page.unit:
+                anchors = [page.points(np.array([a + (b - a) * t])) for t in (0.5, 0.35, 0.65)]
+                yield Label(f"{1e3 * abs(b - a):.4g}", anchors, ink.GREY, clearance=SIZES.label_gap)
+
+
 def _dimension_text(dimension: Dimension, degrees: bool) -> str:
     """The sign of a dimension, and its value."""
     if isinstance(dimension, Length):
@@ -313,7 +330,7 @@ def load_text(motion: Motion, load: LoadMark, k: int = 0) -> str:
 
 def _load_label(page: Page, stage: Stage, load: LoadMark) -> Iterator[Label]:
     text = load_text(stage.motion, load)
-    if load.kind in ("spring", "strut"):
+    if load.is_line:
         a, b = (page.points(stage.motion.at(*spot)) for spot in load.spots)
         anchors = [a + (b - a) * t for t in (0.5, 0.35, 0.65, 0.2, 0.8)]
         yield Label(text, anchors, ink.SPRING, clearance=4.0)

@@ -17,7 +17,7 @@ import numpy as np
 
 from blockmech.draw.motion import Motion
 from blockmech.draw.page import Shape
-from blockmech.draw.sketch import LoadMark, Sketch, Slider
+from blockmech.draw.sketch import LEAD, LoadMark, Sketch, Slider, line_sign
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
 from blockmech.ground.tolerances import BLUR
@@ -63,6 +63,11 @@ def shapes_of(stage: Stage) -> list[Shape]:
             shapes.append(Shape(f"weld:{name}", "area", z + diamond, 6, fill=ink.INK))
         else:
             shapes.append(Shape(f"pin:{name}", "disc", z, 6, fill=ink.PAPER, radius=SIZES.pin))
+    for point in stage.sketch.points:
+        z = stage.motion.at(*point.spot)[None]
+        shapes.append(
+            Shape(f"marker:{point.name}", "disc", z, 6, fill=ink.INK, radius=SIZES.marker)
+        )
     for name, line in dimension_lines(stage).items():
         for path in (line, line[::-1]) if len(line) > 1 else ():
             shapes += _arrow(path, ink.GREY, f"dimension:{name}", stage.unit, 0.6)
@@ -203,7 +208,7 @@ def dimension_lines(stage: Stage) -> dict[str, Vectors]:
 def load_ways(stage: Stage, load: LoadMark) -> list[Vectors]:
     """Arrows (p, n) of forces, arcs of couples: one for each terminal, NaN where it is zero."""
     values = stage.motion.efforts[load.name]
-    if values is None or load.kind == "spring":
+    if values is None or load.is_passive:
         return []
     ways = []
     for spot, value in zip(load.spots, values, strict=True):
@@ -240,25 +245,22 @@ def vectors(stage: Stage, values: Mapping[str, Vector], colour: str) -> Iterator
 def _load(stage: Stage, load: LoadMark) -> Iterator[Shape]:
     for arrow in load_ways(stage, load):
         yield from _arrow(arrow, ink.LOAD, f"load:{load.name}", stage.unit)
-    if load.kind in ("spring", "strut"):
+    if load.is_line:
         a, b = (stage.motion.at(*spot) for spot in load.spots)
-        spring = load.kind == "spring"
-        line = _zigzag(a, b, stage.unit) if spring else np.array([a, b])
-        dash = () if spring else (4.0, 2.0)
-        name = f"{load.kind}:{load.name}"
+        line = _line_of_load(load, a, b, stage.unit)
+        dash, name = (4.0, 2.0) if load.kind == "strut" else (), f"{load.kind}:{load.name}"
         yield Shape(name, "line", line, 6.5, ink.SPRING, width=1.0, dash=dash)
 
 
-def _zigzag(a: Vectors, b: Vectors, unit: float) -> Vectors:
-    """A spring (p, n) between two places (n,), of as many turns at every length."""
+def _line_of_load(load: LoadMark, a: Vectors, b: Vectors, unit: float) -> Vectors:
+    """The sign (p, n) of a load between two places (n,), of as many turns at every length."""
     length = np.abs(b - a)
     u = np.divide(b - a, length, out=np.zeros_like(a), where=length > 0)
-    ends = np.minimum(6.0 * unit, 0.2 * length)
-    turns = 2 * int(np.clip(np.nanmean(length - 2 * ends) / unit / 5.0, 4, 16))
-    t = (np.arange(turns) + 0.5)[:, None] / turns
-    side = 3.2j * u * unit * np.where(np.arange(turns) % 2, -1, 1)[:, None]
-    coil = a + u * (ends + (length - 2 * ends) * t) + side
-    return np.array([a, a + u * ends, *coil, b - u * ends, b])
+    point = np.minimum(unit, length / 30.0)  # signs of short loads are shorter
+    turns = int(np.clip(np.nanmean(length - 2 * LEAD * point) / unit / 5.0, 4, 16))
+    share, x, y = line_sign(load.kind, turns).T[:, :, None]
+    line: Vectors = a + (b - a) * share + u * (x * point + 1j * y * unit)
+    return line
 
 
 def drive_ways(stage: Stage) -> dict[str, Vectors]:

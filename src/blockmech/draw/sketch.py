@@ -16,13 +16,21 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion
 from blockmech.ground.tolerances import BLUR
+from blockmech.loads.contract import acts
 from blockmech.model.joints.dimensions import Dimension
 from blockmech.model.meshing import at_zero, coupling_numbers, sides
 from blockmech.model.spots import Spot, guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.typing import Floats
 
 CYLINDER = {"barrel": 1.7, "rod": 0.7}  # [-] widths, in usual bars
 TUBE, OVERLAP = 0.9, 0.15  # [-] of the shortest length: the barrel, and what stays inside it
+
+LEAD = 6.0  # [pt] of a spring's straight ends
+DASHPOT = (
+    *((2, 0), (2, -4), (2, 4)),  # the piston, then the cylinder about it
+    *((-7, 4), (7, 4), (7, -4), (-7, -4), (7, -4), (7, 0)),
+)
 
 Outline = tuple[complex, ...]
 
@@ -74,13 +82,31 @@ class Body:
 
 
 @dataclass(frozen=True)
+class PointMark:
+    """A marker of the user on a moving link, where no pin is."""
+
+    name: str
+    spot: Spot
+
+
+@dataclass(frozen=True)
 class LoadMark:
     """An element: where it takes hold, and how it is drawn."""
 
     name: str
-    kind: Literal["force", "couple", "spring", "strut"]
+    kind: Literal["force", "couple", "spring", "damper", "strut"]
     spots: tuple[Spot, ...]
     unit: str
+
+    @property
+    def is_passive(self) -> bool:
+        """Whether it answers a motion, with a sign that no arrows are to hide."""
+        return self.kind in ("spring", "damper")
+
+    @property
+    def is_line(self) -> bool:
+        """Whether it is a line between two places."""
+        return self.is_passive or self.kind == "strut"
 
 
 @dataclass(frozen=True)
@@ -112,11 +138,12 @@ class Sketch:
     loads: tuple[LoadMark, ...]
     wheels: tuple[Wheel, ...] = ()
     dimensions: tuple[DimensionMark, ...] = ()
+    points: tuple[PointMark, ...] = ()
 
     @property
     def words(self) -> int:
-        """Joints and loads, which have names in a picture."""
-        return len(self.pins) + len(self.sliders) + len(self.loads)
+        """Joints, points and loads, which have names in a picture."""
+        return len(self.pins) + len(self.sliders) + len(self.points) + len(self.loads)
 
     @property
     def spots(self) -> list[Spot]:
@@ -169,7 +196,18 @@ def sketch_of(motion: Motion) -> Sketch:
     wheels = (wheel for driver in s.followers for wheel in _wheels(motion, driver))
     welds, dimensions = _of_document(motion)
     joints = (*_merged(motion, pins), *welds)
-    return Sketch(bodies, joints, tuple(sliders), tuple(loads), tuple(wheels), dimensions)
+    marks = tuple(_points(motion, joints))
+    return Sketch(bodies, joints, tuple(sliders), tuple(loads), tuple(wheels), dimensions, marks)
+
+
+def _points(motion: Motion, pins: Iterable[Pin]) -> Iterator[PointMark]:
+    """Markers of the user that no pin shows."""
+    pinned = [motion.at(*pin.spot) for pin in pins]
+    for name, marker in user_markers(motion.mechanism).items():
+        spot = Spot(marker.on, marker_place(motion.structure, marker))
+        z = motion.at(*spot)
+        if all(np.abs(z - pin).max() > BLUR * np.abs(z).max() for pin in pinned):
+            yield PointMark(name.rpartition(".")[2], spot)
 
 
 def _of_document(motion: Motion) -> tuple[list[Pin], tuple[DimensionMark, ...]]:
@@ -288,19 +326,23 @@ def _cylinder(
 # -- links and loads --------------------------------------------------------------------
 
 
-def shown_markers(mechanism: Compiled) -> list[MarkerRef]:
-    """The user's markers on moving links, and those that a force takes hold of."""
+def user_markers(mechanism: Compiled) -> dict[str, MarkerRef]:
+    """The user's markers on moving links, by link and name."""
     s, names = mechanism.structure, mechanism.names
     if names is None:
-        markers = [
-            MarkerRef(name, link, marker)
+        return {
+            f"{name}.{link}.{marker}": MarkerRef(name, link, marker)
             for name, block in s.blocks.items()
             for link, properties in block.links_or_default().items()
             for marker in properties.markers
-        ]
-    else:
-        markers = [m for link in names.links.values() for m in link.markers.values()]
-        markers = [m for m in markers if m.on != s.frame_link]
+        }
+    items = ((link, *item) for link, x in names.links.items() for item in x.markers.items())
+    return {f"{link}.{name}": ref for link, name, ref in items if ref.on != s.frame_link}
+
+
+def shown_markers(mechanism: Compiled) -> list[MarkerRef]:
+    """The user's markers on moving links, and those that a force takes hold of."""
+    s, markers = mechanism.structure, [*user_markers(mechanism).values()]
     for terminal, marker in s.holds.items():
         if s.elements[terminal.block].terminals[terminal.name].kind == "point":
             markers.append(marker)
@@ -353,5 +395,25 @@ def _load(s: Structure, name: str) -> LoadMark:
     first = next(iter(element.terminals.values()))
     if first.kind != "point":
         return LoadMark(name, "couple", spots, first.unit)
-    pull = "strut" if element.energy() is None else "spring"
-    return LoadMark(name, "force" if len(spots) == 1 else pull, spots, first.unit)  # type: ignore[arg-type]
+    if len(spots) == 1:
+        return LoadMark(name, "force", spots, first.unit)
+    damped = acts(getattr(element, "damping", 0.0))
+    return LoadMark(name, line_kind(element.energy() is not None, damped), spots, first.unit)
+
+
+def line_kind(elastic: bool, damped: bool) -> Literal["spring", "damper", "strut"]:
+    """How a load between two places is drawn; what is neither elastic nor damped is a thrust."""
+    return "spring" if elastic else "damper" if damped else "strut"
+
+
+def line_sign(kind: str, turns: int = 7) -> Floats:
+    """The line (p, 3) of a load from a to b, in one stroke: share of the way, along, to the left.
+
+    Along and to the left are in points of the page.
+    """
+    if kind == "spring":
+        share, sides = (np.arange(2 * turns) + 0.5) / (2 * turns), np.tile([3.2, -3.2], turns)
+        coil = np.column_stack([share, LEAD * (1 - 2 * share), sides])
+        return np.array([[0, 0, 0], [0, LEAD, 0], *coil, [1, -LEAD, 0], [1, 0, 0]])
+    pot = [[0.5, *corner] for corner in DASHPOT if kind == "damper"]
+    return np.array([[0.0, 0, 0], *pot, [1, 0, 0]])

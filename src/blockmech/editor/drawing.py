@@ -15,7 +15,7 @@ from typing import Any, cast
 
 from blockmech.builders import Linkage, Opened
 from blockmech.draw.motion import Motion
-from blockmech.draw.sketch import sketch_of
+from blockmech.draw.sketch import line_kind, line_sign, sketch_of
 from blockmech.editor.dragging import handles_of
 from blockmech.editor.pins import (
     Drawn,
@@ -121,7 +121,8 @@ def _loads(form: Form) -> Iterator[Drawing]:
         force = load.get("force") if load["type"] == "force" else None
         ends = [_spot(*end) for end in ends_of(load)]
         if ends and (load["type"] != "force" or isinstance(force, list)):
-            yield {"name": name, "ends": ends, "force": force}
+            kind = line_kind(bool(load.get("stiffness")), bool(load.get("damping")))
+            yield {"name": name, "ends": ends, "force": force, "line": line_sign(kind).tolist()}
 
 
 def _wheels(form: Form, name: str, coupling: Form) -> Iterator[Drawing]:
@@ -193,7 +194,12 @@ def of_blocks(motion: Motion) -> Drawing:
             for i, body in enumerate(sketch.bodies)
         ],
         "loads": [
-            {"name": load.name, "ends": [spot(*x) for x in load.spots]} for load in sketch.loads
+            {
+                "name": load.name,
+                "ends": [spot(*x) for x in load.spots],
+                "line": line_sign(load.kind).tolist() if load.is_line else [],
+            }
+            for load in sketch.loads
         ],
         "wheels": [
             {"name": w.name, "link": str(w.link), "points": [xy(z) for z in w.points]}

@@ -9,9 +9,8 @@ runs; the page loads nothing.
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from importlib.resources import files
-from itertools import pairwise
 from string import Template
 from typing import IO, Any
 
@@ -19,28 +18,17 @@ import numpy as np
 
 import blockmech
 from blockmech.analysis.verify import Verification, verify
-from blockmech.draw.mechanism import Picture, draw_result
+from blockmech.draw.mechanism import draw_result
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.page.files import requested_outputs, samples_of
 from blockmech.figures.curves import abscissa, chosen_panels, reaction_panels, without_friction
 from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import image
-from blockmech.ground.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError, path_text
 from blockmech.model.parameters import Parameter, parameters_of
 from blockmech.result.result import Result
 from blockmech.result.tables import ROWS
 from blockmech.typing import Record
-
-DIMENSION: Mapping[str, Any] = {
-    "rotation_mode": "anchor",
-    "ha": "center",
-    "va": "bottom",
-    "fontsize": 6,
-    "zorder": 20,
-    "bbox": {"pad": 0.4, "fc": "white", "ec": "none", "alpha": 0.7},
-}
-"""How matplotlib writes a dimension."""
-SHORTEST = 0.06  # of the drawing's size, that has room for a dimension
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -65,8 +53,7 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
     title = getattr(document, "title", "") or mechanism.name
     numbers = list(parameters_of(sections).values())
     checks = verify(mechanism, result)
-    picture = draw_result(result)
-    dimensioned(picture)
+    picture = draw_result(result, sheet=True)
     lists = ((p.address, f"{p.value:.6g} {p.unit}") for p in numbers)
     parts = {
         "": image(picture.figure, f"{mechanism.name} in some poses, lengths in mm"),
@@ -92,26 +79,6 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
     stream.write(page.encode(errors="replace"))
 
 
-def dimensioned(picture: Picture) -> dict[str, float]:
-    """Write the lengths of links into a drawing, in mm along their sides; by link and side.
-
-    Lengths that have no room in the drawing are left out: the table of data has them all.
-    """
-    motion, sides = picture.stage.motion, dict[str, float]()
-    (x0, x1), (y0, y1) = picture.axes.get_xlim(), picture.axes.get_ylim()
-    shortest = SHORTEST * max(x1 - x0, y1 - y0)
-    for body in picture.stage.sketch.bodies:
-        corners = [complex(motion.at(body.link, z)[0]) for z in body.outline]
-        for k, (a, b) in enumerate(pairwise([*corners, *corners[: len(corners) > 2]])):
-            if abs(b - a) < shortest:
-                continue
-            sides[f"{body.name or body.link} {k + 1}"] = 1e3 * abs(b - a)
-            middle, turn = (a + b) / 2, np.degrees(np.angle((b - a) ** 2)) / 2  # upright
-            text, place = f"{1e3 * abs(b - a):.4g}", (middle.real, middle.imag)
-            picture.axes.annotate(text, place, rotation=turn, **DIMENSION)
-    return sides
-
-
 def verdict(checks: Verification) -> str:
     """Whether the equations of mechanics hold, in a line."""
     failing = [check.name for check in checks.rows if not check.ok]
@@ -129,9 +96,8 @@ def _data(numbers: Iterable[Parameter]) -> Iterator[tuple[str, str]]:
     """The numbers of each part that are not 0, in a line; approximate poses are no data."""
     lines = dict[str, list[str]]()
     for number in numbers:
-        keys = [str(key) for key in number.path]
-        depth = min(len(keys) - 1, 2)
-        part, name = ".".join(keys[:depth]), " ".join(keys[depth:])
+        depth = min(len(number.path) - 1, 2)
+        part, name = path_text(number.path[:depth]), path_text(number.path[depth:])
         if number.value and not name.startswith("pose"):
             lines.setdefault(part, []).append(f"{name} {number.value:.5g} {number.unit}".strip())
     yield from ((part, "; ".join(values)) for part, values in lines.items())

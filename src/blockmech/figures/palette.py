@@ -36,6 +36,7 @@ class Sizes:
     # a mechanism
     link: float = 5.0  # width
     pin: float = 2.5  # radius of a revolute joint, and of a centre of mass
+    marker: float = 1.6  # radius of a marker
     slider: tuple[float, float] = (8.0, 4.6)  # half length and half height
     force: tuple[float, float] = (12.0, 30.0)  # smallest that is shown, and largest
     couple: float = 10.0  # radius

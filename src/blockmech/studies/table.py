@@ -201,7 +201,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     # -- for people -----------------------------------------------------------------
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
-        """Curves over one number, maps over two, a matrix of scatter over more.
+        """Curves over one number, maps over two, a matrix of scatter and histograms over more.
 
         Designs without an answer are marked at the foot of a curve or scatter, and hatched in a
         map. Raises `RequestError` if the study has no numbers.
@@ -253,24 +253,24 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     def _matrix(
         self, caption: str, results: Sequence[Column], numbers: Sequence[Column], ax: Axes | None
     ) -> Any:
-        """Every result over every number that varies, as a curve over the only one of a grid."""
+        """Every result as a curve over the only number of a grid; else over every number, with a
+        histogram."""
         curves = self.designs.sampling == "grid" and len(self.vary) == 1
         bad = np.array([word != "ok" for word in self.status])
         height, width = len(results) * PANEL, ink.COLUMN
         over, label_height = ink.COLUMN, PANEL * 0.8
         if not curves:
             height = len(results) * CELL + 3 * ink.TEXT
-            width = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
+            width = max(ink.COLUMN, (len(numbers) + 1) * CELL + 5 * ink.TEXT)
             over = label_height = CELL * 0.9
         layout: Arguments = {"width": width, "sharey": "row", "ax": ax}
-        with panelled(
-            caption, height + ink.ROW / 2, len(results), len(numbers), **layout
-        ) as panels:
+        count = len(numbers) + (not curves)
+        with panelled(caption, height + ink.ROW / 2, len(results), count, **layout) as panels:
             for row, column in zip(panels, results, strict=True):
                 sizes = np.abs(column.values[np.isfinite(column.values)])
                 factor, unit = scaled_unit(column.unit, float(sizes.max(initial=0.0)))
                 y = factor * column.values
-                for axes, number in zip(row, numbers, strict=True):
+                for axes, number in zip(row, numbers, strict=False):
                     dots: Arguments = {"color": ink.FORWARD, "marker": "." if self.n <= 1 else ""}
                     if curves:
                         axes.plot(number.values, y, **dots)
@@ -279,12 +279,21 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                         axes.scatter(number.values, y, **dots)
                         axes.locator_params(nbins=4)
                         axes.locator_params(axis="x", nbins=3)
+                        axes.ticklabel_format(axis="x", scilimits=(-2, 4))
                     foot, transform = np.full(bad.sum(), FOOT), axes.get_xaxis_transform()
                     style = {"marker": "x", "s": 8, "lw": 0.6, "color": ink.ALARM, "zorder": 3}
                     axes.scatter(number.values[bad], foot, transform=transform, **style)
                 row[0].set_ylabel(axis_label(column.name, unit, label_height), labelpad=2)
-            for axes, number in zip(panels[-1], numbers, strict=True):
-                axes.set_xlabel(axis_label(number.name, number.unit, over), labelpad=1)
+                if not curves:
+                    look: Arguments = {"bins": "auto", "color": ink.FORWARD}
+                    row[-1].hist(y[np.isfinite(y)], orientation="horizontal", **look)
+                    row[-1].locator_params(axis="x", nbins=3)
+            panels[-1, -1].set_xlabel("designs", labelpad=1)  # under the histograms
+            for axes, number in zip(panels[-1], numbers, strict=False):
+                formatter = axes.xaxis.get_major_formatter()
+                formatter.set_locs(axes.get_xticks())
+                pad = 1 + ink.ROW * bool(formatter.get_offset())  # which stands below the ticks
+                axes.set_xlabel(axis_label(number.name, number.unit, over), labelpad=pad)
         return panels[0, 0].figure
 
     def lines(self) -> Iterator[str]:

@@ -15,7 +15,7 @@ import { Refused, ask, kernel, stream } from "./api.js";
 /**
  * @typedef {{fixed: string, poses: Record<string, number[]>, pins: Pin[],
  *   links: {name: string, fill: string, ends: (string | Spot)[], slim: boolean}[],
- *   dimensions: [string, string][], stated: {name: string, type: string, sign: string, points: string[], value?: any}[], loads: {name: string, ends: Spot[], force: [number, number] | null}[],
+ *   dimensions: [string, string][], stated: {name: string, type: string, sign: string, points: string[], value?: any}[], loads: {name: string, ends: Spot[], force: [number, number] | null, line: number[][]}[],
  *   wheels: {name: string, pin?: string, radius: number, link: string, points?: Point[]}[]}} Drawing
  */
 /**

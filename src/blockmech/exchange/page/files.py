@@ -30,7 +30,7 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.motion import Motion, effort_names, moves
-from blockmech.draw.sketch import Sketch, sketch_of
+from blockmech.draw.sketch import Sketch, line_sign, sketch_of
 from blockmech.exchange.c.program import CProgram, identifier, poses
 from blockmech.exchange.c.statements import DOUBLE, Language, Statements, literal
 from blockmech.exchange.formats import Order, Writer
@@ -190,7 +190,7 @@ def contents_of(order: Order) -> Data:
     efforts = {
         load.name: effort_names(mechanism.structure, load.name)
         for load in sketch.loads
-        if load.kind != "spring" and motion.efforts[load.name] is not None
+        if not load.is_passive and motion.efforts[load.name] is not None
     }
     want = ["*.angle", "*.p", *itertools.chain.from_iterable(efforts.values())]
     drawing = Script(mechanism._of_blocks, want)
@@ -388,7 +388,7 @@ def _picture(
             {
                 "name": x.name,
                 "ends": [end(*spot) for spot in x.spots],
-                "line": x.kind in ("spring", "strut"),
+                "line": line_sign(x.kind).tolist() if x.is_line else [],
                 "arrows": [
                     arrow(spot, effort, x.unit != "N")
                     for spot, effort in zip(x.spots, efforts.get(x.name, ()), strict=False)

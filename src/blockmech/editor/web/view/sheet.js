@@ -4,7 +4,7 @@
 // and ends in one act; the sheet that comes back is the truth.
 
 import { Live } from "../lib/live.js";
-import { beside, closest, corners, between, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../../../exchange/page/web/geometry.js";
+import { beside, closest, corners, between, fitted, local, metres, nice, on, pixel, posed, strokes, zoomed } from "../../../exchange/page/web/geometry.js";
 import { ARROWS, writes } from "../lib/keys.js";
 import { Room } from "../lib/labels.js";
 import { factor, place, quantity, rounded, signed, vector } from "../../../exchange/page/web/quantity.js";
@@ -351,12 +351,8 @@ export function sheetView(parent) {
       put(own, "line", { x1: a.x, y1: a.y, x2: a.x + dx, y2: a.y + dy });
       put(own, "path", { d: "M0 0L-9-4V4Z", transform: `translate(${a.x + dx} ${a.y + dy}) rotate(${turn})` });
       selectable(put(own, "text", { x: a.x + dx + 6, y: a.y + dy + 4 }, load.name), ["loads", load.name]);
-    } else if (b) {
-      const [n, ex, ey] = [14, (b.x - a.x) / 14, (b.y - a.y) / 14];
-      const most = Math.hypot(b.x - a.x, b.y - a.y) || 1;
-      const off = (/** @type {number} */ k) => (k < 2 || k > n - 2 ? 0 : (k % 2 ? 7 : -7) / most);
-      const points = Array.from({ length: n + 1 }, (_, k) => `${a.x + ex * k - (b.y - a.y) * off(k)},${a.y + ey * k + (b.x - a.x) * off(k)}`);
-      selectable(put(svg, "polyline", { points: points.join(" "), class: "spring" }), ["loads", load.name]);
+    } else if (b && load.line.length) {
+      selectable(put(svg, "polyline", { points: strokes(load.line, a, b), class: load.line.length > 2 ? "spring" : "spring strut" }), ["loads", load.name]);
     } else {
       put(svg, "circle", { cx: a.x, cy: a.y, r: 11, class: "couple" });
     }

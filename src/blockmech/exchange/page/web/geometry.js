@@ -86,3 +86,15 @@ export const local = (pose, z) => {
 
 /** [x, y, cos, sin] of [x, y, angle]. @param {number[]} pose */
 export const posed = (pose) => [pose[0], pose[1], Math.cos(pose[2]), Math.sin(pose[2])];
+
+/**
+ * The line of a load between two pixels, as points of a polyline: of each corner the share of the way, and
+ * points of the page along it and to its left, which short lines have smaller.
+ * @param {number[][]} line @param {Pixel} a @param {Pixel} b
+ */
+export function strokes(line, a, b) {
+  const [x, y] = [b.x - a.x, b.y - a.y];
+  const size = Math.hypot(x, y) || 1;
+  const [point, side] = [Math.min(2, size / 30) / size, 2 / size];
+  return line.map(([share, along, left]) => `${a.x + x * (share + along * point) + y * left * side},${a.y + y * (share + along * point) - x * left * side}`).join(" ");
+}

@@ -5,7 +5,7 @@
 
 import { frameAt } from "./curve.js";
 import { button, element, field, put } from "./dom.js";
-import { fitted, on, pixel, posed } from "./geometry.js";
+import { fitted, on, pixel, posed, strokes } from "./geometry.js";
 import { drawPanel } from "./panel.js";
 import { Program } from "./program.js";
 import { rounded, signed } from "./quantity.js";
@@ -22,7 +22,7 @@ import { rounded, signed } from "./quantity.js";
  *   names: {at: Place, names: string[]}[], pins: {at: number, ground: boolean}[], bodies: {ends: Place[], fill: string}[],
  *   rails: {link: Frame, ends: Point[]}[], blocks: {at: Place, link: Frame, turn: number}[],
  *   wheels: {link: Frame, points: Point[]}[],
- *   loads: {name: string, ends: Place[], line: boolean, arrows: {at: Place, value: number, couple: boolean}[]}[]}} Contents
+ *   loads: {name: string, ends: Place[], line: number[][], arrows: {at: Place, value: number, couple: boolean}[]}[]}} Contents
  */
 /** @typedef {{document: string, file: string, page: Contents | null, why: string}} Link */
 
@@ -127,7 +127,7 @@ function show(main, aside, contents) {
   const line = (/** @type {Point[]} */ points) => points.map((z) => pixel(view, z)).map(({ x, y }) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
 
   function fit() {
-    const places = drawing.outputs.flatMap((row) => contents.bodies.flatMap(({ ends }) => ends.map((end) => at(end, row))));
+    const places = drawing.outputs.flatMap((row) => [...contents.bodies, ...contents.loads].flatMap(({ ends }) => ends.map((end) => at(end, row))));
     const { width, height } = svg.getBoundingClientRect();
     view = fitted(places.filter((z) => there([z])), width, height);
   }
@@ -176,8 +176,9 @@ function show(main, aside, contents) {
   }
 
   /** A load: a line between its ends, arrows of forces, arcs of couples. @param {Contents["loads"][number]} load */
-  function drawLoad({ name, ends, line: isLine, arrows }) {
-    if (isLine) polyline(ends.map((end) => at(end)), "spring");
+  function drawLoad({ name, ends, line, arrows }) {
+    const places = ends.map((end) => at(end));
+    if (line.length && there(places)) put(svg, "polyline", { points: strokes(line, pixel(view, places[0]), pixel(view, places[1])), class: line.length > 2 ? "spring" : "spring strut" });
     for (const { at: place, value, couple } of arrows) {
       const [x, y] = effort(drawing.outputs[pose], value, couple);
       const size = 18 + (28 * Math.hypot(x, y)) / largest;
