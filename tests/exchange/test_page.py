@@ -51,6 +51,22 @@ def written(folder, name, **options):
     return path
 
 
+def readme_crank(**rod):
+    """The slider-crank of the README, with a couple."""
+    m = bm.Linkage("slider_crank")
+    m.add_link("crank")
+    m.add_link("rod", **rod)
+    m.add_link("piston")
+    m.add_joint("O", "R", ["frame", "crank"], point=(0, 0))
+    m.add_joint("A", "R", ["crank", "rod"], point=(0.03, 0.04))
+    m.add_joint("B", "R", ["rod", "piston"], point=(0.228, 0))
+    m.add_joint("cylinder", "P", ["frame", "piston"], point=(0.228, 0))
+    m.add_driver("motor", "O", bm.motion.ConstantRate(rate=150.0))
+    m.add_load("gas", "force", link="piston", at=(0.228, 0), force=(-2000, 0))
+    m.add_load("brake", "couple", link="crank", moment=-3.0)
+    return m
+
+
 def test_sines_of_a_page_are_rounded_correctly(page):
     """Against 40 digits: the error is half a unit of the last place."""
     mp = pytest.importorskip("mpmath")
@@ -143,13 +159,13 @@ def readings(page):
 
 def test_a_page_moves_and_a_number_is_changed(page, tmp_path):
     """Numbers are those of another run; pixels are a scale and an origin of what it has."""
-    path = written(tmp_path, "slider_crank", slider="piston.l, gas_force_x")
+    path = written(tmp_path, "slider_crank", slider="piston.l, gas.force.x")
     page.goto(path.as_uri())
     assert page.locator("path.curve").get_attribute("d").startswith("M")
     data = json.loads((GRAPHS / "slider_crank.json").read_text("utf-8"))
     data["blocks"]["piston"]["l"] = 0.3
     drive = bm.Graph.from_data(data).run(samples=181, want=["crank.drive"])["crank.drive"]
-    field = page.get_by_label("piston l", exact=False).first
+    field = page.get_by_label("piston.l", exact=False).first
     field.fill("0.3")
     field.press("Enter")
     values, (*_, across) = readings(page)
@@ -166,18 +182,39 @@ def test_a_page_moves_and_a_number_is_changed(page, tmp_path):
     page.get_by_role("button", name="Pause").click()
 
 
+def test_sliders_move_any_number_of_a_drawing(page, tmp_path):
+    """Lengths follow the places of pins as the decomposition has them, several at once."""
+    m = readme_crank(mass=0.5, inertia=2e-3, cm=(0.129, 0.02))
+    path = tmp_path / "page.html"
+    changes = {"joints.A.at[0].x": 0.035, "joints.B.at[0].x": 0.24, "links.rod.mass": 0.8}
+    changes |= {"loads.gas.force.x": -2500.0, "links.rod.cm.y": 0.03}
+    bm.write(m, path, slider=",".join(changes))
+    page.goto(path.as_uri())
+    for address, value in changes.items():
+        field = page.get_by_label(address, exact=False).first
+        field.fill(str(value))
+        field.press("Enter")
+    drive = m.replace(changes).run(samples=181)["driver.motor.drive"]
+    values, _ = readings(page)
+    assert values == pytest.approx(drive, rel=1e-11, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        ("links.rod.pose[0]", "only tells the assembly mode"),
+        ("drivers.motor.rate", "how the drivers move"),
+        ("links.rod.lenght", "no parameter with that address"),
+    ],
+)
+def test_a_slider_for_what_a_page_cannot_follow_is_refused(tmp_path, address, why):
+    with pytest.raises(bm.RequestError, match=why):
+        bm.write(readme_crank(), tmp_path / "page.html", slider=address)
+
+
 def test_a_page_has_the_links_names_and_loads_of_the_drawing(page, tmp_path):
     """The slider-crank of the README: links between their own pins, a force along -x."""
-    m = bm.Linkage("slider_crank")
-    for link in ("crank", "rod", "piston"):
-        m.add_link(link)
-    m.add_joint("O", "R", ["frame", "crank"], point=(0, 0))
-    m.add_joint("A", "R", ["crank", "rod"], point=(0.03, 0.04))
-    m.add_joint("B", "R", ["rod", "piston"], point=(0.228, 0))
-    m.add_joint("cylinder", "P", ["frame", "piston"], point=(0.228, 0))
-    m.add_driver("motor", "O", bm.motion.ConstantRate(rate=150.0))
-    m.add_load("gas", "force", link="piston", at=(0.228, 0), force=(-2000, 0))
-    m.add_load("brake", "couple", link="crank", moment=-3.0)
+    m = readme_crank()
     path = tmp_path / "page.html"
     bm.write(m, path, want=["driver.motor.drive"])
     page.goto(path.as_uri())
@@ -255,4 +292,4 @@ def test_the_command_writes_a_page(tmp_path, call):
     assert '"n": 31' in target.read_text("utf-8")
     outcome = call("page", file, "-o", target, "--slider", "crank.lenght")
     assert outcome.code == 2
-    assert "crank_length" in outcome.err
+    assert "crank.length" in outcome.err

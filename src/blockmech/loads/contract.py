@@ -81,8 +81,11 @@ def _unreadable(kernel: Kernel, name: str) -> TypeError:
 
 
 def acts(x: object) -> bool:
-    """Whether a number is not zero; of many designs, (m, 1), whether one's is not."""
-    return bool(x.any()) if hasattr(x, "any") else bool(x)
+    """Whether a number is not zero; of many designs, (m, 1), whether one's is not.
+
+    A number that is not known yet, as that of a trace, may be any.
+    """
+    return bool(x.any()) if hasattr(x, "any") else bool(x) if isinstance(x, int | float) else True
 
 
 class Kinks(NamedTuple):

@@ -7,7 +7,7 @@ the one that holds near by, where what coincides by chance in the document does 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -115,14 +115,21 @@ class Variation:
     numbers: Mapping[Path, Varied]
 
     @classmethod
-    def of(cls, mechanism: Compiled, parameters: Iterable[Parameter]) -> Variation:
+    def of(
+        cls,
+        mechanism: Compiled,
+        parameters: Iterable[Parameter],
+        number: Callable[[float, Array], Varied] = Varied,
+    ) -> Variation:
         """Of m numbers, those of drivers among them, which move nothing of the mechanism.
+
+        ``number`` makes one of a value and its derivatives.
 
         Raises `GraphError` where no graph holds near by.
         """
         varied = list(parameters)
         seeds = zip(varied, np.eye(len(varied)), strict=True)
-        numbers = {p.path: Varied(p.value, seed) for p, seed in seeds if p.path[0] != GIVEN}
+        numbers = {p.path: number(p.value, seed) for p, seed in seeds if p.path[0] != GIVEN}
         document: Any = mechanism.document
         if numbers and is_written_out(mechanism):
             sections = document.with_numbers(numbers).flat().sections()

@@ -19,7 +19,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import accumulate
 from pathlib import Path
 from string import Template
@@ -31,21 +31,27 @@ from blockmech.compiled import Compiled
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.motion import Motion, effort_names, moves
 from blockmech.draw.sketch import Sketch, line_sign, sketch_of
+from blockmech.engines.nodes import Node
+from blockmech.engines.numpy import leaves
 from blockmech.exchange.c.program import CProgram, identifier, poses
 from blockmech.exchange.c.statements import DOUBLE, Language, Statements, literal
 from blockmech.exchange.formats import Order, Writer
+from blockmech.exchange.page.recorded import Recorded, Tape
 from blockmech.figures.curves import abscissa
 from blockmech.figures.palette import LINK_FILLS
-from blockmech.ground.errors import among
+from blockmech.ground.errors import refused
 from blockmech.ground.files import refuse_spared, writing
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.tolerances import BLUR
-from blockmech.model.parameters import parameters_of
+from blockmech.model.parameters import Parameter, named, parameters_of
 from blockmech.model.spots import Spot, marker_place
 from blockmech.model.structure import LinkRef
 from blockmech.result.quality import WORDS
 from blockmech.result.result import Result
 from blockmech.result.samples import DEFAULT_SAMPLES, Samples
+from blockmech.studies.differentiate import without_derivative
+from blockmech.studies.family import parameters
+from blockmech.studies.variation import Variation, designed
 from blockmech.typing import Array, Data, Vectors
 
 WEB = Path(__file__).with_name("web")
@@ -117,15 +123,7 @@ class Script(CProgram):
         A value has no name; lines after it name it by the distance ``~k``, so that programs of
         equal groups have equal lines, and a program is deflated to a third.
         """
-        lines: list[str] = []
-        order: dict[str, int] = {}
-        for line in self.text("t").splitlines():
-            defined = re.match(r" *const (x\d+) = (.*);", line)
-            text = defined[2] if defined else line.strip()
-            lines.append(re.sub(r"\bx\d+", lambda x: f"~{len(order) - order[x[0]]}", text))
-            if defined:
-                order[defined[1]] = len(order)
-        return "\n".join(line for line in lines if not line.startswith("function"))[:-2]
+        return compacted(self.text("t").splitlines()[:-1])
 
     def rows(self, samples: Samples) -> list[list[float]]:
         """The inputs (n, k) at some samples."""
@@ -139,6 +137,19 @@ class Script(CProgram):
             [self.column(result, name) for name in self.outputs], axis=1
         ).tolist()
         return rows
+
+
+def compacted(lines: Iterable[str]) -> str:
+    """Statements, whose values are named by how many lines they stand back."""
+    texts: list[str] = []
+    order: dict[str, int] = {}
+    for line in lines:
+        defined = re.match(r" *const (x\d+) = (.*);", line)
+        text = defined[2] if defined else line.strip()
+        texts.append(re.sub(r"\bx\d+", lambda x: f"~{len(order) - order[x[0]]}", text))
+        if defined:
+            order[defined[1]] = len(order)
+    return "\n".join(text for text in texts if not text.startswith("function"))
 
 
 FRAMES = DEFAULT_SAMPLES // 2 + 1  # poses of the range: every other one
@@ -183,8 +194,9 @@ def write_page(order: Order, path: Path) -> list[Path]:
 
 def contents_of(order: Order) -> Data:
     """Programs, numbers, samples and shapes, as `viewer.js` reads them."""
-    mechanism, samples = order.mechanism, samples_of(order)
-    curves = Script(mechanism, requested_outputs(order), **order.settings)
+    variation, tape, chosen = _varied(order)
+    mechanism, samples = variation.base, samples_of(order)
+    curves = Script(variation.general, requested_outputs(order), **order.settings)
     motion = moves(mechanism)
     sketch = sketch_of(motion)
     efforts = {
@@ -193,7 +205,7 @@ def contents_of(order: Order) -> Data:
         if not load.is_passive and motion.efforts[load.name] is not None
     }
     want = ["*.angle", "*.p", *itertools.chain.from_iterable(efforts.values())]
-    drawing = Script(mechanism._of_blocks, want)
+    drawing = Script(variation.general._of_blocks, want)
     numbers = [m.name for m in curves.parameters if not m.is_array]
     offered = [x for x in numbers if not (x.startswith("size_") or x.endswith("_branch"))]
     axis = abscissa(mechanism._answer(samples, (), {"friction": None, "static": False}))
@@ -201,20 +213,22 @@ def contents_of(order: Order) -> Data:
         **_picture(drawing, motion, sketch, efforts),
         "title": getattr(mechanism.document, "title", "") or mechanism.name,
         "n": samples.n,
-        "curves": _part(curves),
-        "drawing": _part(drawing),
+        "curves": _part(curves, mechanism),
+        "drawing": _part(drawing, mechanism),
+        "sliders": _sliders(variation, tape, chosen, {"curves": curves, "drawing": drawing}),
         "columns": _columns(curves, samples) | _columns(drawing, samples),
         "along": {"words": axis.words, "values": _column(axis.values)},
         "reasons": WORDS,
         "offered": offered,
-        "chosen": _choose(order.options.get("slider"), offered),
+        "chosen": offered[: FEW * (order.options.get("slider") is None)],
         "seconds": SECONDS,
     }
 
 
-def _part(script: Script) -> Data:
-    """A program with its numbers."""
+def _part(script: Script, mechanism: Compiled) -> Data:
+    """A program with its numbers of a mechanism."""
     units, names = _units(script.mechanism), script.mechanism.names
+    values = iter(leaves(script.plan.program.values(mechanism.structure, mechanism.scene)))
     links = {identifier(str(x)): name for x, name in names.of_links.items()} if names else {}
 
     def label(name: str) -> str:
@@ -226,7 +240,11 @@ def _part(script: Script) -> Data:
     return {
         "program": script.compact(),
         "parameters": [
-            {"name": m.name, "label": label(m.name), "numbers": m.numbers}
+            {
+                "name": m.name,
+                "label": label(m.name),
+                "numbers": [*itertools.islice(values, len(m.numbers))],
+            }
             for m in script.parameters
         ],
         "inputs": [m.name for m in script.inputs],
@@ -304,16 +322,48 @@ def samples_of(order: Order) -> Samples:
     return order.samples() or poses(order.mechanism, FRAMES)
 
 
-def _choose(text: str | None, offered: list[str]) -> list[str]:
-    """The numbers that some words name, ``piston.l`` or ``piston_l``; the first few without any."""
-    if text is None:
-        return offered[:FEW]
-    numbers = {name.removeprefix("P_"): name for name in offered}
-    chosen = []
-    for word in filter(None, map(str.strip, text.split(","))):
-        name = re.sub(r"\W", "_", word, flags=re.ASCII).removeprefix("P_")
-        chosen.append(numbers[among(numbers, "number", name, where="slider")[0]])
-    return chosen
+def _varied(order: Order) -> tuple[Variation, Tape, list[Parameter]]:
+    """The mechanism whose numbers follow those with a slider.
+
+    Raises `RequestError` for addresses of nothing, and for numbers that no formula follows.
+    """
+    words = filter(None, map(str.strip, (order.options.get("slider") or "").split(",")))
+    chosen, tape = list(named(parameters(order.mechanism), dict.fromkeys(words))), Tape()
+    for p in chosen:
+        if why := without_derivative(p):
+            raise refused(f"slider.{p.address}", why)
+    variation = Variation.of(order.mechanism, chosen, tape.varied)
+    if not all(isinstance(x, Recorded) for x in variation.numbers.values()):
+        raise refused("slider", "dimensions move what it moves", "leave them out, or name them")
+    return variation, tape, chosen
+
+
+def _sliders(
+    variation: Variation, tape: Tape, chosen: Iterable[Parameter], parts: Mapping[str, Script]
+) -> Data:
+    """The program of the numbers of the parts that follow those with a slider."""
+    follow = {path: x.z for path, x in variation.numbers.items() if isinstance(x, Recorded)}
+    design = designed(variation.base, follow)
+    nodes = {
+        (part, i): x
+        for part, script in parts.items()
+        for i, x in enumerate(leaves(script.plan.program.values(*design)))
+        if isinstance(x, Node)
+    }
+    inputs = [f"u[{i}]" for i, _ in enumerate(chosen)]
+    constants = [f"p[{i}]" for i in range(len(tape.constants))]
+    statements = Statements(inputs, constants, {}, SCRIPT)
+    lines = statements.text(nodes.values()).splitlines()
+    ends = [f"out[{k}] = {statements.name(x)};" for k, x in enumerate(nodes.values())]
+    return {
+        "program": compacted([*lines, *ends]),
+        "constants": [*tape.constants],
+        "numbers": [
+            {"name": p.address, "label": f"{p.address} [{p.unit or '–'}]", "numbers": [p.value]}
+            for p in chosen
+        ],
+        "targets": [*nodes],
+    }
 
 
 def _picture(
@@ -408,5 +458,5 @@ WRITER = Writer(
     "one HTML page without a server: drawing, motion, curves, sliders for numbers",
     (".html",),
     write_page,
-    {"slider": "numbers that have a slider at first, e.g. crank.length,piston.l; by default a few"},
+    {"slider": "parameters with a slider, e.g. links.rod.mass,joints.A.at[0].x; by default a few"},
 )

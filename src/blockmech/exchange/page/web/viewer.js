@@ -19,6 +19,7 @@ import { rounded, signed } from "./quantity.js";
 /**
  * @typedef {{title: string, seconds: number, reasons: Record<string, string>, n: number, drawing: Part, curves: Part,
  *   columns: Record<string, Column>, along: {words: string, values: Column}, offered: string[], chosen: string[],
+ *   sliders: {program: string, constants: number[], numbers: Parameter[], targets: ["drawing" | "curves", number][]},
  *   names: {at: Place, names: string[]}[], pins: {at: number, ground: boolean}[], bodies: {ends: Place[], fill: string}[],
  *   rails: {link: Frame, ends: Point[]}[], blocks: {at: Place, link: Frame, turn: number}[],
  *   wheels: {link: Frame, points: Point[]}[],
@@ -270,33 +271,49 @@ function show(main, aside, contents) {
 
   const parameter = (/** @type {string} */ name) => /** @type {Parameter} */ (contents.curves.parameters.find((x) => x.name === name));
 
-  /** A slider and a field for a number. @param {string} name */
-  function offer(name) {
-    const own = parameter(name);
+  /** Numbers of the programs follow those of the document. */
+  const { constants, numbers: own, targets, program } = contents.sliders;
+  const followed = { program: new Program(program, constants.length, own.length, targets.length), from: own.map((x) => x.numbers[0]), to: new Float64Array(targets.length) };
+
+  /** @param {number} k @param {number} x */
+  function follow(k, x) {
+    followed.from[k] = x;
+    followed.program.run(constants, followed.from, followed.to);
+    targets.forEach(([part, i], n) => (({ drawing, curves })[part].numbers[i] = followed.to[n]));
+    renew();
+  }
+
+  /** A slider and a field for a number. @param {Parameter} own @param {(x: number) => void} take */
+  function offer(own, take) {
     const first = own.numbers[0];
     const { cell, input: typed } = field(numbers, own.label, "input");
     Object.assign(typed, { type: "number", step: "any", value: String(first) });
     const range = element(cell, "input");
     Object.assign(range, { type: "range", min: "0", max: "1000", value: "500" });
     range.setAttribute("aria-label", `${own.label}, by a slider`);
-    const take = (/** @type {number} */ x) => {
-      for (const run of [drawing, curves]) run.change(name, x);
-      renew();
-    };
     range.addEventListener("input", () => {
       typed.value = rounded(first + (Number(range.value) / 500 - 1) * (Math.abs(first) || 1) * 0.5, 6);
       take(Number(typed.value));
     });
     typed.addEventListener("change", () => { if (Number.isFinite(typed.valueAsNumber)) take(typed.valueAsNumber); });
-    for (const option of more.options) if (option.value === name) option.disabled = true;
+    for (const option of more.options) if (option.value === own.name) option.disabled = true;
+  }
+
+  /** A number of the programs. @param {string} name */
+  function offerNumber(name) {
+    offer(parameter(name), (x) => {
+      for (const run of [drawing, curves]) run.change(name, x);
+      renew();
+    });
   }
 
   more.append(new Option("", ""), ...contents.offered.map((name) => new Option(parameter(name).label, name)));
   more.addEventListener("change", () => {
-    if (more.value) offer(more.value);
+    if (more.value) offerNumber(more.value);
     more.value = "";
   });
-  contents.chosen.forEach(offer);
+  own.forEach((x, k) => offer(x, (value) => follow(k, value)));
+  contents.chosen.forEach(offerNumber);
   slider.addEventListener("input", () => { pause(); step(Number(slider.value)); });
   new ResizeObserver(() => { fit(); plot(); draw(); }).observe(main);
   compute();
