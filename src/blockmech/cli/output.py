@@ -24,7 +24,7 @@ from blockmech.cli.terminal import (
 )
 from blockmech.ground.errors import refused
 from blockmech.ground.files import folder, refuse_spared
-from blockmech.ground.report import Facts, Report, as_json
+from blockmech.ground.report import Displayed, Facts, Report, as_json
 from blockmech.result.data import json_chunks
 from blockmech.result.spreadsheet import csv_chunks, write_csv
 from blockmech.result.tables import table
@@ -33,7 +33,7 @@ from blockmech.typing import Data
 if TYPE_CHECKING:
     from blockmech.result.result import Result
 
-AnyResult = TypeVar("AnyResult", bound="Result[Any]")
+AnyAnswer = TypeVar("AnyAnswer", bound=Displayed)
 Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) -> files drawn
 
 NUMBERS = ("results.csv", "result.json")
@@ -120,6 +120,10 @@ class Display:
         at_most_one(json=self.json, **chosen)
         si_only(self.json, self.deg)
 
+    def in_units(self, result: AnyAnswer) -> AnyAnswer:
+        """An answer in the units that texts, tables and CSV have."""
+        return result.to("deg") if self.deg else result
+
     def files(self) -> tuple[str | None, str | None]:
         """Where the table and the picture go. Raises `RequestError` where they cannot."""
         table, plot = csv_place(vars(self).get("csv")), vars(self).get("plot")
@@ -140,8 +144,7 @@ class Display:
         if table == "-":
             pour([report.to_csv()])
         else:
-            text = report.to(*["deg"] * bool(self.deg)).text()
-            answer(file, self.json, report.to_dict(), text)
+            answer(file, self.json, report.to_dict(), self.in_units(report).text())
             write_answer(report, table, plot, self.deg is not False)
         return report
 
@@ -195,10 +198,6 @@ class Output(TableDisplay):
         targets = csv_place(self.csv), self.plot
         refuse_spared(*filter(None, targets), *(inside if self.out else ()))
         return model
-
-    def in_units(self, result: AnyResult) -> AnyResult:
-        """A result in the units that tables and CSV have."""
-        return result.to("deg") if self.deg else result
 
     @property
     def is_table(self) -> bool:

@@ -17,7 +17,7 @@ from blockmech.draw.labels import Label
 from blockmech.draw.motion import Motion, moves
 from blockmech.draw.page import Page, Paths, unit_of
 from blockmech.draw.shapes import Stage
-from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
+from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of, user_markers
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import IN_DEGREES, MOST, SIZES
 from blockmech.figures.paper import angle_scale, scaled_unit, shown_name, styled
@@ -252,12 +252,7 @@ def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
     every = {str(m): m for name in s.blocks for m in s.markers(name)}
     if names is None:
         return every
-    markers = {
-        f"link.{link}.{marker}": ref
-        for link, name in names.links.items()
-        for marker, ref in name.markers.items()
-        if ref.on != s.frame_link
-    }
+    markers = {f"link.{name}": ref for name, ref in user_markers(mechanism).items()}
     pins = {str(ref): name for ref, name in mechanism._joint_names.items()}
     return markers | {pins[key]: ref for key, ref in every.items() if key in pins}
 
@@ -267,15 +262,12 @@ def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
 
 def joint_labels(page: Page, stage: Stage) -> Iterator[Label]:
     """Names of the joints, which keep their places over all samples."""
-    for pin in stage.sketch.pins:
-        z = page.points(stage.motion.at(*pin.spot))
-        yield Label("\n".join(map(shown_name, pin.names)), [z], clearance=SIZES.pin)
-    for point in stage.sketch.points:
-        z = page.points(stage.motion.at(*point.spot))
-        yield Label(shown_name(point.name), [z], clearance=SIZES.marker)
-    for slider in stage.sketch.sliders:
-        z = page.points(stage.motion.at(*slider.point))
-        yield Label(shown_name(slider.name), [z], clearance=SIZES.slider[1] + 2)
+    sketch = stage.sketch
+    marks = [("\n".join(map(shown_name, x.names)), x.spot, SIZES.pin) for x in sketch.pins]
+    marks += [(shown_name(x.name), x.spot, SIZES.marker) for x in sketch.points]
+    marks += [(shown_name(x.name), x.point, SIZES.slider[1] + 2) for x in sketch.sliders]
+    for text, spot, clearance in marks:
+        yield Label(text, [page.points(stage.motion.at(*spot))], clearance=clearance)
 
 
 def _labels(page: Page, stage: Stage, degrees: bool) -> Iterator[Label]:
