@@ -76,6 +76,8 @@ def test_a_key_that_is_like_none_is_not_simply_removed():
         ("torque", ("driver.motor.q", "driver.motor.drive"), "driver.motor.drive"),
         ("link.coupler.P", ("link.coupler.v", "link.coupler.P.p"), "link.coupler.P.p"),
         ("A", ("joint.B.p", "joint.A.p", "joint.A.reaction"), "joint.A.p"),
+        ("point", ("type", "at", "links"), "at"),
+        ("force", ("joint", "at", "law", "links"), "law"),
         ("links.rod.ineria", ("links.rod.mass", "links.rod.inertia"), "links.rod.inertia"),
     ],
 )
