@@ -145,6 +145,18 @@ def test_pin_without_load_has_no_friction():
     assert zero.outcome == Outcome.CERTIFIED
 
 
+@pytest.mark.parametrize("edges", [(False, False), (True, True)])
+@pytest.mark.parametrize("strength", [0.3, 1.0, 1.7, 40.0])
+def test_without_load_there_is_no_friction_and_no_jam_whatever_its_factors(strength, edges):
+    k, rows = (strength, -0.9 * strength), ((1 + 0.5j, 0.3j), (-0.4 + 0j, 1 - 0.2j))
+    solution = solvers.newton(k, edges, (0j, 0j), rows)
+    assert solution.t == (0.0, 0.0)
+    certified = strength < 0.5
+    assert solution.outcome == (Outcome.CERTIFIED if certified else Outcome.BY_CONTINUATION)
+    repeated = solvers.successive(k, edges, (0j, 0j), rows, 1e-3, None)
+    assert repeated.t == (0.0, 0.0)
+
+
 def test_pair_at_rest_has_no_friction_and_loads_the_others_as_they_are():
     result = solvers.newton((0.0, 0.2), (False, False), (3 + 4j, 6 + 8j), ((1j, 1j), (1j, 0j)))
     assert result.t[0] == 0.0

@@ -148,6 +148,11 @@ def judged(
     return solved._replace(t=t, contraction=P, outcome=outcome)
 
 
+def _is_unproved(P: Real, g: Reals) -> Real:
+    """Whether no contraction P proves the friction of loads; without load there is none."""
+    return (P >= 1.0) & _are_finite(g) & (largest_of(g) > 0.0)
+
+
 def _are_finite(g: Reals) -> Real:
     """Whether loads are numbers; they are not where a later group cannot close."""
     return 0.0 * largest_of(g) == 0.0
@@ -204,7 +209,7 @@ def successive(
     solution = Solution(t, last.g, *quality)
     if iterations is not None:
         return solution
-    unproved = (P >= 1.0) & _are_finite(g)
+    unproved = _is_unproved(P, g)
     course = _course(unproved, near, k, edges, base, rows, solvable)
     change = enough(last.g, tolerance)
     checks = course, near, k, edges, base, rows, change
@@ -288,8 +293,10 @@ def newton(
     t, count, _ = repeat(newton_step, start, NEWTON_CAP, k, edges, base, rows)
     g = norms(loads(t, base, rows), edges)
     residual = misfit(t, k, g)
-    solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
-    unproved = ((P >= 1.0) & _are_finite(at_first)) | (residual > SETTLED * EPS)
+    at_zero = (P >= 1.0) & (largest_of(at_first) == 0.0)  # where its path begins and ends
+    outcome = where(at_zero, float(Outcome.BY_CONTINUATION), count * 0.0)
+    solution = Solution(t, g, count, residual, P, outcome, count * 0.0 + 1.0)
+    unproved = _is_unproved(P, at_first) | (residual > SETTLED * EPS)
     course = _course(unproved, near, k, edges, base, rows, solvable)
     settled, _ = repeat(replaced, (solution, unproved), 1, course, near, k, edges, base, rows)
     return differentiable(settled, k, edges, base, rows)
