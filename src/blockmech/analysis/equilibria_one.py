@@ -258,15 +258,10 @@ def _repeated(
     coordinates: Iterable[float], period: float | None, low: float, high: float
 ) -> list[float]:
     """Places between two ends, repeated with a period if there is one."""
-    copies = {
-        float(q + k * (period or 0.0))
-        for q in coordinates
-        for k in (
-            range(math.floor((low - q) / period), math.ceil((high - q) / period) + 1)
-            if period
-            else (0,)
-        )
-    }
+    copies = {*map(float, coordinates)}
+    if period:
+        ends = ((q, math.floor((low - q) / period), math.ceil((high - q) / period)) for q in copies)
+        copies = {q + k * period for q, first, last in ends for k in range(first, last + 1)}
     return sorted(q for q in copies if low <= q <= high)
 
 
