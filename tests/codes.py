@@ -12,7 +12,7 @@ WORDS = """
     wrong-home unwired-joint cycle unknown-driver no-law
     bad-teeth coupling-mismatch coupled-twice coupled-driver coupling-loop
     undercut dead-face open-profile no-room
-    no-pose no-graph
+    no-pose no-graph same-link
     algebraic-loop no-sensor unknown-output unknown-parameter
 """
 FILE_CODES = frozenset(WORDS.split())

@@ -46,7 +46,7 @@ BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each ot
     *("many_drivers", "wrong_home"),
     *("bad_teeth", "coupling_mismatch", "coupled_twice", "coupled_driver", "coupling_loop"),
     *("undercut", "dead_face", "open_profile", "no_room", "rack_on_pin", "roller_too_large"),
-    *("algebraic_loop", "no_pose", "no_sensor", "signal_to_marker", "unknown_output"),
+    *("algebraic_loop", "no_pose", "no_sensor", "same_link", "signal_to_marker", "unknown_output"),
 }
 
 
