@@ -59,7 +59,7 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     parts: dict[str, Callable[[Floats], Real]] = {
         "x": lambda s: read(s).real,
         "y": lambda s: read(s).imag,
-        "": _continuous_angle(cycle, read) if output.endswith(".angle") else read,
+        "": _continuous_angle(cycle, read) if cycle.mechanism.outputs[output].circular else read,
     }
     return Signal(output, parts[part], parts[part], margin)
 

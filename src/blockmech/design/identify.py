@@ -233,7 +233,8 @@ class _Fit:
             for (output, part), measured in zip(parts, self.record.columns.values(), strict=True):
                 output_value = outputs[output].read(*(values[i] for i in plan.layout[output]))
                 y = PART_OF[part](output_value)
-                residuals.append(measured[rows] - np.broadcast_to(value(y), shape[1:]))
+                computed = np.broadcast_to(value(y), shape[1:])
+                residuals.append(outputs[output].difference(measured[rows], computed))
                 slopes.append((np.broadcast_to(slope(y), shape) / sizes[:, None]).T)
         return np.array(residuals), np.array(slopes)
 

@@ -30,7 +30,7 @@ from blockmech.compiled import Compiled
 from blockmech.design.efforts import with_efforts
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, as_names, listed, refused
-from blockmech.ground.plane import EPS
+from blockmech.ground.plane import EPS, within_half_turn
 from blockmech.ground.report import Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.model.laws_of_motion import OverRange
@@ -193,7 +193,7 @@ def _of_driver(
     extremes = turns_of(cycle, signal)
     reach = extremes.low.value, extremes.high.value
     counts: Iterable[int] = (0,)
-    turning = output.endswith(".angle")  # which is told but for whole turns
+    turning = mechanism.outputs[output].circular
     if turning:
         room = ROUNDING * max(map(abs, reach))
         first, last = (reach[0] - room - value) / TURN, (reach[1] + room - value) / TURN
@@ -269,7 +269,7 @@ def _of_drivers(
         x, slopes, misfit = _solved(read, np.array(start), sizes)
         nearest = min(nearest, misfit)
         offsets = [np.abs(x - root) for root, _ in roots]
-        apart = [np.where(rotary, np.abs(_within_half_turn(d)), d) for d in offsets]
+        apart = [np.where(rotary, np.abs(within_half_turn(d)), d) for d in offsets]
         inside = (lows - CLOSE * sizes <= x) & (x <= highs + CLOSE * sizes) | rotary
         if misfit <= CLOSE and inside.all() and not any((d <= ALIKE * sizes).all() for d in apart):
             roots.append((x, slopes))
@@ -289,14 +289,14 @@ def _reader(
     parts = [number_of(mechanism, name) for name in wanted]
     outputs = [output for output, _ in parts]
     units = {n: mechanism.outputs[o].unit for n, o in zip(wanted, outputs, strict=True)}
-    turning = [output.endswith(".angle") for output in outputs]
-    values = np.array([*wanted.values()])
+    values = [*wanted.values()]
 
     def read(q: Floats) -> Floats:
         at = dict(zip(mechanism.drivers, q[:, None], strict=True))
         run = mechanism.run(at, want=outputs, on_gap="mark", **how)
-        off = np.array([float(PART_OF[part](run[output])[0]) for output, part in parts]) - values
-        return np.where(turning, _within_half_turn(off), off)
+        computed = [float(PART_OF[part](run[output])[0]) for output, part in parts]
+        of = (mechanism.outputs[output] for output in outputs)
+        return np.array([o.difference(x, y) for o, x, y in zip(of, computed, values, strict=True)])
 
     return read, units
 
@@ -351,11 +351,6 @@ def _unit(mechanism: Compiled, name: str) -> str:
     reduced = TEXT.fullmatch(name)
     output, _ = parts_of(mechanism, reduced["output"].strip() if reduced else name)
     return mechanism.outputs[output].unit
-
-
-def _within_half_turn(angle: Floats) -> Floats:
-    """Angles [rad] less whole turns."""
-    return angle - TURN * np.round(angle / TURN)
 
 
 def _solved(

@@ -21,10 +21,11 @@ from blockmech.dynamics.motion_outputs import (
     result_in_chart,
     settings_along,
 )
+from blockmech.ground.plane import within_half_turn
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.structure import COORDINATE
 from blockmech.outputs.by_block import PARTS
-from blockmech.outputs.by_link import readings, wrapped
+from blockmech.outputs.by_link import readings
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Flag, Quality
@@ -109,7 +110,7 @@ class LegOutputs:
         if coordinate is not None and source.name.endswith(".q"):
             return coordinate.of_joint(x)
         if source.angle:
-            return wrapped(source.sign * (x - source.turn))
+            return within_half_turn(source.sign * (x - source.turn))
         return x if source.sign > 0 else np.negative(x)
 
     def _of_driver(self, name: str) -> Complex:

@@ -188,6 +188,13 @@ def solve_transposed(a: Array, right: Reals) -> tuple[Real, ...]:
     return tuple(np.linalg.solve(a.T, right).tolist())
 
 
+def within_half_turn(angle: Real) -> Real:
+    """Angles [rad] less whole turns; of arrays, and of no kernel."""
+    import numpy as np
+
+    return angle - math.tau * np.rint(angle / math.tau)
+
+
 def spread(a: Array) -> Real:
     """Ratio of the smallest to the largest singular value; NaN of a matrix with a NaN in it."""
     import numpy as np

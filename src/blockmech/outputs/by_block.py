@@ -214,7 +214,7 @@ def _link_outputs(link: LinkRef) -> Iterator[Output]:
         return lambda s: s.ask(rule, link).scalar
 
     angle = _real(f"{link}.angle", "rad", turning(forward.link_position))
-    yield angle._replace(read=_angle)
+    yield angle._replace(read=_angle, circular=True)
     yield _real(f"{link}.omega", "rad/s", turning(forward.link_velocity))
     yield _real(f"{link}.alpha", "rad/s2", turning(forward.link_acceleration))
 
@@ -270,7 +270,7 @@ def _coordinate(structure: Structure, ref: JointRef, by: str, on: str) -> Output
         earlier, later = (s.ask(forward.link_position, link).scalar for link in ends)
         return earlier, later
 
-    return Output(name, "rad", "real", directions, _signed_angle, by, on)
+    return Output(name, "rad", "real", directions, _signed_angle, by, on, circular=True)
 
 
 def _signed_angle(first: Complex, second: Complex) -> Real:

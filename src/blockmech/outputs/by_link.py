@@ -19,13 +19,11 @@ named after the dyad's two, ``joint.A.rocker.rod.transmission_angle``: whatever 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from blockmech.ground.plane import within_half_turn
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.outputs.by_owner import ByOwner, Part
@@ -86,7 +84,7 @@ def outputs_by_link(
         by, on = (link_names.get(link, link) for link in (output.by, output.on))
         if reading.between:
             by, on = (x or y for x, y in zip(reading.between, (by, on), strict=True))
-        return Output(reading.name, *output[1:5], by, on, output.words)
+        return output._replace(name=reading.name, by=by, on=on)
 
     return made
 
@@ -254,11 +252,6 @@ def _counted_from(output: Output, reading: Reading) -> Output:
 
     def read(*values: Nested) -> Real:
         x = output.read(*values) + (reading.turn or reading.shift)
-        return x if reading.shift else wrapped(x)
+        return x if reading.shift else within_half_turn(x)
 
     return output._replace(read=read)
-
-
-def wrapped(angle: Real) -> Real:
-    """An angle [rad] between -pi and pi."""
-    return angle - math.tau * np.rint(angle / math.tau)

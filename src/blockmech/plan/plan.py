@@ -23,13 +23,13 @@ from types import CodeType
 from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.ground.errors import listed
-from blockmech.ground.plane import SCALAR_PRIMITIVES
+from blockmech.ground.plane import SCALAR_PRIMITIVES, within_half_turn
 from blockmech.ground.runnable import LazyMethod
 from blockmech.model.scene import Scene
 from blockmech.model.structure import MarkerRef, Structure
 from blockmech.plan.quantities import QUANTITIES
 from blockmech.plan.values import NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
-from blockmech.typing import Kernel, Real, Record, Values
+from blockmech.typing import Array, Kernel, Real, Record, Values
 
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 NO_LETTER = re.compile(r"\W", re.ASCII)
@@ -409,6 +409,7 @@ class Output(NamedTuple):
     read : arrays of those values -> the output's array
     by, on : for what one link exerts on another, the two links
     words : what it is, where its last name does not say it
+    circular : whether it is an angle that is known but for whole turns, as those of links are
     """
 
     name: str
@@ -419,6 +420,11 @@ class Output(NamedTuple):
     by: str = ""
     on: str = ""
     words: str = ""
+    circular: bool = False
+
+    def difference(self, x: Array, y: Array) -> Array:
+        """Values less others (n,); of an angle the short way round."""
+        return within_half_turn(x - y) if self.circular else x - y
 
     @property
     def about(self) -> str:

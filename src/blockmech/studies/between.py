@@ -95,19 +95,14 @@ class Range:
             return Peaks(SIMPLE[how](y), np.zeros(len(y)), np.full(len(y), doubt))
         s, order = self.places
         y = y if len(order) == y.shape[1] and (np.diff(order) > 0).all() else y[:, order]
-        angle = w.output.endswith(".angle")
-        y = np.unwrap(y, axis=1) if angle else y
 
         def output(row: Array, coordinates: Array) -> Array:
             x = self.output(w, some_of(values, row), coordinates)
-            x = projected(x, *(axis[row] for axis in axes))
-            if angle:  # which does not jump by a turn on the way
-                k = np.searchsorted((s[1:] + s[:-1]) / 2, coordinates)
-                x = x + math.tau * np.round((y[row[:, None], k] - x) / math.tau)
-            return x
+            return projected(x, *(axis[row] for axis in axes))
 
+        circular = self.mechanism.outputs[w.output].circular
         turn, suspects = self.cycle.turns, near_limits(margins, order)
-        return extremes_of(w, output, s, y, turn=turn, suspects=suspects)
+        return extremes_of(w, output, s, y, circular, turn=turn, suspects=suspects)
 
 
 def projected(z: Array, origin: Array | float = 0.0, direction: Array | None = None) -> Array:
@@ -117,17 +112,30 @@ def projected(z: Array, origin: Array | float = 0.0, direction: Array | None = N
     return np.asarray(((z - np.reshape(origin, (-1, 1))) * direction.conj()[:, None]).real)
 
 
-def extremes_of(w: Wanted, output: Function, s: Array, y: Array, **search_settings: Any) -> Peaks:
-    """Extremes of outputs that are y (m, n) at places s (n,), by a `Search` for each sign."""
+def extremes_of(
+    w: Wanted, output: Function, s: Array, y: Array, circular: bool = False, **search_settings: Any
+) -> Peaks:
+    """Extremes of outputs that are y (m, n) at places s (n,), by a `Search` for each sign.
+
+    A circular one does not jump by a turn on the way.
+    """
+    samples = np.unwrap(y, axis=1) if circular else y
+
+    def continued(row: Array, coordinates: Array) -> Array:
+        x = output(row, coordinates)
+        if not circular:
+            return x
+        nearest = samples[row[:, None], np.searchsorted((s[1:] + s[:-1]) / 2, coordinates)]
+        return x + math.tau * np.round((nearest - x) / math.tau)
 
     def turned(row: Array, coordinates: Array) -> Array:
-        return -output(row, coordinates)
+        return -continued(row, coordinates)
 
     signs, absolute = EXTREMES[w.how], w.how == "max_abs"
     searches = (
-        Search(output, s, y, absolute, **search_settings)
+        Search(continued, s, samples, absolute, **search_settings)
         if sign > 0
-        else Search(turned, s, -y, **search_settings)
+        else Search(turned, s, -samples, **search_settings)
         for sign in signs
     )
     first, *second = (search.largest() for search in searches)

@@ -263,7 +263,8 @@ class MotionRunner(Runner):
             return size(np.asarray(at[w.output])).reshape(times.shape)
 
         friction, size = self.settings["friction"], np.abs if w.vector else np.asarray
-        return extremes_of(w, output, t, size(y)[None], remainder=EQUAL).value[0]
+        circular = result.output(w.output).circular
+        return extremes_of(w, output, t, size(y)[None], circular, remainder=EQUAL).value[0]
 
 
 @dataclass(frozen=True)

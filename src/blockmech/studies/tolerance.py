@@ -252,11 +252,13 @@ def _drawn(
 ) -> dict[str, Scatter]:
     """Mean and deviation of outputs over random designs, block by block."""
     sums: dict[str, list[Real]] = {name: [0, 0.0, 0.0] for name in linear}
+    outputs = runner.family.mechanism.outputs
     for (_, count), block in Work(runner, chosen).here(runner.checked(chosen)):
         assert block is not None  # as nothing is written
         for name, column in zip(sums, block.values.values(), strict=True):
             rows = column if column.ndim > 1 else column[:, None]
-            good = np.isfinite(off := rows - linear.value(name))
+            difference = np.subtract if name in linear.reduced else outputs[name].difference
+            good = np.isfinite(off := difference(rows, linear.value(name)))
             off = np.where(good, off, 0.0)
             terms = good.sum(axis=0), off.sum(axis=0), np.square(np.abs(off)).sum(axis=0)
             sums[name] = [a + b for a, b in zip(sums[name], terms, strict=True)]

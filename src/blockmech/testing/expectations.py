@@ -282,7 +282,7 @@ def compared(
     got[reached] = result[name]
     margins = np.full(len(expected), np.inf)
     margins[reached] = _smallest_margins(result).min() if is_of_run else _smallest_margins(result)
-    error, size = _distances(name, got, expected), np.abs(expected)
+    error, size = np.abs(output.difference(got, expected)), np.abs(expected)
     tolerance = np.maximum(rtol * np.where(size == 0, size.max(), size), atol)
     row = np.cumsum(reached) - 1  # of the result, for each sample
     for i in range(len(expected)):
@@ -307,15 +307,6 @@ def compared(
             drivers,
             reason=reason,
         )
-
-
-def _distances(name: str, got: Array, expected: Array) -> Array:
-    """Distance (n,) of what came out from what is expected; of angles, the short way round."""
-    difference = got - expected
-    if name.endswith(".angle"):
-        difference = np.array([math.remainder(x, 2 * math.pi) for x in difference])
-    distances: Array = np.abs(difference)
-    return distances
 
 
 def _smallest_margins(result: Result) -> Array:
