@@ -425,3 +425,39 @@ def test_where_a_group_is_at_dead_centre_all_along_nothing_is_looked_for(monkeyp
     equilibria = lift.equilibria(friction="none")
     assert [(e.kind, e.jump) for e in equilibria] == [("stable", True)]
     assert len(looked_at) < 20
+
+
+def geared(ratio: float) -> bm.Linkage:
+    """Two heavy arms on wheels with a belt between them: the second turns by 1 / ratio."""
+    m = bm.Linkage("geared", gravity=(0.0, -9.81))
+    m.add_link("arm", pose=(0.0, 0.0, 0.6), mass=1.0, inertia=0.1, cm=(0.1, 0.0))
+    m.add_link("wheel", pose=(1.0, 0.0, 0.3), mass=1.0, inertia=0.1, cm=(0.3, 0.0))
+    m.add_joint("A", "R", ["frame", "arm"], at=[(0.0, 0.0), (0.0, 0.0)])
+    m.add_joint("B", "R", ["frame", "wheel"], at=[(1.0, 0.0), (0.0, 0.0)])
+    m.add_driver("d", "A")
+    m.add_driver("w", "B")
+    m.add_coupling("belt", "belt", driver="d", driven="w", radii=(0.1, 0.1 * ratio))
+    return m
+
+
+def test_a_machine_that_never_repeats_is_seen_over_the_turn_about_its_start():
+    golden = geared((1 + math.sqrt(5)) / 2)
+    rest = golden.compile().equilibria()
+    assert [e.kind for e in rest] == ["stable", "unstable"]
+    assert any("no turn is like another" in note for note in rest.notes)
+    golden.start("d", q=20.0)
+    later = golden.compile().equilibria()
+    assert all(abs(e.q[0] - 20.0) <= math.pi for e in later)
+    for q in (*rest[0].q, *later[0].q):
+        still = golden.run(at=q, rates=0.0, static=True, want="driver.d.drive")
+        assert abs(still["driver.d.drive"][0]) < 1e-12
+
+
+@pytest.mark.parametrize("first", [-1.2, 3.0, 9.0])
+def test_a_design_rests_where_its_loads_balance_whatever_turn_it_starts_in(first):
+    machine = geared(2.0)
+    study = machine.compile().study({"links.arm.mass": [1.1]}, want="rest(driver.d.q)", at=first)
+    q = float(study["rest(driver.d.q)"][0])
+    still = machine.replace({"links.arm.mass": 1.1}).run(at=q, rates=0.0, want="driver.d.drive")
+    assert abs(still["driver.d.drive"][0]) < 1e-12
+    assert abs(q - first) <= math.tau

@@ -63,6 +63,11 @@ class Line:
         terms = self.system.sample(q, 0.0, self.t)
         return np.where(terms.possible, terms.tau, np.nan)
 
+    @property
+    def repeats(self) -> bool:
+        """Whether everything that depends on the coordinate repeats with it."""
+        return self.system.period is not None
+
     def arcs(self) -> Iterator[Piece]:
         """Each arc between the end stops that is looked at."""
         for piece in self._arcs():
@@ -83,7 +88,10 @@ class Line:
             low, high = (min(max(end.q, -farthest), farthest) for end in (arc.start, arc.end))
             passed = [point.q for point in arc.change_points]
             if closure.whole_turn and free:
-                yield self._cut_at_kinks(low, low + (self.system.period or TURN), True, passed)
+                if not self.repeats:  # each turn is another: that about the start
+                    low = self.mechanism.scene.start_of(self.mechanism.drivers[0])[0] - TURN / 2
+                high = low + (self.system.period or TURN)
+                yield self._cut_at_kinks(low, high, self.repeats, passed)
                 continue
             shifts = [0]
             if rotary and not free:  # as the stops name it, any number of turns away
@@ -292,6 +300,9 @@ def _notes(line: Line, curves: Sequence[Curve]) -> Iterator[str]:
     ends = np.abs([q for curve in curves for q in (curve.q[0], curve.q[-1])])
     if not line.system.rotary[0] and np.isclose(ends, farthest).any():
         yield f"looked for from {-farthest:.6g} to {farthest:.6g} m: no group ends the travel"
+    for low, high in [(curve.q[0], curve.q[-1]) for curve in curves]:
+        if line.system.rotary[0] and not line.repeats and math.isclose(high - low, TURN):
+            yield f"no turn is like another: looked for from {low:.6g} to {high:.6g} rad"
     if "time" in line.system.depends_on:
         yield f"loads follow the time, which is held at {line.t:.9g} s"
     if line.system.friction is None and line.mechanism.frictional_joints:

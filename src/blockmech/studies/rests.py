@@ -12,12 +12,12 @@ Source: Shabana, Dynamics of Multibody Systems, 4th ed.; the implicit function t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from blockmech.dynamics.loads import period_of
 from blockmech.ground.errors import refused
 from blockmech.result.samples import Samples
 from blockmech.typing import Array, Data, Floats
@@ -50,13 +50,13 @@ def rest_of(mechanism: Any, samples: Samples) -> Rest | None:
     """
     drivers = mechanism.drivers
     first = np.array([float(np.ravel(samples.coordinate(i))[0]) for i in range(len(drivers))])
-    rotary = np.array([mechanism.structure.driver_joint(d).rotary for d in drivers])
-    stops = np.array([d in mechanism.scene.stops for d in drivers])
+    s, stops = mechanism.structure, mechanism.scene.stops
+    periods = [0.0 if d in stops else period_of(s, d) or 0.0 for d in drivers]
     time = None if samples.times is None else float(samples.times[0])
 
     def near(q: Floats) -> Floats:
-        turned = first + np.mod(q - first + math.pi, math.tau) - math.pi
-        return np.where(rotary & ~stops, turned, q)
+        ways = zip(q, first, periods, strict=True)
+        return np.array([x + p * round((to - x) / p) if p else x for x, to, p in ways])
 
     equilibria = [
         (near(e.q), e) for e in mechanism.equilibria(friction="none", time=time, charts=False)
