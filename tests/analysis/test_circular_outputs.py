@@ -46,10 +46,10 @@ def test_it_is_solved_for_whatever_turns_the_value_has(output):
     value = float(TURNED.run(at=1.0, want=output)[output][0])
     for turns in (-1, 0, 1):
         solutions = TURNED.solve({output: value + math.tau * turns})
-        places = [solution["driver.motor.q"] for solution in solutions]
+        coordinates = [solution["driver.motor.q"] for solution in solutions]
         plain = PLAIN.solve({output: PLAIN.run(at=1.0, want=output)[output][0]})
         expected = [solution["driver.motor.q"] for solution in plain]
-        np.testing.assert_allclose(places, expected, rtol=1e-9)
+        np.testing.assert_allclose(coordinates, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("output", OUTPUTS)
