@@ -97,6 +97,7 @@ class Belt(LossyCoupling, type="coupling.belt"):
     """
 
     pairs = ("RR",)
+    sides = ("preload",)
 
     radii: Lengths
     crossed: StrictBool = False

@@ -50,7 +50,7 @@ from pydantic import Field
 
 from blockmech.blocks.block import Block
 from blockmech.ground.errors import Problem
-from blockmech.ground.plane import cross, dot, imul, mul
+from blockmech.ground.plane import cross, dot, hyp, imul, mul, where
 from blockmech.ground.values import Axis, Number, Units, default, in_unit
 from blockmech.typing import Complex, Guide, Kernel, Load, Parameters, Real
 
@@ -150,6 +150,13 @@ def rubbed(touch: Touch, b: Complex, t: Real) -> Load:
     return Load(force, cross(touch.point - b, force))
 
 
+def so_much(unit: Load, force: Real) -> Load:
+    """A load of which the force is so large [N]; nothing of one without a force."""
+    size = hyp(unit.F)
+    share = force / where(size > 0.0, size, 1.0)
+    return Load(mul(unit.F, share), share * unit.M)
+
+
 class Curve(NamedTuple):
     """A line that turns with a link, about the centre of its pair.
 
@@ -223,6 +230,7 @@ class Coupling(Block):
     refers: ClassVar[tuple[str, ...]] = ("driver", "driven")
     meshes: ClassVar[bool] = True  # x is an angle between links, not the driver's coordinate
     fixed: ClassVar[bool] = False  # whether both pairs must have their markers on one link
+    sides: ClassVar[tuple[str, ...]] = ()  # numbers by which, above zero, `sided` is another
 
     driver: str
     driven: str

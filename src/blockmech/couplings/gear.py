@@ -72,6 +72,7 @@ class Gear(LossyCoupling, type="coupling.gear"):
     """
 
     pairs = ("RR",)
+    sides = ("pressure_angle",)
 
     teeth: tuple[Teeth, Teeth]
     internal: StrictBool = False

@@ -75,6 +75,7 @@ class Rack(LossyCoupling, type="coupling.rack"):
     """
 
     pairs = ("RP", "PR")
+    sides = ("pressure_angle",)
     fixed = True
 
     radius: Length

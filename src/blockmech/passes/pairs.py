@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, TypeAlias, cast
 
-from blockmech.couplings.contract import LOSSES, relief, rubbed
+from blockmech.couplings.contract import LOSSES, relief, rubbed, so_much
 from blockmech.ground import plane
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
@@ -232,8 +232,7 @@ class Apart(Mesh):
     def load(self, s: Schedule, driver: str, t: Value) -> Value:
         """Load on the driven link."""
         unit = s.ask(apart, driver)
-        share = s.line(-t / hyp(unit.F), f"{driver}_apart_share")
-        return s.emit(Load, mul(unit.F, share), share * unit.M, name=f"{unit}_by")
+        return s.emit(so_much, unit, -t, name=f"{unit}_by")
 
     def by_itself(self, s: Schedule, ref: JointRef) -> Value:
         """Nothing."""

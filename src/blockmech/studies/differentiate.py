@@ -49,7 +49,7 @@ from blockmech.studies.reductions import (
 from blockmech.studies.rests import rest_slopes
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity, size_of
-from blockmech.studies.variation import GIVEN, Variation, moves_drivers
+from blockmech.studies.variation import GIVEN, Variation, is_sided, moves_drivers
 from blockmech.typing import (
     Arguments,
     Array,
@@ -121,6 +121,10 @@ def sensitivity(
     result = mechanism.run(at, want=names, on_gap=on_gap, **arguments)
     parameters, alone = _named_numbers(mechanism, result, to)
     excluded = {a: why for a, p in parameters.items() if (why := without_derivative(p))}
+    has_friction = result.settings["friction"] != "none" and bool(mechanism.frictional_joints)
+    sided = {a: is_sided(mechanism, p.path) for a, p in parameters.items() if not p.value}
+    borders = [a for a, at_side in sided.items() if at_side is False or (at_side and has_friction)]
+    excluded |= dict.fromkeys(borders, "zero of it is another kind of contact")
     if isinstance(mechanism.document, Linkage):
         centreless = (f"links.{link}.mass" for link in massless_welds(mechanism.document))
         excluded |= {a: NO_CENTRE for a in centreless if a in parameters}

@@ -31,6 +31,7 @@ from blockmech.studies.variation import (
     Variation,
     designed,
     graph_sections,
+    is_sided,
     is_written_out,
     moves_drivers,
     of_links,
@@ -135,7 +136,8 @@ class Family:
 
     def _why_alone(self) -> str:
         for p in self.parameters:
-            if isinstance(p.value, int):
+            sided = [is_sided(self.mechanism, path) for path in self.places[p]]
+            if isinstance(p.value, int) or False in sided:
                 return f"{p.address} chooses between structures"
             if any(map(moves_drivers, (p.path, *self.places[p]))):
                 return f"{p.address} says how the drivers move"

@@ -40,7 +40,7 @@ from blockmech.result.result import ADVANTAGE
 from blockmech.studies import family
 from blockmech.studies.differentiate import INPUTS, fitting, without_derivative
 from blockmech.studies.sampling import as_sequence
-from blockmech.studies.variation import designed, moves_drivers, planned_near
+from blockmech.studies.variation import designed, is_sided, moves_drivers, planned_near
 from blockmech.typing import Data, FrictionMethod, Precision, Real, Record, Values
 
 TYPES = {"complex128": "float64", "complex64": "float32"}  # of the precisions of a run
@@ -308,6 +308,8 @@ def _places(mechanism: Compiled, patterns: Iterable[str]) -> tuple[Places, set[s
     for p, paths in paths_of.items():
         if not paths:
             reasons[p.address] = "it belongs to the geometry of the document"
+        elif False in [is_sided(mechanism, path) for path in paths]:
+            reasons[p.address] = "it chooses between structures"
         elif any(map(moves_drivers, paths)):
             reasons[p.address] = "it says how the drivers move"
     if wrong := reasons.keys() & alone:

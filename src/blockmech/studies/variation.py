@@ -38,6 +38,7 @@ from blockmech.typing import Array, Data
 T = TypeVar("T")
 GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
 PER_DRIVER = ("drivers", "initial", "stops", "motion")  # sections of a document
+CONTACTS = (BLOCKS, "couplings")  # sections of couplings in a graph and in a document
 BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
 
 
@@ -63,6 +64,17 @@ def moves_drivers(path: Path) -> bool:
     """Whether a number says how the drivers move, or where they start and stop."""
     head, *rest = path
     return head in PER_DRIVER or (head == "scene" and rest[0] not in BATCHED)
+
+
+def is_sided(mechanism: Compiled, path: Path) -> bool | None:
+    """Whether a contact is sided where this number of it is above zero; None of other numbers.
+
+    The plan of a sided contact serves one that is not, and not the other way round.
+    """
+    coupling = mechanism.structure.couplings.get(path[1]) if path[0] in CONTACTS else None
+    if coupling is None or path[2] not in coupling.sides:
+        return None
+    return coupling.model_copy(update={path[2]: 1.0}).sided
 
 
 def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structure, Scene]:
