@@ -66,16 +66,22 @@ def _ratio_angle(sine: Real, cosine: Real) -> Real:
 
 
 def _real(
-    name: str, unit: str, rule: Callable[..., Value], *key: Hashable, **declaration: str
+    name: str,
+    unit: str,
+    rule: Callable[..., Value],
+    *key: Hashable,
+    by: str = "",
+    on: str = "",
+    words: str = "",
 ) -> Output:
     """An output whose only value is the answer of one rule."""
-    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _identity, **declaration)
+    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _identity, by, on, words)
 
 
 def _vector(
     name: str, unit: str, rule: Callable[..., Value], *key: Hashable, **declaration: str
 ) -> Output:
-    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _identity, **declaration)
+    return _real(name, unit, rule, *key, **declaration)._replace(kind="vector")
 
 
 IN_PROGRAMS: Mapping[Reader, Callable[..., Value]] = {

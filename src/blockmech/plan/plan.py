@@ -29,7 +29,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import MarkerRef, Structure
 from blockmech.plan.quantities import QUANTITIES
 from blockmech.plan.values import NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
-from blockmech.typing import Array, Kernel, Real, Record, Values
+from blockmech.typing import Kernel, Real, Record, Values
 
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 NO_LETTER = re.compile(r"\W", re.ASCII)
@@ -422,7 +422,7 @@ class Output(NamedTuple):
     words: str = ""
     circular: bool = False
 
-    def difference(self, x: Array, y: Array) -> Array:
+    def difference(self, x: Real, y: Real) -> Real:
         """Values less others (n,); of an angle the short way round."""
         return within_half_turn(x - y) if self.circular else x - y
 

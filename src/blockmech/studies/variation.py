@@ -71,7 +71,7 @@ def is_sided(mechanism: Compiled, path: Path) -> bool | None:
 
     The plan of a sided contact serves one that is not, and not the other way round.
     """
-    coupling = mechanism.structure.couplings.get(path[1]) if path[0] in CONTACTS else None
+    coupling = mechanism.structure.couplings.get(str(path[1])) if path[0] in CONTACTS else None
     if coupling is None or path[2] not in coupling.sides:
         return None
     return coupling.model_copy(update={path[2]: 1.0}).sided
