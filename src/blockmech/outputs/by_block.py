@@ -72,10 +72,10 @@ def _real(
     *key: Hashable,
     by: str = "",
     on: str = "",
-    words: str = "",
+    label: str = "",
 ) -> Output:
     """An output whose only value is the answer of one rule."""
-    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _identity, by, on, words)
+    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _identity, by, on, label)
 
 
 def _vector(
@@ -142,7 +142,7 @@ def _signal_outputs(name: str, signal: Signal) -> Iterator[Output]:
     for port in signal.ports:
         label = f"{'output' if port in signal.outputs else 'state'} of the signal block"
         unit = signal.port_unit(port)
-        yield _real(f"{name}.{port}", unit, signals.output, name, port, words=label)
+        yield _real(f"{name}.{port}", unit, signals.output, name, port, label=label)
 
 
 def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
@@ -169,7 +169,7 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
         yield _real(f"{name}.moment", "N m", lambda s: load(s).M, **ends)
         readings = structure.couplings[name].readings(structure.coupled_pair(name))
         for quantity, read in readings.items():
-            declaration = {**ends, "words": read.about}
+            declaration = {**ends, "label": read.about}
             yield _real(
                 f"{name}.{quantity}",
                 read.unit,
@@ -301,9 +301,9 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     inertia = "kg m2" if head.rotary else "kg"
     label = f"share of this block in {driver}.{{}}; those of all blocks add up to it"
     share = reduction.share_of_inertia, name, driver, driver
-    yield _real(f"{name}.J_red", inertia, *share, words=label.format("J_red"))
+    yield _real(f"{name}.J_red", inertia, *share, label=label.format("J_red"))
     load = reduction.share_of_load, name, driver
-    yield _real(f"{name}.tau_red", head.effort_unit, *load, words=label.format("tau_red"))
+    yield _real(f"{name}.tau_red", head.effort_unit, *load, label=label.format("tau_red"))
 
 
 def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
