@@ -169,8 +169,8 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
         yield _real(f"{name}.moment", "N m", lambda s: load(s).M, **ends)
         readings = structure.couplings[name].readings(structure.coupled_pair(name))
         for quantity, read in readings.items():
-            rule = forces.coupling_reading, driver, read
-            yield _real(f"{name}.{quantity}", read.unit, *rule, **ends, label=read.about)
+            rule, unit = forces.coupling_reading, read.unit
+            yield _real(f"{name}.{quantity}", unit, rule, driver, read, **ends, label=read.about)
 
 
 def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
