@@ -276,9 +276,8 @@ class Atlas:
         if not worse or (later and worse[-1][0] == motion.t_start):
             return None
         t, x, _ = worse[-1]
-        on = chart.successor(
-            x, self.fixed, partial(self._states, replace(leg, motion=until(motion, t)))
-        )
+        states = partial(self._states, replace(leg, motion=until(motion, t)))
+        on = chart.successor(x, self.fixed, states)
         return None if on is None else Entry(t, *on)
 
     def _states(self, leg: Leg, joints: Sequence[str], references: Pairs = NO_PAIRS) -> Pairs:
@@ -390,15 +389,13 @@ def _followed(
     """A motion that ended at a change point, where no joints lead: its dyads then follow it."""
     if len(home.joints) > 1 or (following := home.following(motion, request.start)) is None:
         return motion
-    through = move(
-        *prepare(following.mechanism, request, {following.mechanism.drivers[0]: request.start[:2]})
-    )
+    start = {following.mechanism.drivers[0]: request.start[:2]}
+    through = move(*prepare(following.mechanism, request, start))
     if not through.t_end > motion.t_end:
         return motion
     leads = (request.start.t, home.output_names(home.joints))
-    return through.but(
-        legs=(Leg(following, through, None),), charts=(leads,), notes=(*through.notes, FOLLOW)
-    )
+    legs, notes = (Leg(following, through, None),), (*through.notes, FOLLOW)
+    return through.but(legs=legs, charts=(leads,), notes=notes)
 
 
 def beyond_dead_centres(

@@ -152,10 +152,8 @@ class ChartedResult(SimulationResult[M]):
 
     def _part(self, leg: Leg, at: Array, t: Floats) -> LegOutputs:
         """A leg with samples at times [s]."""
-        of, mechanism = self._compiled, leg.chart.mechanism
-        mechanism = (
-            of if mechanism.structure is of.structure else mechanism
-        )  # the user's drivers lead
+        of, chart = self._compiled, leg.chart.mechanism
+        mechanism = of if chart.structure is of.structure else chart  # the user's drivers lead
         if mechanism is of or (of.names is None) == (mechanism.names is None):
             names = {x: Source(x) for x in self.plan.want}
         else:
@@ -176,9 +174,8 @@ class ChartedResult(SimulationResult[M]):
         want += [mechanism._of_driver(d, "acceleration") for d in mechanism.drivers]
         settings = {key: x for key, x in self.settings.items() if key != "static"}
         arguments = mechanism, leg.motion, t, dict.fromkeys(want)
-        return LegOutputs(
-            of, leg, at, names, result_in_chart(*arguments, engine=self.engine, **settings)
-        )
+        result = result_in_chart(*arguments, engine=self.engine, **settings)
+        return LegOutputs(of, leg, at, names, result)
 
     def _make(self, name: str) -> Any:
         kind = self.output(name).kind

@@ -43,11 +43,9 @@ class Constraints(NamedTuple):
 
     def extended(self, drives: Constraints) -> Constraints:
         """These, and behind them drivers that are not free."""
-        joined = (
-            np.concatenate([self.rows, drives.rows], axis=-2),
-            np.concatenate([self.drift, drives.drift], axis=-1),
-            self.pairs + drives.pairs,
-        )
+        rows = np.concatenate([self.rows, drives.rows], axis=-2)
+        drift = np.concatenate([self.drift, drives.drift], axis=-1)
+        joined = rows, drift, self.pairs + drives.pairs
         if drives.speeds is None:
             return Constraints(*joined)
         return Constraints(*joined, np.concatenate([0 * self.drift, drives.speeds], axis=-1))
@@ -119,7 +117,6 @@ def pushing(M: Floats, rows: Floats, apart: Floats) -> list[tuple[int, ...]]:
         P[at] = np.linalg.solve(part, -apart[at])
         separation = apart + G @ P
         sets.append(some)
-        wrong.append(
-            bool((P < 0).any() or (separation < -SETTLED * np.abs(apart).max(initial=0.0)).any())
-        )
+        threshold = -SETTLED * np.abs(apart).max(initial=0.0)
+        wrong.append(bool((P < 0).any() or (separation < threshold).any()))
     return [sets[i] for i in np.argsort(wrong, kind="stable")]

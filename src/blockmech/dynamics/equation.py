@@ -55,9 +55,8 @@ class Equation:
     method: Callable[[], Method] = dop853  # whose steps are made of its machine code
     holds: bool = False  # whether some of what sticks holds a freedom
     _last: tuple[bytes, float, float] = (b"", math.nan, math.nan)  # coordinates, margin, J
-    _slips: dict[bytes, Sequence[float] | Floats] = field(
-        default_factory=dict
-    )  # of states looked at last
+    # Of states looked at last.
+    _slips: dict[bytes, Sequence[float] | Floats] = field(default_factory=dict)
 
     def again(self) -> Equation:
         """The same for another run: nothing is spent, no pair slips yet."""
@@ -339,9 +338,8 @@ def classify_obstacle(equation: Equation, t: float, y: Floats) -> RunEnd:
         remaining_time = time_left(equation.system, ends.DEAD_CENTRE, q, qd) if is_possible else 0.0
         return RunEnd(ends.DEAD_CENTRE, remaining_time=remaining_time)
     direction = np.sign(np.asarray(equation(t, y), dtype=float))
-    beyond = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(
-        np.isfinite(direction), direction, 0.0
-    )
+    direction = np.where(np.isfinite(direction), direction, 0.0)
+    beyond = y + AHEAD * np.maximum(np.abs(y), 1.0) * direction
     later = t + AHEAD * max(abs(t), 1.0)
     if equation.sides and equation.resisted(later, beyond).locked:
         return RunEnd(ends.SELF_LOCKED)

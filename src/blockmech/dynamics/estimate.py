@@ -106,9 +106,8 @@ def difference(
     coarse_states = coarse.track.state(times)
     same = coarse.end == fine.end and coarse.status == fine.status
     beyond = np.abs(np.subtract(coarse.q_end, fine.q_end)) if same else 0.0
-    fine_run, coarse_run = (
-        State(*(x.reshape(len(times), -1) for x in run)) for run in (states, coarse_states)
-    )
+    runs = states, coarse_states
+    fine_run, coarse_run = (State(*(x.reshape(len(times), -1) for x in run)) for run in runs)
     over = fine.t_start, fine.t_end, coarse.t_end
     apart = compared(fine_run, coarse_run, over, beyond, same, rotary)
     return apart._replace(q=float(apart.q), t=float(apart.t), times=times, states=states)
@@ -131,9 +130,8 @@ def compared(
     limits = same_motion_limit(reach, np.where(rotary, 1.0, math.inf), size[..., None])
     close = (apart <= limits).all(axis=-1) & (late <= PARTED * span)
     farthest = apart.max(axis=-1)
-    late = np.maximum(
-        late, np.where(fastest > 0, farthest / np.where(fastest > 0, fastest, 1.0), 0.0)
-    )
+    lateness = farthest / np.where(fastest > 0, fastest, 1.0)
+    late = np.maximum(late, np.where(fastest > 0, lateness, 0.0))
     highest = np.maximum(fastest, highest)[..., None, None]
     bends = np.minimum(np.abs(coarse.qd - fine.qd) / np.where(highest > 0, highest, 1.0), 1.0)
     return Difference(farthest, late, same & (close | (span == 0)), limits, off, bends)

@@ -251,9 +251,8 @@ class EventDetector:
         values = self._before(t0, y0)
         self.t, self.values = t1, (ends_at := [rule.value(t1, y1) for rule in self.rules])
         ways = [abs(a - b) / s for a, b, s in zip(y1, y0, self.spans, strict=False)]
-        threshold = min(
-            NEAR, PARTS * math.tau * max(ways)
-        )  # no margin falls by more on so short a way
+        # No margin falls by more on so short a way.
+        threshold = min(NEAR, PARTS * math.tau * max(ways))
         quiet = (
             not turned(a, b, rule.direction) and not (rule.dips and min(a, b) < threshold)
             for rule, a, b in zip(self.rules, values, ends_at, strict=True)

@@ -177,14 +177,12 @@ class Flow:
     def once(self, x: Floats, until: Until, accuracy: float | None = None) -> Motion:
         """The motion from a state with its error, by default as a period that is to repeat."""
         request = self._request(x, until)
-        as_requested = (
-            request.method if request.method in INTEGRATORS and not accuracy else "dop853"
-        )
+        method = request.method if request.method in INTEGRATORS and not accuracy else "dop853"
         finer = accuracy or (request.accuracy or TARGET) / 10  # the gain of the map enlarges it
         system = self.system
         if self.layout.initial:
             system = replace(system, begin=tuple(x[self.layout.signals].tolist()))
-        return _uninterrupted(integrate(system, replace(request, accuracy=finer), as_requested))
+        return _uninterrupted(integrate(system, replace(request, accuracy=finer), method))
 
 
 def _uninterrupted(motion: Motion) -> Motion:

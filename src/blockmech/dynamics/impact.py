@@ -224,9 +224,8 @@ class Bounces(Run):
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         struck = {i: limit} | {j: self.contacts[j] for j in sorted(self.contacts) if j != i}
         q = self._onto(q, before, leg.t_end, struck)
-        state = Before(
-            leg.t_end, q, before, self._matrix(q, before, leg.t_end)[0], self._states(leg)
-        )
+        M, _ = self._matrix(q, before, leg.t_end)
+        state = Before(leg.t_end, q, before, M, self._states(leg))
         e, rows = self._stop(i, limit).restitution, self._rows(struck, q, before).rows
         speed = rate_along(rows[0], before)
         assert e is not None

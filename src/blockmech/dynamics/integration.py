@@ -16,7 +16,7 @@ from blockmech.dynamics.ends import RunEnd
 from blockmech.dynamics.equation import AHEAD, Equation, classify_obstacle
 from blockmech.dynamics.estimate import FLOOR
 from blockmech.dynamics.events import PARTS, EventDetector, EventHit, until_terminal
-from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
+from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, REMEDY
 from blockmech.dynamics.solvers import NO_PLAN, STEPPERS, AcceptedSteps, AdaptiveSolver, Solver
 from blockmech.dynamics.stick_slip import StickSlip
 from blockmech.ground.plane import EPS
@@ -151,9 +151,8 @@ class Integration(StickSlip):
         rise = (hit.rule.value(t + lead, y + lead * slope) - value) / lead
         late = min(-value / rise, bound - t) if rise else math.nan
         moved = y + late * slope
-        is_regular = (
-            hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
-        )
+        is_close = abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
+        is_regular = hit.rule.parts > 1 and is_close
         return [*steps[:-1], steps[-1].until(t + late, moved)] if is_regular else steps
 
     def take(self, steps: AcceptedSteps) -> None:
@@ -181,10 +180,8 @@ class Integration(StickSlip):
         if self.request.until.goal == "time" and spent > GUESSED_AT:
             projected = spent * (self.t_max - start) / (self.t - start)
             if projected > self.equation.limit * (1 if self.method == "dop853" else HOPELESS):
-                self.notes.append(
-                    f"{spent} evaluations of {self.equation.limit} reach {self.t:.3g} s: "
-                    'ask for a shorter time, or for the steady motion, "steady"'
-                )
+                evaluations = f"{spent} evaluations of {self.equation.limit}"
+                self.notes.append(f"{evaluations} reach {self.t:.3g} s: {REMEDY}")
                 raise ends.TooMany
 
     def _progress(self) -> tuple[float, float | None]:

@@ -93,9 +93,8 @@ def check(system: System, request: SimulationRequest) -> None:
     """Refuse a method that there is not, or that does not fit what moves."""
     name, goal, several = request.method, request.until.goal, not system.scalar
     if several and goal not in ("time", "event", "steady"):
-        raise _unfitting(
-            "until", goal, "it needs one driver that is free", ("time", "event", "steady")
-        )
+        why = "it needs one driver that is free"
+        raise _unfitting("until", goal, why, ("time", "event", "steady"))
     if goal == "steady" and (why := _no_search(system, request)):
         raise _unfitting("until", goal, why, ("time", "event"))
     if goal == "event" and not any(w.terminal for w in request.watch):
@@ -245,9 +244,8 @@ def automatic(system: System, request: SimulationRequest) -> Motion:
         path_motion = integrate_by_quadrature(system, replace(request, why=why))
         if system.quick_states:
             routes.count_along(system.equation_program, system.cost)
-        unsure = (
-            path_motion.end in (ends.TOO_MANY, ends.UNDECIDED) or not path_motion.error < math.inf
-        )
+        undecided = path_motion.end in (ends.TOO_MANY, ends.UNDECIDED)
+        unsure = undecided or not path_motion.error < math.inf
         unsure |= not path_motion.reached and path_motion.error > TARGET
         # A motion that failed because it swings on and on: no other method is quicker.
         swings_on = path_motion.end == ends.TOO_MANY and path_motion.status == "failed"

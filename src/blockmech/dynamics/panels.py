@@ -195,9 +195,8 @@ class Panels:
         lead = matrices.leads[np.where(self.plain[i], 0, 1)] * matrices.inside
         lengths = np.abs(now[:, SPAN, END] - now[:, SPAN, BEGIN])[:, None]
         with np.errstate(all="ignore"):
-            slope = np.sqrt(
-                records[:, self.of, J] / (2 * (now[:, SPAN, ENERGY, None] + now[:, GAINS]))
-            )
+            K = now[:, SPAN, ENERGY, None] + now[:, GAINS]
+            slope = np.sqrt(records[:, self.of, J] / (2 * K))
         now[:, RATE] = np.where(lead > 0, lengths * slope * lead, 0.0) @ matrices.series[0]
         now[:, SINCE] = now[:, RATE] @ matrices.since
         now[:, SLOPES] = now[:, RATE] @ matrices.values
@@ -250,9 +249,8 @@ class Panels:
             miss = time - since
             low, high = np.where(miss <= 0, v, low), np.where(miss > 0, v, high)
             new, tolerance = v - miss / slope, ROOT / 8 * v + EPS
-            inside = (
-                (slope > 0) & (new >= low - tolerance) & (new <= high + tolerance)
-            )  # but for rounding
+            # But for rounding.
+            inside = (slope > 0) & (new >= low - tolerance) & (new <= high + tolerance)
             new = np.where(inside, np.minimum(np.maximum(new, low), high), (low + high) / 2)
             moved, v = ~settled, np.where(settled, v, new)
             settled = settled | (inside & (np.abs(miss / slope) <= tolerance) & moved)

@@ -55,7 +55,7 @@ from blockmech.dynamics.path_mesh import PIECES, Course, PathMesh, Piece
 from blockmech.dynamics.place_data import RESOLVED
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
-from blockmech.dynamics.run import Run
+from blockmech.dynamics.run import REMEDY, Run
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart, second_run
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Motion, Still
@@ -108,10 +108,9 @@ class PathRun(Run):
         self.off = ROUNDING if self.perturbed else 0.0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
-        self.mesh = PathMesh(
-            self.system, q * (1 + self.off), self.n, tolerance, 4 * self.off, self.rounding
-        )
-        self.runs[:, PLACE] = q * (1 + self.off), q * (1 + ROUNDING)
+        begin, off = q * (1 + self.off), 4 * self.off
+        self.mesh = PathMesh(self.system, begin, self.n, tolerance, off, self.rounding)
+        self.runs[:, PLACE] = begin, q * (1 + ROUNDING)
         self.runs[:, ROUNDED] = self.rounding if self.perturbed else 0.0, self.rounding
 
     # -- the run ------------------------------------------------------------
@@ -314,15 +313,11 @@ class PathRun(Run):
             self.regime = "to a standstill" if self.regime == "one way" else self.regime
             return over
         if self.mark is not None and self.mark.K == 0:
-            return self.repeat(
-                swings(self.since_mark(mirrored=True), self.request, self.standstills)
-            )
+            swing = self.since_mark(mirrored=True)
+            return self.repeat(swings(swing, self.request, self.standstills))
         # The time asked for is out of reach of swings that take work each, as these.
         if self.count > MOST / 8 and math.inf > self.request.span > self.t * MOST / self.count:
-            note = (
-                f"{self.count} panels of {MOST} reach {self.t:.3g} s: ask for a "
-                'shorter time, or for the steady motion, "steady"'
-            )
+            note = f"{self.count} panels of {MOST} reach {self.t:.3g} s: {REMEDY}"
             return RunEnd(ends.TOO_MANY, "failed", note=note)
         return self.leave()
 

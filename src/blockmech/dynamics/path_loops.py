@@ -476,8 +476,5 @@ def placed(
         moment(of, nodes.shares[0], since, now[SLOPES, r], clock, rate, t, at)
         lead = 1.0 if plain else at[0]
         rates[m] = length * (1.0 if plain else 2.0) * lead / at[1] if at[1] > 0.0 else 0.0
-        q[m] = (
-            span[END] - length * (at[0] * lead)
-            if from_end
-            else span[BEGIN] + length * (at[0] * lead)
-        )
+        travel = length * (at[0] * lead)
+        q[m] = span[END] - travel if from_end else span[BEGIN] + travel

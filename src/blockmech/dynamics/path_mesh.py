@@ -89,11 +89,8 @@ class PieceRow:
 
     def index(self, q: float, sign: int, tolerance: float) -> int | None:
         """Which piece is ahead of a place, ``tolerance`` [rad or m] from its own end or begin."""
-        i = (
-            bisect_right(self.lows, q + tolerance)
-            if sign > 0
-            else bisect_left(self.lows, q - tolerance)
-        )
+        lower, upper = bisect_left(self.lows, q - tolerance), bisect_right(self.lows, q + tolerance)
+        i = upper if sign > 0 else lower
         if not i:
             return None
         piece = self.pieces[i - 1]

@@ -115,9 +115,8 @@ class PlaceData:
         """The largest of both samplings but for the margin, the smallest of several, with kinks."""
         second_tail = 0.0
         if len(self.second):
-            second_tail = float(
-                tails(self.second @ _to_series(self.second).T, self.rows[MARGIN]).max()
-            )
+            second = self.second @ _to_series(self.second).T
+            second_tail = float(tails(second, self.rows[MARGIN]).max())
         return float(np.delete(self.tails, MARGIN).max(initial=second_tail))
 
     def block(self, sign: int) -> Floats:
@@ -204,9 +203,8 @@ def mesh(
     shortest = float((high - low).min(initial=math.inf)) / SHORT
     pieces: list[PlaceData] = []
     while low.size:
-        rows = values(
-            coordinate_at(low[:, None], high[:, None], 0, sampled(n, second_count)).ravel()
-        )
+        q = coordinate_at(low[:, None], high[:, None], 0, sampled(n, second_count))
+        rows = values(q.ravel())
         rows = np.moveaxis(rows.reshape(len(rows), -1, n + second_count), 1, 0)
         first, second = rows[..., :n], rows[..., n:]
         series = first @ rule(n).to_series.T

@@ -77,9 +77,8 @@ def reduced(compiled: Source) -> AdaptiveEvaluator:
 def load_sizes(compiled: Source) -> AdaptiveEvaluator:
     """The sizes of the loads on all drivers."""
     s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
-    return AdaptiveEvaluator(
-        s.program([load_size(s, driver) for driver in compiled.structure.drivers])
-    )
+    sizes = [load_size(s, driver) for driver in compiled.structure.drivers]
+    return AdaptiveEvaluator(s.program(sizes))
 
 
 def equation(compiled: Source, deflections: bool = False) -> SingleEvaluator:

@@ -376,9 +376,8 @@ def pairs_of(
         pair = (numbers, 0.0) if per and isinstance(numbers, float | int | str) else numbers
         try:
             unit = units.get(driver, "")
-            first, second = (
-                float(in_si(x, of)) for x, of in zip(pair, (unit, unit + per), strict=True)
-            )
+            of_pair = zip(pair, (unit, unit + per), strict=True)
+            first, second = (float(in_si(x, of)) for x, of in of_pair)
         except (TypeError, ValueError) as error:
             at, valid = f"{where}.{driver}", getattr(error, "valid", "")
             fault = getattr(error, "found", f"{pair!r} are not two numbers")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 INTEGRATORS = ("dop853", "radau")  # in time
 EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 GUESSED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
+REMEDY = 'ask for a shorter time, or for the steady motion, "steady"'
 HOPELESS = 8  # times as many as allowed, by that guess: no other run is made
 
 
@@ -96,9 +97,8 @@ class Run(ABC):
         """The end at a singular place, so much time [s] ahead, with when that is."""
         is_timed = end in (ends.DEAD_CENTRE, ends.NO_INERTIA) and math.isfinite(remaining_time)
         name = f"{end.replace(' ', '_')}_time"
-        return RunEnd(
-            end, status, remaining_time, facts={name: self.now + remaining_time} if is_timed else {}
-        )
+        facts = {name: self.now + remaining_time} if is_timed else {}
+        return RunEnd(end, status, remaining_time, facts=facts)
 
     def result(self, **details: Any) -> Motion:
         """The motion of a run that is over; its error is not known yet."""

@@ -229,9 +229,8 @@ def with_undefined_loads(mechanism: Compiled, motion: Motion) -> Motion:
     if motion.status != "failed":
         events.append(Event(ends.UNDEFINED_LOAD, motion.t_end, motion.q_end, motion.qd_end))
     note = f"{listed(silent)} gives no value beyond t = {motion.t_end:.9g} s"
-    return replace(
-        motion, end=ends.UNDEFINED_LOAD, events=tuple(events), notes=(*motion.notes, note)
-    )
+    notes = (*motion.notes, note)
+    return replace(motion, end=ends.UNDEFINED_LOAD, events=tuple(events), notes=notes)
 
 
 def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:

@@ -225,9 +225,8 @@ class EulerQ(FixedSteps):
     def _sampled(self, sense: float) -> None:
         """Inertia, effort at rest and margin at the next places in a direction."""
         self.sense, self.i = sense, 0
-        coordinates = self.y[0] + sense * self.size * np.arange(
-            REPORTED + 1.0
-        )  # rounded, but not summed
+        # Rounded, but not summed.
+        coordinates = self.y[0] + sense * self.size * np.arange(REPORTED + 1.0)
         terms = self.equation.system.sample(coordinates)
         J = np.where(terms.margin > 0, terms.J, math.nan)
         self.J, self.tau, self.margin = J.tolist(), terms.tau.tolist(), terms.margin.tolist()

@@ -170,9 +170,8 @@ def _forced(flow: Flow) -> Motion:
     notes = [f"the motion from the start {'settles to it' if settles else 'was not seen there'}"]
     notes += [CYCLIC] if map_.cyclic else []
     facts = {"periods_of_the_loads": float(periods)}
-    return _periodic(
-        flow, point, Until("time", periods * map_.T), *notes, cyclic=map_.cyclic, **facts
-    )
+    until = Until("time", periods * map_.T)
+    return _periodic(flow, point, until, *notes, cyclic=map_.cyclic, **facts)
 
 
 # -- states of signals -------------------------------------------------------------------------

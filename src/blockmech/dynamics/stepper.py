@@ -76,9 +76,8 @@ class Stepper:
         self._start, self._tolerance, self._roles = dict(start), tolerance, roles
         self.outputs = mechanism.outputs.match(want)
         friction_method = system.method or Friction("none")
-        self._plan = mechanism._plan_for(
-            self.outputs, replace(friction_method, along=friction_method.method != "none")
-        )
+        friction_method = replace(friction_method, along=friction_method.method != "none")
+        self._plan = mechanism._plan_for(self.outputs, friction_method)
         structure = mechanism.structure
         self._places = {
             name: structure.states[JointRef(name, f"{HELD}y")]
@@ -94,9 +93,8 @@ class Stepper:
         self.reset()
 
     def __repr__(self) -> str:
-        return (
-            f"<Stepper of {self.mechanism.name}: {self.copies} copies, fed {listed(self.inputs)}>"
-        )
+        inputs = listed(self.inputs)
+        return f"<Stepper of {self.mechanism.name}: {self.copies} copies, fed {inputs}>"
 
     @property
     def state(self) -> Floats:
@@ -151,9 +149,8 @@ class Stepper:
         if not inputs.keys() >= {*self._plan.program.inputs} - {"t"}:
             for name, rows in self._acting().items():
                 inputs |= by_column(name, rows)
-        values, _ = self.mechanism._evaluate(
-            self._plan, Samples(self.copies, inputs, self.t.copy())
-        )
+        samples = Samples(self.copies, inputs, self.t.copy())
+        values, _ = self.mechanism._evaluate(self._plan, samples)
         outputs = {}
         for name in self.outputs:
             read = self.mechanism.outputs[name].read
@@ -267,9 +264,8 @@ def stepper(
     array([ 0.25, -0.5 ])
     """
     if not is_count(copies):
-        raise refused(
-            "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
-        )
+        fault = f"{copies!r} is no number of copies"
+        raise refused("copies", fault, valid="a whole number from 1 on")
     arguments: Arguments = {"accuracy": accuracy, "start": start, "stops": stops, "roles": roles}
     request, starts = request_of(mechanism.scene, mechanism._coordinate_units, **arguments)
     options = {"method": friction_asked(friction), "engine": engine}

@@ -215,9 +215,8 @@ class JointFriction(PairFriction):
         rate = at.freedoms - step[..., 0]
         # where nothing is left but rounding, nothing is left
         largest_rate = np.abs(rate).max(axis=-1, keepdims=True, initial=0.0)
-        return np.where(
-            largest_rate <= DEPENDENT * np.abs(at.rate).max(axis=-1, keepdims=True), 0.0, rate
-        )
+        rounding = DEPENDENT * np.abs(at.rate).max(axis=-1, keepdims=True)
+        return np.where(largest_rate <= rounding, 0.0, rate)
 
     def fixed(self, at: Instant, sides: Sides) -> NDArray[np.bool_]:
         """Whether what sticks leaves no freedom (...)."""
@@ -454,9 +453,8 @@ class JointFriction(PairFriction):
             return settled.sides
         h = BEYOND / max(fast, math.sqrt(push * BEYOND / 2))  # [s] for so far
         w = self.rates(at.q + h * rate + h * h / 2 * qdd, rate + h * qdd)
-        return tuple(
-            int(np.sign(w[j])) if j in nowhere else side for j, side in enumerate(settled.sides)
-        )
+        sides = enumerate(settled.sides)
+        return tuple(int(np.sign(w[j])) if j in nowhere else side for j, side in sides)
 
     def _missed(
         self,

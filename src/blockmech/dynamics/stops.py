@@ -211,10 +211,9 @@ class _Coordinate:
         pair = stopped_pairs(self.mechanism, [self.name])
         slope = float(pair.state(np.array([q]), np.zeros(1))[1][0, 0])
         if abs(slope) < LEAST_SLOPE:
-            where = (
-                f"{self.name} turns back where it touches its stop, at {self.driver}.q = {q:.9g}"
-            )
-            raise refused(f"stops.{self.name}", where, "move the stop", code="stops")
+            fault = f"{self.name} turns back where it touches its stop"
+            fault += f", at {self.driver}.q = {q:.9g}"
+            raise refused(f"stops.{self.name}", fault, "move the stop", code="stops")
         return slope
 
 

@@ -290,11 +290,9 @@ class System:
     def coordinates(self, q: Real) -> Floats:
         """Coordinates (n,) of all that has stops."""
         of_drivers = np.atleast_1d(np.asarray(q, dtype=np.float64))
-        return (
-            of_drivers
-            if self.counted is None
-            else np.append(of_drivers, self.counted.at(of_drivers))
-        )
+        if self.counted is None:
+            return of_drivers
+        return np.append(of_drivers, self.counted.at(of_drivers))
 
     def at_stop(self, i: int, coordinate: float) -> int:
         """Which end stop a coordinate is at: +1 the highest, -1 the lowest, 0 none."""
@@ -372,9 +370,8 @@ class System:
         k = len(self.drivers)
         if k == 1:
             q, qd = float(np.ravel(q)[0]), float(np.ravel(qd)[0])
-            J, tau, dJ, margin, signal_values = self.scalar_terms(
-                q, qd, t, x, None if qdd is None else float(np.ravel(qdd)[0])
-            )
+            rise = None if qdd is None else float(np.ravel(qdd)[0])
+            J, tau, dJ, margin, signal_values = self.scalar_terms(q, qd, t, x, rise)
             bias = np.array([0.5 * dJ * qd * qd])
             return Terms(np.array([[J]]), bias, np.array([tau]), margin, signal_values)
         rises = [0.0] * k if qdd is None else qdd.tolist()

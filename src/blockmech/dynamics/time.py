@@ -165,17 +165,15 @@ class TimeIntegration(Integration):
 
     def wait(self, until: float) -> RunEnd | None:
         """See `StickSlip`: no step at all, but a user's events of the time are looked for."""
-        still, y = (0 * self.y,) * 2, (self.y, self.y)
-        steps = AcceptedSteps.single(
-            (self.t, until), y, Dense.cubic(self.t, until - self.t or 1.0, y, still)
-        )
-        rules = [rule for rule in self.general if rule.by_user]
-        lookout = EventDetector(rules, PARTS, self.system.spans, self.t)
-        hits = until_terminal(lookout.within(*steps[:3])) if until > self.t else []
+        y, rules = (self.y, self.y), [rule for rule in self.general if rule.by_user]
+        dense = Dense.cubic(self.t, until - self.t or 1.0, y, (0 * self.y,) * 2)
+        lookout, hits = EventDetector(rules, PARTS, self.system.spans, self.t), list[EventHit]()
+        if until > self.t:
+            hits = until_terminal(lookout.within(np.array([self.t, until]), np.array(y), dense))
         over = self._met(hits[-1]) if hits and hits[-1].rule.terminal else None
         end = until if over is None else hits[-1].t
-        self.take(steps._replace(t=np.array([end, end])))
-        self.note(hits, steps.dense)
+        self.take(AcceptedSteps.single((end, end), y, dense))
+        self.note(hits, dense)
         return over
 
     def _rules(self) -> list[EventFunction]:
