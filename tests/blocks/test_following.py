@@ -274,3 +274,18 @@ def test_a_message_says_how_far_a_path_came():
         assert f"followed from its home it comes as far as crank = {end:.9g} rad" in str(
             refused.value
         )
+
+
+def test_a_pose_that_is_asked_for_again_has_the_same_answer():
+    """The answer asked for last is kept; of a group that nothing moves it is that of its home."""
+    mechanism = two_drivers().compile()
+    (name,) = homotopy.followed(mechanism.structure)
+    path = homotopy.Path(mechanism.structure, name)
+    home = tuple(path.home.tolist())
+    first, second, again = (path(q) for q in (home, tuple(x + 0.01 for x in home), home))
+    assert again == first != second
+    unmoved = homotopy.Path(mechanism.structure, name)
+    assert unmoved.at_home.frames.size
+    unmoved.drivers = ()
+    assert np.allclose(unmoved(())[0], first[0], rtol=0.0, atol=1e-13)
+    assert unmoved(()) == unmoved(())

@@ -120,7 +120,7 @@ class Path:
     as its rows of the force pass, ask for one pose after each other.
     """
 
-    _last: tuple[Values, Values] = ((), ())  # numbers asked for last, and their answer
+    _last: tuple[Values | None, Values] = (None, ())  # numbers asked for last, and their answer
 
     def __init__(self, structure: Structure, block: str) -> None:
         self.__name__ = f"path_{block}"
