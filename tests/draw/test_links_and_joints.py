@@ -73,6 +73,34 @@ def test_lines_of_loads_have_one_sign_in_print_and_studio(crank, kind, load):
     assert line_sign(kind).tolist() in [x["line"] for x in of_links(crank.to_data())["loads"]]
 
 
+def test_loads_between_the_same_places_lie_side_by_side(crank):
+    spring, damper = bm.Spring(stiffness=10.0), bm.Spring(stiffness=0.0, damping=1.0)
+    crank.add_load("spring", spring, links=["frame", "piston"], at=[(9.0, 1.0), (0.0, 0.0)])
+    crank.add_load("damper", damper, links=["piston", "frame"], at=[(0.0, 0.0), (9.0, 1.0)])
+    picture = draw_mechanism(crank.compile(), at=0.5)
+    lines = {x.get_label(): x.get_xydata() @ [1, 1j] for x in picture.axes.lines}
+    z, w = lines["spring:spring"], lines["damper:damper"]
+    assert np.abs(np.array([z[0] - w[-1], z[-1] - w[0]])).max() < 1e-12
+    across = [((x - z[0]) / (z[-1] - z[0])).imag * abs(z[-1] - z[0]) for x in (z[2:-2], w[2:-2])]
+    assert across[0].mean() * across[1].mean() < 0
+    assert np.abs(across[0] - across[1].mean()).min() > picture.stage.unit
+    signs = [line_sign(kind, offset=-5.0).tolist() for kind in ("spring", "damper")]
+    assert [x["line"] for x in of_links(crank.to_data())["loads"][-2:]] == signs
+
+
+def test_wheels_look_the_same_in_all_poses():
+    wheels = bm.Linkage("gears")
+    for link, joint, x in (("pinion", "P", 0.0), ("wheel", "W", 0.06)):
+        wheels.add_link(link)
+        wheels.add_joint(joint, "R", ["frame", link], point=(x, 0.0))
+    wheels.add_driver("motor", "P", bm.motion.ConstantRate(rate=100.0))
+    wheels.add_driver("out", "W")
+    wheels.add_coupling("mesh", "gear", driver="motor", driven="out", teeth=(20, 40))
+    picture = draw_mechanism(wheels.compile())
+    assert not [x for x in picture.axes.lines if x.get_label().startswith("faint:")]
+    assert "faintly" not in picture.figure.texts[0].get_text()
+
+
 def test_markers_of_the_user_have_a_mark_and_a_name(crank):
     picture = draw_mechanism(crank.compile(), trace="link.rod.P")
     assert [x.get_label() for x in picture.axes.lines if "marker" in x.get_label()] == ["marker:P"]

@@ -88,6 +88,7 @@ def draw_mechanism(
     motion = moves(mechanism, at) if at is not None or sweep is None else sweep
     motion = motion.only(_poses(motion, named=at is not None))
     sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
+    motion = motion if sketch.shows_poses else motion.only([0])
     paths = paths_of(sweep, trace) if sweep is not None and sweep.result.n > 1 else {}
     paths = worded(paths) if curves is None else curves
     title = mechanism.document.title if mechanism.document and not sheet else ""
@@ -324,7 +325,8 @@ def _load_label(page: Page, stage: Stage, load: LoadMark) -> Iterator[Label]:
     text = load_text(stage.motion, load)
     if load.is_line:
         a, b = (page.points(stage.motion.at(*spot)) for spot in load.spots)
-        anchors = [a + (b - a) * t for t in (0.5, 0.35, 0.65, 0.2, 0.8)]
+        offset = np.exp(1j * np.angle(b - a)) * load.offset * 1j
+        anchors = [a + offset + (b - a) * t for t in (0.5, 0.35, 0.65, 0.2, 0.8)]
         yield Label(text, anchors, ink.SPRING, clearance=4.0)
         return
     ways = [page.points(arrow) for arrow in shapes.load_ways(stage, load)]

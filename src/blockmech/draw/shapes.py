@@ -17,7 +17,7 @@ import numpy as np
 
 from blockmech.draw.motion import Motion
 from blockmech.draw.page import Shape
-from blockmech.draw.sketch import LEAD, LoadMark, Sketch, Slider, line_sign
+from blockmech.draw.sketch import LEAD, LoadMark, Sketch, Slider
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
 from blockmech.ground.tolerances import BLUR
@@ -258,7 +258,7 @@ def _line_of_load(load: LoadMark, a: Vectors, b: Vectors, unit: float) -> Vector
     u = np.divide(b - a, length, out=np.zeros_like(a), where=length > 0)
     point = np.minimum(unit, length / 30.0)  # signs of short loads are shorter
     turns = int(np.clip(np.nanmean(length - 2 * LEAD * point) / unit / 5.0, 4, 16))
-    share, x, y = line_sign(load.kind, turns).T[:, :, None]
+    share, x, y = load.line(turns).T[:, :, None]
     line: Vectors = a + (b - a) * share + u * (x * point + 1j * y * unit)
     return line
 

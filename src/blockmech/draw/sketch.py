@@ -7,8 +7,8 @@ derived from declarations: joints, guide lines, markers, mass properties, termin
 from __future__ import annotations
 
 import cmath
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -27,6 +27,7 @@ CYLINDER = {"barrel": 1.7, "rod": 0.7}  # [-] widths, in usual bars
 TUBE, OVERLAP = 0.9, 0.15  # [-] of the shortest length: the barrel, and what stays inside it
 
 LEAD = 6.0  # [pt] of a spring's straight ends
+APART = 10.0  # [pt] of the signs of loads between the same places
 DASHPOT = (
     *((2, 0), (2, -4), (2, 4)),  # the piston, then the cylinder about it
     *((-7, 4), (7, 4), (7, -4), (-7, -4), (7, -4), (7, 0)),
@@ -97,6 +98,7 @@ class LoadMark:
     kind: Literal["force", "couple", "spring", "damper", "strut"]
     spots: tuple[Spot, ...]
     unit: str
+    offset: float = 0.0  # [pt] to the left of the line, beside others between the same places
 
     @property
     def is_passive(self) -> bool:
@@ -107,6 +109,10 @@ class LoadMark:
     def is_line(self) -> bool:
         """Whether it is a line between two places."""
         return self.is_passive or self.kind == "strut"
+
+    def line(self, turns: int = 7) -> Floats:
+        """See `line_sign`; (0, 3) where it is none."""
+        return line_sign(self.kind, turns, self.offset) if self.is_line else np.empty((0, 3))
 
 
 @dataclass(frozen=True)
@@ -139,6 +145,12 @@ class Sketch:
     wheels: tuple[Wheel, ...] = ()
     dimensions: tuple[DimensionMark, ...] = ()
     points: tuple[PointMark, ...] = ()
+
+    @property
+    def shows_poses(self) -> bool:
+        """Whether poses look different: wheels alone look the same in all."""
+        bars = any(len(body.outline) > 1 for body in self.bodies)
+        return bars or any(not slider.inside for slider in self.sliders)
 
     @property
     def words(self) -> int:
@@ -192,7 +204,10 @@ def sketch_of(motion: Motion) -> Sketch:
         for link, points_of_link in points.items()
         if link != s.frame_link
     )
-    loads = (_load(s, name) for name in s.elements)
+    loads = [_load(s, name) for name in s.elements]
+    lines = [load.spots if load.is_line else () for load in loads]
+    offsets = side_by_side(lines)
+    loads = [replace(load, offset=x) for load, x in zip(loads, offsets, strict=True)]
     wheels = (wheel for driver in s.followers for wheel in _wheels(motion, driver))
     welds, dimensions = _of_document(motion)
     joints = (*_merged(motion, pins), *welds)
@@ -406,14 +421,32 @@ def line_kind(elastic: bool, damped: bool) -> Literal["spring", "damper", "strut
     return "spring" if elastic else "damper" if damped else "strut"
 
 
-def line_sign(kind: str, turns: int = 7) -> Floats:
+def side_by_side(lines: Sequence[Sequence[Hashable]]) -> list[float]:
+    """How far [pt] to the left of its two ends each load is drawn, so that none hides another.
+
+    lines : the ends of each; no ends of a load that is no line
+    """
+    pairs = [frozenset(ends) for ends in lines]
+    first = dict(zip(pairs[::-1], lines[::-1], strict=True))
+    offsets = []
+    for i, (pair, ends) in enumerate(zip(pairs, lines, strict=True)):
+        count, rank = pairs.count(pair), pairs[:i].count(pair)
+        offset = APART * (rank - (count - 1) / 2) if pair else 0.0
+        offsets.append(offset if ends == first[pair] else -offset)
+    return offsets
+
+
+def line_sign(kind: str, turns: int = 7, offset: float = 0.0) -> Floats:
     """The line (p, 3) of a load from a to b, in one stroke: share of the way, along, to the left.
 
-    Along and to the left are in points of the page.
+    Along, to the left and ``offset`` are in points of the page.
     """
+    corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     if kind == "spring":
         share, sides = (np.arange(2 * turns) + 0.5) / (2 * turns), np.tile([3.2, -3.2], turns)
         coil = np.column_stack([share, LEAD * (1 - 2 * share), sides])
-        return np.array([[0, 0, 0], [0, LEAD, 0], *coil, [1, -LEAD, 0], [1, 0, 0]])
-    pot = [[0.5, *corner] for corner in DASHPOT if kind == "damper"]
-    return np.array([[0.0, 0, 0], *pot, [1, 0, 0]])
+        corners[1:1] = [[0, LEAD, 0], *coil.tolist(), [1, -LEAD, 0]]
+    elif kind == "damper":
+        corners[1:1] = [[0.5, *corner] for corner in DASHPOT]
+    line = np.add(corners, [0.0, 0.0, offset])
+    return np.array([corners[0], *line, corners[-1]]) if offset else line

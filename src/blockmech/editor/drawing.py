@@ -15,7 +15,7 @@ from typing import Any, cast
 
 from blockmech.builders import Linkage, Opened
 from blockmech.draw.motion import Motion
-from blockmech.draw.sketch import line_kind, line_sign, sketch_of
+from blockmech.draw.sketch import line_kind, line_sign, side_by_side, sketch_of
 from blockmech.editor.dragging import handles_of
 from blockmech.editor.pins import (
     Drawn,
@@ -117,12 +117,15 @@ def _spot(link: str, at: Any) -> list[Any]:
 
 def _loads(form: Form) -> Iterator[Drawing]:
     """Forces with their places, springs with their ends."""
-    for name, load in form.get("loads", {}).items():
+    loads = form.get("loads", {})
+    spots = [[_spot(*end) for end in ends_of(load)] for load in loads.values()]
+    offsets = side_by_side([[*map(tuple, ends)] for ends in spots])
+    for (name, load), ends, offset in zip(loads.items(), spots, offsets, strict=True):
         force = load.get("force") if load["type"] == "force" else None
-        ends = [_spot(*end) for end in ends_of(load)]
         if ends and (load["type"] != "force" or isinstance(force, list)):
             kind = line_kind(bool(load.get("stiffness")), bool(load.get("damping")))
-            yield {"name": name, "ends": ends, "force": force, "line": line_sign(kind).tolist()}
+            line = line_sign(kind, offset=offset).tolist()
+            yield {"name": name, "ends": ends, "force": force, "line": line}
 
 
 def _wheels(form: Form, name: str, coupling: Form) -> Iterator[Drawing]:
@@ -197,7 +200,7 @@ def of_blocks(motion: Motion) -> Drawing:
             {
                 "name": load.name,
                 "ends": [spot(*x) for x in load.spots],
-                "line": line_sign(load.kind).tolist() if load.is_line else [],
+                "line": load.line().tolist(),
             }
             for load in sketch.loads
         ],

@@ -100,9 +100,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
         result = self.sensitivity.result
         curves = [name for name in self if not self.sensitivity.one_number(name)]
         names = (curves or list(self))[: ink.PANELS // 2]
-        across = Abscissa("one number a design", np.zeros(1))
-        if curves:
-            across = abscissa(result, degrees=degrees)
+        across = abscissa(result, degrees=degrees) if curves else Abscissa("", np.zeros(1))
         total = sum(np.nan_to_num(self.shares(name)).sum(axis=1) for name in names)
         colours = len(ink.LINK_FILLS) - 1  # the same in all panels
         order = np.argsort(-np.asarray(total), kind="stable")[:colours]
@@ -130,7 +128,8 @@ class Tolerance(Pictured, Mapping[str, Array]):
             axes.errorbar(x, y, band, fmt=".", color=ink.FORWARD, capsize=3)
         axes.fill_between(x, y - band, y + band, color=ink.LINK_FILLS[0], lw=0)
         axes.plot(x, y, color=ink.FORWARD, lw=0.8)
-        axes.set_ylabel(f"{shown_name(name)} [{unit or '–'}]", labelpad=2)
+        axes.set_title(shown_name(name, 50), loc="left", fontsize=ink.SMALL)
+        axes.set_ylabel(f"[{unit or '–'}]", labelpad=2)
 
     def _draw_shares(self, axes: Axes, name: str, x: Array, order: Array) -> None:
         deviation, shares = self[name], np.nan_to_num(self.shares(name))
@@ -139,7 +138,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
         addresses = list(self.laws)
         labels = [addresses[j] for j in order]
         if len(x) == 1:
-            axes.set_xticks(x)
+            axes.set(xticks=[], xlim=(-1.0, 1.0))
             for k, label in enumerate(labels):
                 axes.bar(x, rows[k], bottom=sum(rows[:k]), label=label, color=ink.LINK_FILLS[k])
         else:

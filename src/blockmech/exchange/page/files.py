@@ -30,7 +30,7 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.motion import Motion, effort_names, moves
-from blockmech.draw.sketch import Sketch, line_sign, sketch_of
+from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.engines.nodes import Node
 from blockmech.engines.numpy import leaves
 from blockmech.exchange.c.program import CProgram, identifier, poses
@@ -438,7 +438,7 @@ def _picture(
             {
                 "name": x.name,
                 "ends": [end(*spot) for spot in x.spots],
-                "line": line_sign(x.kind).tolist() if x.is_line else [],
+                "line": x.line().tolist(),
                 "arrows": [
                     arrow(spot, effort, x.unit != "N")
                     for spot, effort in zip(x.spots, efforts.get(x.name, ()), strict=False)

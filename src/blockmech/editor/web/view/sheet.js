@@ -352,7 +352,7 @@ export function sheetView(parent) {
       put(own, "path", { d: "M0 0L-9-4V4Z", transform: `translate(${a.x + dx} ${a.y + dy}) rotate(${turn})` });
       selectable(put(own, "text", { x: a.x + dx + 6, y: a.y + dy + 4 }, load.name), ["loads", load.name]);
     } else if (b && load.line.length) {
-      selectable(put(svg, "polyline", { points: strokes(load.line, a, b), class: load.line.length > 2 ? "spring" : "spring strut" }), ["loads", load.name]);
+      selectable(put(svg, "polyline", { points: strokes(load.line, a, b), class: load.line.length > 4 ? "spring" : "spring strut" }), ["loads", load.name]);
     } else {
       put(svg, "circle", { cx: a.x, cy: a.y, r: 11, class: "couple" });
     }

@@ -5,7 +5,7 @@
 
 import { frameAt } from "./curve.js";
 import { button, element, field, put } from "./dom.js";
-import { fitted, on, pixel, posed, strokes } from "./geometry.js";
+import { corners, fitted, on, pixel, posed, strokes } from "./geometry.js";
 import { drawPanel } from "./panel.js";
 import { Program } from "./program.js";
 import { rounded, signed } from "./quantity.js";
@@ -128,9 +128,13 @@ function show(main, aside, contents) {
   const line = (/** @type {Point[]} */ points) => points.map((z) => pixel(view, z)).map(({ x, y }) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
 
   function fit() {
-    const places = drawing.outputs.flatMap((row) => [...contents.bodies, ...contents.loads].flatMap(({ ends }) => ends.map((end) => at(end, row))));
+    const places = drawing.outputs.flatMap((row) => [...contents.bodies, ...contents.loads].flatMap(({ ends }) => ends.map((end) => at(end, row)))).filter((z) => there([z]));
+    const [low, high] = corners(places);
+    const [wide, tall] = [high[0] - low[0], high[1] - low[1]];
+    const room = 0.3 * Math.max(wide, tall);
+    svg.style.aspectRatio = `${wide + room} / ${tall + room}`;
     const { width, height } = svg.getBoundingClientRect();
-    view = fitted(places.filter((z) => there([z])), width, height);
+    view = fitted(places, width, height);
   }
 
   // -- the picture -----------------------------------------------------------------------------
@@ -179,7 +183,7 @@ function show(main, aside, contents) {
   /** A load: a line between its ends, arrows of forces, arcs of couples. @param {Contents["loads"][number]} load */
   function drawLoad({ name, ends, line, arrows }) {
     const places = ends.map((end) => at(end));
-    if (line.length && there(places)) put(svg, "polyline", { points: strokes(line, pixel(view, places[0]), pixel(view, places[1])), class: line.length > 2 ? "spring" : "spring strut" });
+    if (line.length && there(places)) put(svg, "polyline", { points: strokes(line, pixel(view, places[0]), pixel(view, places[1])), class: line.length > 4 ? "spring" : "spring strut" });
     for (const { at: place, value, couple } of arrows) {
       const [x, y] = effort(drawing.outputs[pose], value, couple);
       const size = 18 + (28 * Math.hypot(x, y)) / largest;
