@@ -132,8 +132,20 @@ def test_curves_of_a_run_are_named_after_joints(crank):
     assert names == {"joint.A", "joint.B", "joint.O", "joint.S"}
 
 
+def test_links_and_joints_are_drawn_as_the_mechanism_by_default(crank, tmp_path):
+    path = tmp_path / "mechanism.svg"
+    crank.draw(path, kind="mechanism")
+    text = path.read_text("utf-8")
+    for subject in (crank, crank.compile()):
+        subject.draw(path)
+        assert path.read_text("utf-8") == text
+    crank.decompose().graph.compile().draw(path)
+    assert "rod_piston" in path.read_text("utf-8")
+    assert "rod_piston" not in text
+
+
 def test_a_document_is_drawn_as_a_diagram_of_its_blocks(crank, tmp_path):
-    crank.compile().draw(tmp_path / "diagram.svg")
+    crank.compile().draw(tmp_path / "diagram.svg", kind="diagram")
     text = (tmp_path / "diagram.svg").read_text("utf-8")
     assert "rod_piston" in text
     assert "rod, piston" in text

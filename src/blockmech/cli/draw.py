@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.builders import compiled, opened
+from blockmech.builders import compiled_of, opened
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import At, Degrees, GraphFile, names_of, option
 from blockmech.cli.terminal import progress_bar, reading, say
@@ -43,15 +43,17 @@ def draw(
 ) -> None:
     """Draw the block diagram, the mechanism at poses, an animation, or a schedule of calls.
 
-    A diagram may be drawn of an unfinished graph: joints without a wire are red.
+    Links and joints are drawn as the mechanism, blocks as their diagram, which may be drawn of an
+    unfinished graph: joints without a wire are red.
     """
     from blockmech.draw import KINDS, default_kind
 
     if kind == "list":
         say("\n".join(f"{name}: {picture_kind.about}" for name, picture_kind in KINDS.items()))
         return
-    kind = kind or default_kind(picture, bool(at or trace))
-    subject: Any = reading(file, opened if kind == "diagram" else compiled)
+    document = reading(file, opened)
+    kind = kind or default_kind(document, picture, bool(at or trace))
+    subject: Any = document if kind == "diagram" else compiled_of(document, file)
     refuse_spared(picture)
     poses: Any = at  # which a diagram refuses
     if at and "at" in KINDS.get(kind, KINDS["diagram"]).takes:

@@ -35,6 +35,7 @@ from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
 from blockmech.ground.runnable import Runnable
 from blockmech.model.graph import Graph
+from blockmech.model.joints.linkage import Linkage
 from blockmech.result.result import Result
 from blockmech.typing import Coordinates
 
@@ -70,10 +71,13 @@ class Kind(NamedTuple):
     takes: tuple[str, ...] = ()
 
 
-def default_kind(path: AnyPath | None, posed: bool) -> str:
-    """The kind of picture that suits a file, and that shows poses where some are asked for."""
-    moving = path is not None and Path(path).suffix.lower() in MOVING
-    return "animation" if moving else "mechanism" if posed else "diagram"
+def default_kind(subject: Subject, path: AnyPath | None, posed: bool) -> str:
+    """The kind of picture that suits a file, poses where some are asked for, and a document."""
+    if path is not None and Path(path).suffix.lower() in MOVING:
+        return "animation"
+    names = subject.names if isinstance(subject, Compiled) else None
+    by_links = isinstance(subject, Linkage) or names is not None
+    return "mechanism" if posed or by_links else "diagram"
 
 
 @declared
@@ -95,8 +99,9 @@ def draw(
     subject : graph (for a diagram it need not be complete), linkage or mechanism
     path : .png, .svg or .pdf; .gif, .html or .mp4 (by ffmpeg) for an animation; by default
         no file is written
-    kind : one of `KINDS`: "diagram" (default), "mechanism" (default with ``at`` or ``trace``),
-        "animation" (default for its suffixes), "schedule", "structure", "centrodes", "tile"
+    kind : one of `KINDS`: "diagram" (default of blocks), "mechanism" (default of links and
+        joints, and with ``at`` or ``trace``), "animation" (default for its suffixes), "schedule",
+        "structure", "centrodes", "tile"
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
@@ -117,7 +122,7 @@ def draw(
 
     >>> figure = bm.draw.draw(mech, "pose.svg", at="30deg")
     """
-    kind = kind or default_kind(path, at is not None or trace is not None)
+    kind = kind or default_kind(subject, path, at is not None or trace is not None)
     among(KINDS, "kind", kind, "unknown-kind", "kind")
     moving = kind == "animation"
     suffix = ""

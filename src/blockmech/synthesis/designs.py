@@ -132,13 +132,16 @@ def design_of_path(task: Task, name: str, x: Floats, branch: int, margin: float)
 def fourbar(shape: Floats, A: complex, B: complex, branch: int, name: str = "fourbar") -> Graph:
     """The graph of a four-bar: its shape with crank 1, then turned and scaled by A, moved by B.
 
+    shape : (6,), or (4,) without a coupler point
+    branch : 1 or -1, the side of the dyad
+
     >>> bm.synthesis.fourbar([0.0, 3.0, 3.0, 3.0, 1.0, 0.5], 1 + 0j, 0j, 1)
     <Graph fourbar: 3 moving links, 4 pairs, mobility 1; I(crank: 0,1) -> II RRR(dyad: 2,3)>
     """
-    frame, turn, coupler, rocker, u, v = (float(x) for x in shape)
+    frame, turn, coupler, rocker, *point = (float(x) for x in shape)
     size, angle = abs(A), cmath.phase(A)
     D = B + A * cmath.exp(frame + 1j * turn)
-    point = {"P": {"at": [size * u, size * v]}}
+    markers = {"P": {"at": [size * x for x in point]}} if point else {}
     return Graph.from_data(
         {
             "format": "blockmech/graph",
@@ -155,7 +158,7 @@ def fourbar(shape: Floats, A: complex, B: complex, branch: int, name: str = "fou
                     "l_i": size * math.exp(coupler),
                     "l_j": size * math.exp(rocker),
                     "branch": int(branch),
-                    "links": {"i": {"markers": point}},
+                    "links": {"i": {"markers": markers}},
                 },
             },
             "wires": [

@@ -68,7 +68,7 @@ def function_generator(
         zero, scale = x[SHAPE + 4], np.exp(-x[0])
         rocker = angles_and_point(x[:SHAPE], phi, np.asarray(branch))[2] + zero
         errors = np.abs(np.angle(np.exp(1j * (rocker - psi))))
-        graph = fourbar(x[:SHAPE], complex(scale * np.exp(1j * zero)), 0j, branch, name)
+        graph = fourbar(x[:4], complex(scale * np.exp(1j * zero)), 0j, branch, name)
         return Design(graph, phi, "dyad.j.angle", errors, margin)
 
     return proposed(task, count, starts, seed, progress, made)
