@@ -46,6 +46,7 @@ REQUESTS = [
     (["--at", "0,1,60deg"], {"at": [0.0, 1.0, 60 * DEGREES]}),
     (["--at", "crank=1e0rad"], {"at": [1.0]}),
     (["--at", "0:90deg:4"], {"at": np.linspace(0, 90 * DEGREES, 4)}),
+    (["--at", "0..90deg", "--samples", "4"], {"at": np.linspace(0, 90 * DEGREES, 4)}),
     (["--at", "5,0:2:3"], {"at": [5.0, 0.0, 1.0, 2.0]}),
     (["--times", "0:0.5:11"], {"times": np.linspace(0, 0.5, 11)}),
     (["--times", "0.1s,200ms"], {"times": [0.1, 0.2]}),
@@ -209,3 +210,11 @@ def test_run_does_not_write_over_the_file_that_it_reads(call, ruiz):
     assert outcome.code == 2
     assert "it is the file that is read" in outcome.err
     assert ruiz.read_bytes() == before
+
+
+def test_tables_are_in_the_units_of_choice(call, ruiz):
+    head = call("run", ruiz, "--csv", "-", "--unit", "mm,kN", "--unit", "deg").out.split("\n")[0]
+    assert {"crank.q [deg]", "dyad.C.p.x [mm]", "dyad.C.reaction.y [kN]"} <= {*head.split(",")}
+    assert " mm" in call("extremes", ruiz, "dyad.C.p.x", "--unit", "mm").out
+    for wrong in (["--unit", "furlong"], ["--unit", "mm", "--json"]):
+        assert call("run", ruiz, *wrong).code == 2

@@ -30,7 +30,7 @@ CALLS = {
         ("--json --csv x.csv", "only one of them"),
         ("--csv - --separator x", "separator"),
         ("--frobnicate", "--frobnicate. there are --at, --samples"),
-        ("--unit mm", '--unit. did you mean "--deg"?'),
+        ("--unit furlong", 'no unit "furlong"'),
         ("second.json", "second.json"),
     ],
     "simulate WATT": [

@@ -16,7 +16,7 @@ from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
 from blockmech.ground.plane import EPS
 from blockmech.studies.family import remade
 from tests.extremes.precise import assert_encloses
-from tests.gallery import changed, document, mechanism
+from tests.gallery import JOINTS, changed, document, mechanism
 
 GROUPS = ["stephenson_3_triad", "stephenson_2_class_4"]
 CLOSED = ["slider_crank", "engine", "watt_sixbar", "toggle_press", "geared_fivebar", "scotch_yoke"]
@@ -196,3 +196,30 @@ def test_wrong_requests_are_refused():
             mech.enclose(1.0, tolerance=tolerance)
     with pytest.raises(bm.RequestError):
         mech.enclose(1.0, friction="single")
+
+
+def test_numbers_of_links_and_joints_are_enclosed_where_they_pass_unchanged():
+    mech = bm.Linkage.load(JOINTS / "ruiz_fourbar.json").compile()
+    mass = next(a for a, p in mech.parameters().items() if a.endswith(".mass") and p.value)
+    (drive,) = (mech._of_driver(d, "drive") for d in mech.drivers)
+    value, width = mech.parameters()[mass].value, 1e-3
+    enclosure = mech.enclose(1.0, rates=2.0, tolerance={mass: width}, want=drive)
+    assert enclosure.proved
+    for end in (value - width, value + width):
+        design = mech.document.replace({mass: end}).compile()
+        assert enclosure.contains(drive, design.run(1.0, rates=2.0, want=drive)[drive]).all()
+    bars = bm.Linkage("bars")
+    for link in ("crank", "rod", "rocker"):
+        bars.add_link(link)
+    for name, links, point in (
+        ("O", ["frame", "crank"], (0, 0)),
+        ("A", ["crank", "rod"], (0.3, 0.4)),
+        ("B", ["rod", "rocker"], (2.0, 1.5)),
+        ("C", ["rocker", "frame"], (2.0, 0.0)),
+    ):
+        bars.add_joint(name, "R", links, point=point)
+    bars.add_driver("motor", "O", bm.motion.ConstantRate(rate=1.0))
+    mech = bars.compile()
+    with pytest.raises(bm.RequestError, match=r"rocker_rod.* follows it .*decompose\(\)") as error:
+        mech.enclose(1.0, tolerance={"joints.A.at[1].x": width}, want="link.rod.angle")
+    assert "._" not in str(error.value)

@@ -121,7 +121,7 @@ def test_figures_of_a_run_are_left_out_by_name_and_refused_alone():
 def test_what_no_c_text_can_say_is_refused_by_name():
     with pytest.raises(RequestError, match=r'no format "fmuu".*did you mean "fmu"'):
         bm.write(mechanism("ruiz_fourbar"), "x.c", to="fmuu")
-    with pytest.raises(RequestError, match=r'no option of this format "reel".*real'):
+    with pytest.raises(RequestError, match=r'no option "reel".*real'):
         bm.write(mechanism("ruiz_fourbar"), "x.c", reel="float")
     with pytest.raises(RequestError, match=r'no precision "half".*double, float'):
         bm.write(mechanism("ruiz_fourbar"), "x.c", real="half")

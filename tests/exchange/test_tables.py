@@ -115,3 +115,16 @@ def test_what_cannot_be_imported_is_a_package_only_where_it_is_one(monkeypatch):
         writers["csv"]
     with pytest.raises(RequestError, match=r"broken-plugin.*repair or uninstall it"):
         writers["other"]
+
+
+def test_a_result_is_written_in_its_units(tmp_path):
+    result = mechanism("ruiz_fourbar").run(samples=3, want=["crank.drive", "dyad.C.p"])
+    bm.write(result.to("mm", "deg"), tmp_path / "run.csv")
+    assert (tmp_path / "run.csv").read_text() == result.to("mm", "deg").to_csv()
+    openpyxl = pytest.importorskip("openpyxl", reason="the extra office")
+    bm.write(result.to("mm"), tmp_path / "run.xlsx")
+    book = openpyxl.load_workbook(tmp_path / "run.xlsx")
+    units = {name.value: unit.value for name, unit in zip(*book["results"]["1:2"], strict=True)}
+    assert units["dyad.C.p.x"] == "mm"
+    with pytest.raises(bm.RequestError, match=r'no option "units".*none.*\.to\("mm"'):
+        bm.write(mechanism("ruiz_fourbar"), tmp_path / "run.csv", units=["mm"])

@@ -81,6 +81,15 @@ def test_of_a_linkage_sections_are_said_as_in_the_file_or_in_outputs():
         assert linkage.replace({address: 7.0}).links[link].mass == 7.0
 
 
+def test_a_load_of_a_linkage_is_named_as_its_outputs_are():
+    linkage = bm.Linkage("bar")
+    linkage.add_link("rod", mass=1.0, cm=(1.0, 0.0))
+    linkage.add_joint("O", "R", ["frame", "rod"], point=(0, 0))
+    linkage.add_load("push", "force", link="rod", at=(2.0, 0.0), force=(0.0, 3.0))
+    for address in ("loads.push.force.y", "load.push.force.y", "push.force.y"):
+        assert linkage.replace({address: 7.0}).loads["push"].force.z == 7j
+
+
 def test_wrong_addresses_are_told_together_with_the_nearest_one():
     graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     with pytest.raises(bm.RequestError) as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -22,13 +23,15 @@ ROW = "numbers are separated by commas: write for example 0,0.5,1"
 Read = TypeVar("Read")
 
 
-def coordinates(mechanism: Compiled, texts: list[str] | None) -> dict[str, list[float]] | None:
+def coordinates(
+    mechanism: Compiled, texts: list[str] | None, count: int = DEFAULT_SAMPLES
+) -> dict[str, list[float]] | None:
     """Driver coordinates from the ``--at`` options, one for each driver; None without any.
 
-    ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several. Raises `RequestError`
-    with all problems.
+    ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several; ``0..360deg`` are
+    ``count``. Raises `RequestError` with all problems.
     """
-    return _by_driver(mechanism, texts, "--at", "0,1", row)
+    return _by_driver(mechanism, texts, "--at", "0,1", partial(row, count=count))
 
 
 def rates_of(mechanism: Compiled, texts: list[str] | None) -> dict[str, list[float]] | None:
@@ -125,11 +128,11 @@ def times(text: str | None) -> list[float] | None:
     return None if text is None else row(f"--times {text}", text, "s")
 
 
-def row(where: str, text: str, unit: str) -> list[float]:
+def row(where: str, text: str, unit: str, count: int = DEFAULT_SAMPLES) -> list[float]:
     """Numbers separated by commas; ``start:stop:count`` is that many, equally spaced.
 
-    ``start..stop`` has as many as a run of the whole range. A start without a unit has that of
-    its stop. Raises `RequestError` for what is not a number of the unit.
+    ``start..stop`` has ``count``, as a run of the whole range by default. A start without a unit
+    has that of its stop. Raises `RequestError` for what is not a number of the unit.
     """
     numbers: list[float] = []
     for part in text.split(","):
@@ -138,7 +141,7 @@ def row(where: str, text: str, unit: str) -> list[float]:
             numbers.append(number_in(where, part, unit, remedy=ROW))
             continue
         if ".." in part and len(pieces) == 2:
-            pieces.append(str(DEFAULT_SAMPLES))
+            pieces.append(str(count))
         if len(pieces) != 3:
             valid = "a range is start:stop:count, or start..stop"
             raise refused(where, f'"{part}" is not a range', valid=valid)

@@ -18,6 +18,7 @@ import typer
 
 from blockmech.cli.numbers import MOST, coordinates, number_in, times
 from blockmech.ground.errors import close_match, listed, refused
+from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.testing.graph_files import gallery
 from blockmech.typing import Data, MotionName, Successive
 
@@ -119,7 +120,10 @@ At = Annotated[
         "[DRIVER=]NUMBERS",
     ),
 ]
-Samples = Annotated[int | None, option("Samples of the file's range (361).", "N", min=1, max=MOST)]
+Samples = Annotated[
+    int | None,
+    option("Samples of the file's range, or of A..B (361).", "N", min=1, max=MOST),
+]
 Times = Annotated[
     str | None, typer.Option("--times", metavar="TIMES", help="Times [s], e.g. 0:2:201.")
 ]
@@ -137,6 +141,9 @@ Iterations = Annotated[int | None, option("Fixed number of successive approximat
 Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 AsJson = Annotated[bool, switch("json", "Print as JSON.")]
+DisplayUnits = Annotated[
+    list[str] | None, option("Units of texts, tables and CSV, e.g. mm,rpm,kN.", "UNITS")
+]
 
 
 @dataclass(frozen=True)
@@ -149,8 +156,10 @@ class Poses:
 
     def of(self, mechanism: Compiled) -> Data:
         """The arguments at, samples and times of a run."""
-        at = coordinates(mechanism, self.at)
-        return {"at": at, "samples": self.samples, "times": times(self.at_times)}
+        ranged = any(".." in text for text in self.at or ())  # has as many samples as are asked for
+        at = coordinates(mechanism, self.at, self.samples or DEFAULT_SAMPLES)
+        samples = None if ranged else self.samples
+        return {"at": at, "samples": samples, "times": times(self.at_times)}
 
 
 @dataclass(frozen=True)
@@ -179,10 +188,11 @@ def names_of(want: list[str] | None) -> tuple[str, ...]:
     return tuple(n for part in want or () for n in part.split(",") if n)
 
 
-def si_only(json: bool, degrees: bool | None) -> None:
-    """Refuse degrees in JSON."""
-    if json and degrees:
-        raise refused("--deg", "JSON results are in SI units", "leave it out")
+def si_only(json: bool, degrees: bool | None, units: list[str] | None) -> None:
+    """Refuse other units in JSON."""
+    if json and (degrees or units):
+        where = "--deg" if degrees else "--unit"
+        raise refused(where, "JSON results are in SI units", "leave it out")
 
 
 def at_most_one(**options: bool) -> None:

@@ -9,7 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
-from blockmech.cli.options import AsJson, Degrees, at_most_one, option, si_only
+from blockmech.cli.options import (
+    AsJson,
+    Degrees,
+    DisplayUnits,
+    at_most_one,
+    names_of,
+    option,
+    si_only,
+)
 from blockmech.cli.terminal import (
     UNDRAWN,
     Interrupted,
@@ -114,15 +122,16 @@ class Display:
 
     deg: Degrees = None
     json: AsJson = False
+    unit: DisplayUnits = None
 
     def __post_init__(self) -> None:
         chosen = {name: vars(self).get(name) is not None for name in ("out", "csv", "plot")}
         at_most_one(json=self.json, **chosen)
-        si_only(self.json, self.deg)
+        si_only(self.json, self.deg, self.unit)
 
     def in_units(self, result: AnyAnswer) -> AnyAnswer:
         """An answer in the units that texts, tables and CSV have."""
-        return result.to("deg") if self.deg else result
+        return result.to(*names_of(self.unit), *["deg"] * bool(self.deg))
 
     def files(self) -> tuple[str | None, str | None]:
         """Where the table and the picture go. Raises `RequestError` where they cannot."""
@@ -141,11 +150,12 @@ class Display:
         table, plot = self.files()
         with progress_bar(doing):
             report = question(model)
+        displayed = self.in_units(report)
         if table == "-":
-            pour([report.to_csv()])
+            pour([displayed.to_csv()])
         else:
-            answer(file, self.json, report.to_dict(), self.in_units(report).text())
-            write_answer(report, table, plot, self.deg is not False)
+            answer(file, self.json, report.to_dict(), displayed.text())
+            write_answer(displayed, table, plot, self.deg is not False)
         return report
 
 

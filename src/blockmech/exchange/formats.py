@@ -17,7 +17,14 @@ from typing import IO, TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 from blockmech.compiled import Compiled
 from blockmech.exchange.drawing import Drawing
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import among, as_names, refused, shown
+from blockmech.ground.errors import (
+    RequestError,
+    among,
+    as_names,
+    refused,
+    shown,
+    unknown_name,
+)
 from blockmech.ground.files import AnyPath, refuse_spared, spare, sparing, writing
 from blockmech.ground.runnable import EVERYTHING, Runnable
 from blockmech.ground.units import NoQuantity, quantity
@@ -226,23 +233,23 @@ SETTINGS = ("friction", "static")
 
 @declared
 def write(
-    subject: Runnable,
+    subject: Runnable | Result,
     path: AnyPath,
     to: str | None = None,
     *,
     want: Iterable[str] | str = EVERYTHING,
     **options: Any,
 ) -> list[Path]:
-    """Write a mechanism as a file of another program, e.g. C text.
+    """Write a mechanism, or a result, as a file of another program, e.g. C text.
 
     Parameters
     ----------
-    subject : a graph, a linkage or a compiled mechanism
+    subject : a graph, a linkage or a compiled mechanism; or a result, in its units
     path : the file, or for some formats the folder; whole or not at all
     to : the format's name; by default the suffix says it
     want : outputs, for formats that have numbers in them
-    options : ``at``, ``samples``, ``times``, ``friction``, ``static``
-        as `Mechanism.run` takes them, and the format's own options, e.g. ``real="float"``
+    options : of a mechanism ``at``, ``samples``, ``times``, ``friction``, ``static``
+        as `Mechanism.run` takes them; and the format's own options, e.g. ``real="float"``
 
     Returns
     -------
@@ -258,15 +265,26 @@ def write(
     """
     path = Path(path)
     writer = writer_for(path, to)
-    mechanism = subject.compile()
-    settings = {k: v for k, v in options.items() if k not in (*POSES, *SETTINGS)}
-    among(writer.options, "option of this format", settings)
+    if isinstance(subject, Result):
+        poses = {d: subject.samples.coordinate(i) for i, d in enumerate(subject.mechanism.drivers)}
+        computed, mechanism = subject, subject._compiled
+        of_run, want = {"at": poses, **subject.settings}, tuple(subject)
+    else:
+        computed, mechanism = None, subject.compile()
+        of_run = {k: options.pop(k, None) for k in (*POSES, *SETTINGS)}
+    remedy = 'poses and units are those of a result: write(m.run(...).to("mm", "deg"), "run.csv")'
+    RequestError.raise_for(
+        unknown_name("bad-request", "option", name, name, writer.options, remedy, " of this format")
+        for name in options
+        if name not in writer.options
+    )
     order = Order(
         mechanism,
         as_names("want", want),
-        {k: options[k] for k in POSES if options.get(k) is not None},
-        {k: options[k] for k in SETTINGS if options.get(k) is not None},
-        {k: v for k, v in settings.items() if v is not None},
+        {k: of_run[k] for k in POSES if of_run.get(k) is not None},
+        {k: of_run[k] for k in SETTINGS if of_run.get(k) is not None},
+        {k: v for k, v in options.items() if v is not None},
+        computed,
     )
     with sparing():
         if mechanism.document is not None and mechanism.document.file:

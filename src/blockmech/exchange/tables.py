@@ -113,7 +113,8 @@ def workbook(result: Result) -> Any:
         chart = _chart(openpyxl, sheet, result, charted)
         sheet.add_chart(chart, f"{openpyxl.utils.get_column_letter(last + 2)}2")
     about = book.create_sheet("about")
-    lines = [("mechanism", result.mechanism.name), ("samples", str(result.n)), ("units", "SI")]
+    lines = [("mechanism", result.mechanism.name), ("samples", str(result.n))]
+    lines += [("units", ", ".join(("SI", *result._display)))]
     lines += [("note", text) for text in result.notes()]
     for i, (word, text) in enumerate(lines, 1):
         _text(about.cell(i, 1), word)

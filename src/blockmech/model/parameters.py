@@ -32,6 +32,7 @@ from blockmech.typing import Record
 
 Path = tuple[str | int, ...]
 BLOCKS = "blocks"  # the section whose items an address names without it
+ALONE = (BLOCKS, "loads", "couplings", "signals")  # those whose outputs bear its name alone
 FIXED_LINK = ("links", "frame")
 PARTS = ("x", "y")  # of a place or vector
 T = TypeVar("T")
@@ -226,7 +227,9 @@ def _spellings(path: Path) -> Iterator[str]:
         ends.append((*path[:-1], PARTS.index(str(path[-1]))))
     for end in ends:
         yield path_text(end)
-        yield path_text(end[1:] if end[0] == BLOCKS else (str(end[0]).removesuffix("s"), *end[1:]))
+        yield path_text((str(end[0]).removesuffix("s"), *end[1:]))
+        if end[0] in ALONE:
+            yield path_text(end[1:])
 
 
 def _unknown(address: object, numbers: Mapping[str, Parameter]) -> Problem:

@@ -17,17 +17,18 @@ from blockmech.compiled import CONTRACTION, Compiled
 from blockmech.engines.enclosed.engine import EnclosedEngine
 from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import Problem, RequestError, as_names, listed
+from blockmech.ground.errors import Problem, RequestError, as_names, listed, refused
 from blockmech.ground.report import Facts, Report, sections
 from blockmech.ground.runnable import EVERYTHING
-from blockmech.model.parameters import Parameter, Path
+from blockmech.model.parameters import Parameter, Path, parameters_of
 from blockmech.plan.plan import Plan
 from blockmech.result.result import Result
 from blockmech.result.tables import aligned
 from blockmech.studies.differentiate import chosen_numbers
-from blockmech.studies.family import in_si_by_address
+from blockmech.studies.family import in_si_by_address, remade
 from blockmech.studies.variation import (
     designed,
+    graph_sections,
     is_written_out,
     of_links,
     planned_near,
@@ -152,7 +153,8 @@ def enclose(
     ----------
     at, samples, times, rates, accelerations : the samples, as those of a run
     tolerance : address -> largest deviation of the number to both sides, e.g.
-        ``{"dyad.l_i": 1e-4}``; without any the bounds are those of rounding
+        ``{"dyad.l_i": 1e-4}``, of links and joints ``{"links.rod.mass": 0.01}``; without any
+        the bounds are those of rounding
     want : names or patterns of outputs that are numbers or vectors
     friction : "none" or "newton" (default)
     static : without inertia
@@ -163,7 +165,8 @@ def enclose(
 
     Raises
     ------
-    RequestError for unknown names, and for numbers of a document of links and joints
+    RequestError for unknown names, and for numbers of links and joints that go into the graph of
+    blocks by a formula, as lengths do
 
     >>> print(mech.enclose(at=0.5, want="crank.drive", friction="none"))
     crank.drive [N m]
@@ -182,15 +185,12 @@ def enclose(
     if friction not in (None, "none", "newton"):
         remedy = "others are no solution of its equations"
         problems.append(Problem("bad-request", "friction", str(friction), "none, newton", remedy))
-    if widths and (of_links(mechanism) or is_written_out(mechanism)):
-        message = "tolerances are of the numbers of one graph of blocks"
-        remedy = "name those of mech._of_blocks or of the flat graph"
-        problems.append(Problem("bad-request", "tolerance", message, "", remedy))
     RequestError.raise_for(problems)
-    numbers_of = chosen_numbers(mechanism, list(widths)) if widths else {}
+    numbers_of = chosen_numbers(mechanism, list(widths))
     tolerances = {
         p.address: float(x) for p, x in zip(numbers_of.values(), widths.values(), strict=True)
     }
+    paths_of = {p: _graph_paths(mechanism, p, tolerances[p.address]) for p in numbers_of.values()}
     catalogue = mechanism.outputs
     patterns = as_names("want", want)
     names = [n for n in catalogue.match(patterns) if catalogue[n].kind in ("real", "vector")]
@@ -200,18 +200,39 @@ def enclose(
     settings = {"friction": friction or "newton", "static": static}
     poses = {"samples": samples, "times": times, "rates": rates, "accelerations": accelerations}
     result = mechanism.run(at, want=names, on_gap="mark", **poses, **settings)  # type: ignore[arg-type]
-    return _enclosed(mechanism, result, numbers_of, tolerances, settings)
+    return _enclosed(mechanism, result, paths_of, tolerances, settings)
+
+
+def _graph_paths(mechanism: Compiled, p: Parameter, width: float) -> tuple[Path, ...]:
+    """Where a number stands in the graph of blocks.
+
+    Raises `RequestError` for one that goes there by a formula, as a dimension between pins.
+    """
+    if not of_links(mechanism) and not is_written_out(mechanism):
+        return (p.path,)
+    bounds = p.value - width, p.value + width
+    designs = [mechanism, *(remade(mechanism, {p.address: x}) for x in bounds)]
+    planned, low, high = (parameters_of(graph_sections(m)) for m in designs)
+    alike = planned.keys() == low.keys() == high.keys()
+    every = planned if alike else ()
+    followers = [a for a in every if not low[a].value == planned[a].value == high[a].value]
+    unturned = all(m.names == mechanism.names for m in designs)  # links lie in it as they did
+    if followers and unturned and all((low[a].value, high[a].value) == bounds for a in followers):
+        return tuple(planned[a].path for a in followers)
+    message = f"{listed(followers, 4) or 'another graph'} of blocks follows it by a formula"
+    remedy = "enclose linkage.decompose().graph.compile(), with tolerances of its numbers"
+    raise refused(p.address, message, remedy)
 
 
 def _enclosed(
     mechanism: Compiled,
     result: Result,
-    numbers_of: Mapping[str, Parameter],
+    paths_of: Mapping[Parameter, tuple[Path, ...]],
     tolerances: Mapping[str, float],
     settings: Arguments,
 ) -> Enclosure:
     """Bounds at each sample of a result."""
-    numbers: dict[Path, float] = {p.path: p.value for p in numbers_of.values()}
+    numbers: dict[Path, float] = {at: p.value for p, paths in paths_of.items() for at in paths}
     plan = planned_near(mechanism, numbers)._plan_at(result.samples, tuple(result), **settings)
     if missing := set(plan.program.inputs) - result.samples.given(plan.program.inputs).keys():
         message = f"the outputs depend on states: {', '.join(sorted(missing))}"
@@ -229,7 +250,9 @@ def _enclosed(
     margins, status = np.empty(shape), []
     for k in range(shape):
         SYMBOLS.count = 0
-        forms = {p.path: within(p.value, tolerances[p.address]) for p in numbers_of.values()}
+        forms: dict[Path, Form] = {}
+        for p, paths in paths_of.items():
+            forms |= dict.fromkeys(paths, within(p.value, tolerances[p.address]))
         parameters = (
             plan.program.values(*designed(mechanism, forms))
             if forms
