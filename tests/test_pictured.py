@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from importlib import import_module
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -81,6 +82,22 @@ def test_every_picture_is_a_figure_also_in_axes(draw):
     mine = Figure()
     assert draw(mine.subplots(1, 2)[0]) is mine
     assert any(axes.images or axes.patches or axes.lines for axes in mine.axes)
+
+
+def test_runs_in_the_same_axes_have_their_own_colours_labels_and_one_unit():
+    axes = Figure().subplots()
+    few = RUIZ.run(samples=13, want=["dyad.B.reaction", "dyad.D.reaction"])
+    for label, rate in (("slow", 0.1), ("fast", 30.0)):
+        run = RUIZ.run(at=np.linspace(0.0, 6.0, 13), rates=rate, want="crank.drive")
+        run.plot(ax=axes, label=label)
+    assert [line.get_label() for line in axes.lines] == ["slow", "fast"]
+    assert len({line.get_color() for line in axes.lines}) == 2
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["slow", "fast"]
+    unit = axes.get_ylabel().rpartition("[")[2].rstrip("]")
+    drive = run["crank.drive"] * {"N m": 1.0, "kN m": 1e-3}[unit]
+    np.testing.assert_allclose(axes.lines[1].get_ydata(), drive, rtol=1e-12)
+    few.plot(ax=(both := Figure().subplots()), label="here")
+    assert [line.get_label() for line in both.lines] == ["here: dyad.B", "here: dyad.D"]
 
 
 def test_axes_with_a_mechanism_are_in_metres():

@@ -40,6 +40,26 @@ def test_an_end_made_in_python_is_checked_too():
     assert "3 is no stopping condition" in said(rod(), 3)
 
 
+def test_of_several_goals_the_first_that_is_met_ends_the_motion():
+    full, fast = rod().simulate("standstill", start=at_rest(0.4)).motion, {"crank": (0.4, 30.0)}
+    for until, end, t_end in (
+        (f"standstill, time={2 * full.t_end}", "standstill", full.t_end),
+        (f"time={full.t_end / 2}, standstill", "time", full.t_end / 2),
+        (f"swings=3, {full.t_end * 1e3}ms, angle=0.3", "angle", None),
+    ):
+        motion = rod().simulate(until, start=at_rest(0.4)).motion
+        assert (motion.end, motion.status) == (end, "reached")
+        assert t_end is None or motion.t_end == pytest.approx(t_end, rel=1e-9)
+    assert rod().simulate("standstill", start=fast).motion.end == "never reached: rotation"
+    for until, end in (("standstill, time=2", "time"), ("standstill, turns=5, 9s", "turns")):
+        assert rod().simulate(until, start=fast).motion.end == end
+
+
+def test_goals_that_nobody_waits_for_together_are_refused_with_those_that_fit():
+    for until in ("standstill, swings=2", "steady, time=3", ["standstill", "time=2"]):
+        assert '"standstill, time=2"' in said(rod(), until)
+
+
 def test_an_angle_may_be_in_degrees():
     assert Until.parse("angle=-60deg") == Until("angle", math.radians(-60.0))
     motion = rod().simulate("angle=-60deg", start=at_rest(0.4)).motion

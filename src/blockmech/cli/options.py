@@ -206,7 +206,9 @@ def at_most_one(**options: bool) -> None:
 Until = Annotated[
     str | None,
     option(
-        "standstill, swings=3, turns=3, time=2, angle=6.28 or steady (what it settles to).", "GOAL"
+        "standstill, swings=3, turns=3, time=2, angle=6.28 or steady (what it settles to); "
+        "of several, e.g. standstill,time=2, whichever is met first.",
+        "GOAL",
     ),
 ]
 Start = Annotated[

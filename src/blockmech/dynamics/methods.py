@@ -29,6 +29,7 @@ from blockmech.ground.errors import RequestError, listed, refused
 from blockmech.result.motion import Event, Motion, Status
 from blockmech.typing import Real
 
+NEVER = "never reached"  # how the end of a motion begins whose goal does not come
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
 
@@ -48,6 +49,9 @@ def move(
         if motion is None:
             run = search or (automatic if auto else by_name)
             motion = run(system, request if auto else replace(request, why="asked for"))
+            for goal in request.alternatives:
+                if motion.end.startswith(NEVER):
+                    motion = run(system, replace(request, until=goal, why=motion.end))
         elif not motion.x_end:
             motion = replace(motion, x_end=system.signals.initial)
         motion = _with_misfit(system, motion)

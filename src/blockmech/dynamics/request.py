@@ -63,6 +63,7 @@ GOALS = {
 NAMES: tuple[str, ...] = get_args(MotionName)
 FIXED: tuple[str, ...] = get_args(FixedStepName)
 ENGINES = ("auto", "scalar", "llvm")
+WATCHED = ("time", "angle", "turns")  # goals that an event can be
 OUTPUTS = 201  # output times where none are named
 PAIRS = "give them by driver, like {pairs}"
 WATCH = 'blockmech.Watch("name", lambda t, q, rate: ...)'
@@ -82,6 +83,8 @@ class Start(NamedTuple):
 class Watch:
     """A user's event: where ``surface(t, q, q')`` changes sign.
 
+    ``q`` and ``q'`` are numbers with one driver, arrays (k,) in the order of ``mech.drivers`` with
+    several.
     With ``direction`` +1 only where it rises, with -1 only where it falls, with 0 both;
     ``terminal`` says whether the run ends there. ``then`` is driver -> the role that it has from
     there on, "free", "prescribed" (by its law of motion, which must be where the driver is) or
@@ -178,6 +181,7 @@ class SimulationRequest:
     apex : [s] about the middle of a flight that begins at the start, so that no step is longer
     roles : of the drivers where the run begins, None where all are free at all times
     switched : [s] an instant at which discrete signal blocks have switched already
+    alternatives : goals that are watched, too: the next is that of the run where it never comes
     why : why this method, recorded in the result
     """
 
@@ -193,6 +197,7 @@ class SimulationRequest:
     roles: Roles | None = None
     switched: float = math.nan
     why: str = ""
+    alternatives: tuple[Until, ...] = ()
 
     @cached_property
     def standing(self) -> Motion:
@@ -258,7 +263,9 @@ def request_of(
     name, step = method_of(method)
     among(ENGINES, "engine", engine, "unknown-engine", "engine")
     output_times = times_of(times)
-    goal = goal_of(until, output_times)
+    goal, *others = goals_of(until, output_times)
+    if len(drivers) > 1 and any(x.goal != "time" for x in others):
+        raise _no_end(str(until), "beside another goal several drivers end at a time alone")
     events = watches_of(watch)
     last = goal.value if goal.goal == "time" else math.inf
     changes = {w.name: w.then for w in events if w.then}
@@ -268,11 +275,12 @@ def request_of(
     pairs_of("stops", stops, STOPS, drivers)  # where they are, the mechanism says: see `stops_of`
     if output_times is None:
         output_times = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
-    settings = goal, target, name, step, tuple(output_times.tolist()), events
+    settings = [goal, target, name, step, tuple(output_times.tolist()), events]
     begin = start_of(starts)
+    settings[-1] += tuple(_watch_for(x, begin) for x in others)
     if at_start is not None:
         begin = Start(np.atleast_1d(begin.q), np.atleast_1d(begin.rate))
-    return SimulationRequest(begin, *settings, roles=at_start), starts
+    return SimulationRequest(begin, *settings, roles=at_start, alternatives=tuple(others)), starts
 
 
 def start_of(starts: Pairs) -> Start:
@@ -292,16 +300,41 @@ def method_of(method: MotionMethod) -> tuple[str, float | None]:
     return name, size_of("step", step)
 
 
-def goal_of(until: object, times: Floats | None) -> Until:
-    """What ends the run; without a word the last of the times asked for, or the standstill."""
+def goals_of(until: object, times: Floats | None) -> list[Until]:
+    """What ends the run, whichever is met first; without a word the last of the times asked for,
+    or the standstill.
+
+    The first is that of the methods, all others are events of time or place.
+    """
     if until is None:
-        return Until("time", float(times.max())) if times is not None else Until("standstill")
+        return [Until("time", float(times.max())) if times is not None else Until("standstill")]
     if isinstance(until, Until):
-        return until.checked()
+        return [until.checked()]
     if isinstance(until, str):
-        return Until.parse(until)
+        goals = [Until.parse(text.strip()) for text in until.split(",")]
+        goals.sort(key=lambda x: (x.goal in WATCHED, x.goal != "time"))
+        steady = goals[0].goal == "steady"  # which is searched for, and may come before it is
+        if len(goals) == 1 or (not steady and all(x.goal in WATCHED for x in goals[1:])):
+            return goals
+        remedy = f'beside standstill, swings or event write {listed(WATCHED)}: "standstill, time=2"'
+        raise _no_end(until, remedy)
     goal = f"time={until}" if isinstance(until, float | int) else "time=2"
+    if isinstance(until, Sequence):
+        goal = ", ".join(map(str, until))
     raise refused("until", f"{until!r} is no stopping condition", f'write for example "{goal}"')
+
+
+def _watch_for(goal: Until, start: Start) -> Watch:
+    """The event of a goal that stands beside another one."""
+
+    def surface(t: float, q: Real, rate: Real) -> float:
+        if goal.goal == "time":
+            return float(t - start.t - goal.value)
+        if goal.goal == "angle":
+            return float(q - goal.value)
+        return float(abs(q - start.q) - goal.value * math.tau)
+
+    return Watch(goal.goal, surface)
 
 
 def starts_of(
@@ -446,7 +479,8 @@ def _checked(watch: Watch) -> Watch:
 
     def mistaken(fault: str, t: float, q: object, qd: object) -> RequestError:
         at = f"at t = {t:.9g} s, q = {q}, rate = {qd}"
-        remedy = "give a number that changes its sign where the event is"
+        kind = "arrays, in the order of the drivers" if np.ndim(q) else "numbers, as of one driver"
+        remedy = f"q and rate are {kind}; give a number that changes its sign where the event is"
         return refused(f"watch.{watch.name}", f"{fault}, {at}", remedy, code="user-function")
 
     return replace(watch, surface=surface)

@@ -89,7 +89,8 @@ def simulate(
     Parameters
     ----------
     until : "standstill" (default), "swings=3", "turns=3", "time=2", "angle=360deg",
-        "steady" or "event"; with ``times`` and without ``until`` the last of them.
+        "steady" or "event", or of several whichever is met first, "standstill, time=2"; with
+        ``times`` and without ``until`` the last of them.
         ``"steady=<s>"`` names the period of loads that follow the time by a function
     method : "auto", "energy", "dop853", "radau", "rk4" or "euler_q", see `METHODS`; or a
         `FixedStep`

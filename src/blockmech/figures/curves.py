@@ -139,6 +139,7 @@ def plot(
     over: Axis = "auto",
     degrees: bool = IN_DEGREES,
     components: bool = False,
+    label: str = "",
     ax: Axes | None = None,
 ) -> Any:
     """Draw outputs of a run in one picture, one panel for each quantity.
@@ -151,7 +152,8 @@ def plot(
     over : driver coordinate or time; "auto" takes the one by which the samples were requested
     degrees : angles and driver coordinates in degrees
     components : of vectors x and y with their signs, in place of the magnitude
-    ax : axes to draw in, divided among the panels
+    label : of the run in the legend, where several runs are drawn in the same axes
+    ax : axes to draw in, divided among the panels; one panel goes on with what is drawn in them
 
     Returns matplotlib's figure. Raises `RequestError` for an unknown suffix or name, or too many
     curves.
@@ -166,10 +168,21 @@ def plot(
         names = result if want is None else as_names("want", want)
         outputs = [n for name in names for n in _matches(result, name) or [name]]
         panels = chosen_panels(result, outputs, degrees, components)
-    figure = draw_panels(panels, x_axis, ax)
+    figure = draw_panels([_labelled(panel, label) for panel in panels], x_axis, ax)
     if path is not None:
         write_figure(figure, path, suffix)
     return figure
+
+
+def _labelled(panel: Panel, label: str) -> Panel:
+    """A panel whose curves have the label of their run, beside their names if there are several."""
+    if not label:
+        return panel
+    names = {name: f"{label}: {name}" if len(panel.curves) > 1 else label for name in panel.curves}
+    curves, without = (
+        {names[name]: y for name, y in x.items()} for x in (panel.curves, panel.without)
+    )
+    return replace(panel, curves=curves, without=without)
 
 
 def _matches(result: Result, pattern: str) -> list[str]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import grow, legend_above, panelled, scaled_unit, shown_name
+from blockmech.ground.units import shown_in
 from blockmech.typing import Arguments, Floats
 
 if TYPE_CHECKING:
@@ -102,12 +103,15 @@ def _draw_panel(axes: Axes, panel: Panel, abscissa: Abscissa) -> None:
     order = np.argsort(abscissa.values, kind="stable") if mixed else slice(None)
     x, (low, high) = abscissa.values[order], panel.shown
     factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
+    first = len(axes.get_legend_handles_labels()[1])  # curves of runs that are there
+    if first:
+        factor, unit = shown_in(panel.unit, [axes.get_ylabel().rpartition("[")[2].rstrip("]")])
     pair = len(panel.curves) == len(panel.without) == 1
-    for i, (name, y) in enumerate(panel.curves.items()):
+    for i, (name, y) in enumerate(panel.curves.items(), first):
         look = {**ink.curve_style(i), "lw": 1.2, "zorder": 2.5, "marker": "o"}
         label = f"{shown_name(name)} with friction".lstrip() if pair else shown_name(name)
         _line(axes, x, factor * y[order], label=label, **look)
-    for i, name in enumerate(panel.curves):
+    for i, name in enumerate(panel.curves, first):
         if name in panel.without:
             # One pair of curves differs in colour and dashes; of many, the thin ones.
             look = {"color": ink.curve_style(i)["color"], "lw": 0.5, "zorder": 2, "marker": "s"}
