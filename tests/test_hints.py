@@ -232,6 +232,38 @@ def test_what_an_angle_of_a_joint_is_names_both_links():
     assert outputs["joint.B.coordinate"].about.startswith("angle of coupler against crank")
 
 
-def test_a_result_is_not_written_but_its_mechanism_is(tmp_path):
+def test_a_result_is_not_drawn_but_its_mechanism_is():
     with pytest.raises(bm.RequestError, match=r"the mechanism is its \.mechanism"):
-        bm.write(MECHANISM.run(at=0.5), tmp_path / "a.xlsx")
+        bm.draw.draw(MECHANISM.run(at=0.5))
+
+
+def test_a_stop_of_a_joint_that_nothing_drives_is_refused_at_once():
+    m = bm.Linkage.load("graphs/joints/slider_crank.json")
+    with pytest.raises(bm.GraphError, match=r'"joint.cylinder.coordinate"'):
+        m.add_stop("cylinder", high="250 mm")
+    with pytest.raises(bm.GraphError, match=r'add_driver\("cylinder", "cylinder"\)'):
+        m.start("cylinder", q=0.1)
+    m.add_stop("joint.cylinder.coordinate", high="250 mm")
+    assert not m.check()
+
+
+def test_words_that_are_methods_or_kinds_of_others_are_answered_with_those(tmp_path):
+    with pytest.raises(TypeError, match=r"write \.objective\(\)"):
+        MECHANISM.study({"dyad.l_i": [6.0, 6.1]}, want="max(crank.drive)", objective="x")
+    with pytest.raises(bm.GraphError, match='did you mean "free_length"'):
+        bm.Spring(stiffness=1.0, preload=40.0)
+    m = bm.Linkage.load("graphs/joints/slider_crank.json")
+    with pytest.raises(bm.GraphError, match="import the file that defines it"):
+        m.add_load("own", "my_drag", link="piston")
+    with pytest.raises(bm.FormatError, match=r"it is a folder.*read_parquet"):
+        bm.read(tmp_path)
+
+
+def test_a_run_without_a_law_of_motion_shows_both_calls():
+    m = bm.Linkage.load("graphs/joints/slider_crank.json")
+    driver, joint = next((name, x.joint) for name, x in m.drivers.items())
+    del m.drivers[driver]
+    m.add_driver(driver, joint)
+    with pytest.raises(bm.RequestError, match=r'ConstantRate\(.*run\(at=\["0deg", "90deg"\]\)'):
+        m.run()
+    assert m.run(at=["0deg", "90deg"]).n == 2

@@ -144,7 +144,7 @@ def test_unknown_block_is_kept_and_refused_by_name():
     assert problem.found == 'no block type "geneva.rod"'
     assert problem.valid.startswith("known types: ")
     assert "dyad.rrr" in problem.valid
-    assert problem.remedy == "install the package that defines it"
+    assert problem.remedy == "import the file that defines it, or install its package"
     misspelt = with_block("d", UnknownBlock("dyad.rrrr", {}))
     assert misspelt.check()[0].remedy == 'did you mean "dyad.rrr"?'
 

@@ -27,7 +27,6 @@ from blockmech.typing import (
     MotionMethod,
     MotionName,
     Numbers,
-    Progress,
     Quantity,
     Real,
 )
@@ -484,28 +483,6 @@ def _checked(watch: Watch) -> Watch:
         return refused(f"watch.{watch.name}", f"{fault}, {at}", remedy, code="user-function")
 
     return replace(watch, surface=surface)
-
-
-def progress_of(progress: object) -> Progress | None:
-    """What is called with progress; silent after it raised, as the run goes on."""
-    if progress is None:
-        return None
-    if not callable(progress):
-        raise refused(
-            "progress", f"{progress!r} cannot be called", "give a function, or leave it out"
-        )
-    raised = False
-
-    def report(activity: str, position: float, total: float | None) -> None:
-        nonlocal raised
-        if not raised:
-            try:
-                progress(activity, position, total)
-            except KeyboardInterrupt:
-                raised = True
-                raise
-
-    return report
 
 
 def _no_end(text: str, remedy: str) -> RequestError:

@@ -32,7 +32,6 @@ from blockmech.dynamics.request import (
     Until,
     Watch,
     budget_of,
-    progress_of,
     refuse_no_inertia,
     request_of,
 )
@@ -42,7 +41,7 @@ from blockmech.dynamics.system import System
 from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.engines.llvm import compiled_program
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import listed
+from blockmech.ground.errors import listed, refused
 from blockmech.ground.progress import with_bar
 from blockmech.plan.settings import friction_asked
 from blockmech.result.failures import loads_without_value
@@ -245,3 +244,25 @@ def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
     inputs = by_column("q", q) | by_column("qd", rate) | by_column("qdd", 0 * q)
     inputs |= by_column("x", motion.signal_states(np.full(len(t), motion.t_end)))
     return loads_without_value(mechanism, Samples(len(t), inputs, t))
+
+
+def progress_of(progress: object) -> Progress | None:
+    """What is called with progress; silent after it raised, as the run goes on."""
+    if progress is None:
+        return None
+    if not callable(progress):
+        raise refused(
+            "progress", f"{progress!r} cannot be called", "give a function, or leave it out"
+        )
+    raised = False
+
+    def report(activity: str, position: float, total: float | None) -> None:
+        nonlocal raised
+        if not raised:
+            try:
+                progress(activity, position, total)
+            except KeyboardInterrupt:
+                raised = True
+                raise
+
+    return report

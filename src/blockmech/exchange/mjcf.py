@@ -39,10 +39,10 @@ class Model:
         self.step = order.positive("step", STEP, "s", "0.1ms")
         self.pose = pose = Standing(order)
         refs, guides = pose.joints, pose.direction
-        self.drivers = driven = {str(ref): d for d, ref in s.driven.items()}
+        self.drivers = driven = {ref: d for d, ref in s.driven.items()}
         graph = nx.Graph()
         for ref in refs:
-            rank = 0 if str(ref) in driven else 1 if ref in guides else 2 if self._light(ref) else 3
+            rank = 0 if ref in driven else 1 if ref in guides else 2 if self._light(ref) else 3
             graph.add_edge(s.earlier_link(ref), s.later_link(ref), ref=ref, rank=rank)
         tree = nx.minimum_spanning_tree(graph, weight="rank")
         edges = nx.bfs_edges(tree, s.frame_link)
@@ -92,7 +92,7 @@ class Model:
         if self.drivers:
             lines.append("  <actuator>")
             for ref, driver in self.drivers.items():
-                pair = f"name={quoteattr(driver)} joint={quoteattr(ref)}"
+                pair = f"name={quoteattr(driver)} joint={self._name(ref)}"
                 lines.append(f"    <motor {pair}/>")
             lines.append("  </actuator>")
         return "\n".join([*lines, "</mujoco>"]) + "\n"
@@ -114,8 +114,8 @@ class Model:
             if ref in self.pose.direction:
                 kind, axis = "slide", _xyz(sense * self.pose.direction[ref])
             lines += [
-                f'{margin}<body name={quoteattr(str(link))} pos="{_xyz(pin - at)}">',
-                f'{margin}  <joint name={quoteattr(str(ref))} type="{kind}" axis="{axis}"/>',
+                f'{margin}<body name={self._name(link)} pos="{_xyz(pin - at)}">',
+                f'{margin}  <joint name={self._name(ref)} type="{kind}" axis="{axis}"/>',
                 f'{margin}  <inertial pos="{_xyz(c)}" mass="{mass!r}"'
                 f' diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>',
                 *self._bodies(link, pin, depth + 1),
@@ -123,13 +123,18 @@ class Model:
             ]
         return lines
 
+    def _name(self, part: LinkRef | JointRef) -> str:
+        """What the document calls a link or a pair, in quotes."""
+        is_link = isinstance(part, LinkRef)
+        return quoteattr(self.pose.called(part) if is_link else self.pose.joint_name(part))
+
     def _connect(self, ref: JointRef) -> str:
         s = self.structure
         first, second = s.earlier_link(ref), s.later_link(ref)
         bodies = [x for x in (first, second) if x != s.frame_link]
-        names = " ".join(f"body{k}={quoteattr(str(x))}" for k, x in enumerate(bodies, 1))
+        names = " ".join(f"body{k}={self._name(x)}" for k, x in enumerate(bodies, 1))
         base = self.pose.pin(self.parent[bodies[0]][1])
-        names = f"name={quoteattr(str(ref))} {names}"
+        names = f"name={self._name(ref)} {names}"
         return f'    <connect {names} anchor="{_xyz(self.pose.pin(ref) - base)}"/>'
 
 

@@ -78,7 +78,11 @@ def _text(source: Any) -> tuple[str, str]:
     for key in READERS:
         if len(name) > 20 and READERS[key].recognises(name):
             return name, "text"
-    raise FormatError(Problem("no-file", "", "no such file", "", "check the name", file=name[:200]))
+    message, remedy = "no such file", "check the name"
+    if os.path.isdir(name):
+        message = "it is a folder"
+        remedy = "name a file in it; parts of a study open by pandas.read_parquet(folder)"
+    raise FormatError(Problem("no-file", "", message, "", remedy, file=name[:200]))
 
 
 def _of_file(name: str) -> str:

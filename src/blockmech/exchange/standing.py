@@ -34,6 +34,7 @@ class Standing:
         self.structure = s = mechanism.structure
         names = order.mechanism.names
         self._called = dict(names.of_links if names else {}) | {s.frame_link: "frame"}
+        self._joint_names = order.mechanism._joint_names
         at = dict(order.at)
         if not at:
             at = {"at": {d: mechanism.scene.start_of(d)[0] for d in mechanism.drivers}}
@@ -57,6 +58,10 @@ class Standing:
     def called(self, link: LinkRef) -> str:
         """The link's name in the document; of blocks that of the block and the link."""
         return self._called.get(link, str(link))
+
+    def joint_name(self, ref: JointRef) -> str:
+        """The pair's name in the document; of blocks that of the block and the joint."""
+        return self._joint_names.get(str(ref), str(ref)).removeprefix("joint.")
 
     def centre(self, link: LinkRef) -> complex:
         """The centre of mass [m] of a link."""

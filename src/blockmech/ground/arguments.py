@@ -22,7 +22,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
-from blockmech.ground.errors import Problem, RequestError, close_match, listed
+from blockmech.ground.errors import Problem, RequestError, close_match, elsewhere, listed
 
 F = TypeVar("F", bound=Callable[..., object])
 T = TypeVar("T")
@@ -70,7 +70,7 @@ def declared(function: F) -> F:
             began = inspect.unwrap(function).__code__
             if any(frame.f_code is began for frame, _ in walk_tb(error.__traceback__)):
                 raise
-            raise TypeError(_misfit(error, function, signature(), kwargs)) from None
+            raise TypeError(_misfit(error, function, signature(), kwargs, *args[:1])) from None
 
     return cast(F, call)
 
@@ -98,11 +98,21 @@ def _positional(parameters: Iterable[inspect.Parameter]) -> tuple[tuple[str, ...
 
 
 def _misfit(
-    error: TypeError, function: Callable[..., object], names: Iterable[str], kwargs: Iterable[str]
+    error: TypeError,
+    function: Callable[..., object],
+    names: Iterable[str],
+    kwargs: Iterable[str],
+    owner: object = None,
 ) -> str:
-    """What Python says of a call that does not fit, and how the function is called."""
+    """What Python says of a call that does not fit, and how the function is called.
+
+    What is no argument may be a method of its owner.
+    """
     names = [name for name in names if name != "self"]
-    sentences = [str(error), *(close_match(x, names) for x in kwargs if x not in names)]
+    homes = {".{}()": type(owner)}
+    unknown = [x for x in kwargs if x not in names]
+    hints = (close_match(x, names) or elsewhere(x, homes).removeprefix(": ") for x in unknown)
+    sentences = [str(error), *dict.fromkeys(hints)]
     sentences.append(f"arguments: {listed(names, 16)}")
     lines = map(str.strip, (function.__doc__ or "").splitlines())
     examples = (x for x in lines if x.startswith(">>> ") and f"{function.__name__}(" in x)

@@ -67,7 +67,9 @@ class Registry:
         """The problem that names an unknown type and its nearest relatives."""
         kind = self.what.split()[-1]
         message, valid = f'no {self.what} "{name}"', f"known {kind}s: {listed(self, 30)}"
-        remedy = close_match(name, self) or "install the package that defines it"
+        remedy = (
+            close_match(name, self) or "import the file that defines it, or install its package"
+        )
         return Problem(self.code, where, message, valid, remedy)
 
     def _load_family(self, family: str) -> None:

@@ -175,6 +175,8 @@ class Section(NamedTuple):
     def unknown_kind(self, word: object, where: str) -> Problem:
         """The problem that names an unknown kind of an item and its nearest relatives."""
         remedy = close_match(word, self.kinds) if isinstance(word, str) else ""
+        if self.prefix:  # kinds that are registered, also by a file of the user's
+            remedy = remedy or "import the file that defines it"
         return Problem("wrong-value", where, f"no {self.key} {shown(word)}", self.words, remedy)
 
     @property

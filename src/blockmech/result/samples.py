@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 import warnings
@@ -269,14 +270,18 @@ def _collected(
     return Samples(n, inputs, times, clock)
 
 
-def _laws(drivers: Iterable[str], scene: Scene) -> dict[str, LawOfMotion]:
-    missing = [d for d in drivers if d not in scene.drive]
+def _laws(units: Mapping[str, str], scene: Scene) -> dict[str, LawOfMotion]:
+    missing = [d for d in units if d not in scene.drive]
     if missing:
         message = "the driver has no law of motion"
-        remedy = "give it one, or name the samples with at="
+        examples = {"rad": ["0deg", "90deg"], "m": ["0mm", "50mm"]}
+        poses = {d: examples[unit] for d, unit in units.items()}
+        at = json.dumps(poses if len(units) > 1 else poses[missing[0]])
+        law = f'bm.motion.ConstantRate(rate="{poses[missing[0]][1]}/s")'
+        remedy = f"give it one, e.g. {law}, or name the poses: run(at={at})"
         addresses = (scene.address("drive", d) for d in missing)
         raise RequestError(Problem("no-law", where, message, "", remedy) for where in addresses)
-    return {d: scene.drive[d] for d in drivers}
+    return {d: scene.drive[d] for d in units}
 
 
 def _per_driver(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, create_model, model_validator
@@ -367,6 +368,18 @@ def coordinate_of(name: str) -> str | None:
     return pair if first == "joint" and last == COORDINATE and pair else None
 
 
+def no_driver(linkage: Any, path: tuple[str | int, ...], drivers: Collection[str]) -> Problem:
+    """The problem of what names no driver; of a joint that nothing drives."""
+    *_, name = map(str, path)
+    problem = unknown_name("unknown-driver", "driver", name, path_text(path), sorted(drivers))
+    if name not in linkage.joints:
+        return problem
+    remedy = f'drive the joint: add_driver("{name}", "{name}")'
+    if path[0] == "stops":
+        remedy = f'stops of a joint without a driver are those of "joint.{name}.{COORDINATE}"'
+    return replace(problem, remedy=remedy)
+
+
 def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
     """What links, joints, drivers and loads say of each other that is not so."""
     yield from _links(linkage)
@@ -374,7 +387,9 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
     have["link"].add(FRAME)
     for kind, name, path in _references(linkage):
         does = TWO_LINKS.get(str(path[0]))
-        if name not in have[kind]:
+        if kind == "driver" and name not in have[kind]:
+            yield no_driver(linkage, path, have[kind])
+        elif name not in have[kind]:
             yield unknown_name(f"unknown-{kind}", kind, name, path_text(path), sorted(have[kind]))
         elif kind == "joint" and does and name in linkage.joints:
             number = len(linkage.joints[name].links)

@@ -29,6 +29,7 @@ from blockmech.model.joints.contents import (
     LINKAGE_FILE,
     JointGiven,
     LinkGiven,
+    no_driver,
     reference_problems,
     sections,
     wire_problems,
@@ -385,6 +386,8 @@ class Linkage(Document):
 
     @declared
     def _give(self, section: str, driver: str, item: Any) -> None:
+        if driver in self.joints and driver not in self.drivers:
+            raise GraphError(no_driver(self, (section, driver), self.drivers))
         getattr(self, section)[driver] = item
 
     def _add_model(
