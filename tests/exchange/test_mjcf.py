@@ -1,5 +1,7 @@
 """MuJoCo moves what is written for it as `simulate` moves the mechanism."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -182,3 +184,17 @@ def test_models_that_cannot_be_read(text, message, tmp_path):
     (tmp_path / "m.xml").write_text(text, "utf-8")
     with pytest.raises(bm.FormatError, match=message):
         bm.read(tmp_path / "m.xml")
+
+
+def test_bodies_and_joints_bear_the_names_of_links_and_joints(tmp_path):
+    linkage = bm.Linkage.load("graphs/joints/slider_crank.json")
+    linkage = linkage.replace({f"links.{name}.mass": 1.0 for name in linkage.links})
+    (path,) = bm.write(linkage, tmp_path / "crank.xml")
+    names = set(re.findall(r'<(?:body|joint|connect) name="(.*?)"', path.read_text("utf-8")))
+    assert names == {*linkage.links, *linkage.joints}
+    (path,) = bm.write(linkage, tmp_path / "address")
+    again = bm.read(path.read_text("utf-8").splitlines()[0])
+    for name in (*linkage.links, *linkage.joints):
+        assert any(f"is called {name} there" in note for note in again.extras["notes"]) or (
+            name in again.joints
+        )

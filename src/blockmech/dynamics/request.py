@@ -262,8 +262,8 @@ def request_of(
     name, step = method_of(method)
     among(ENGINES, "engine", engine, "unknown-engine", "engine")
     output_times = times_of(times)
-    goal, *others = goals_of(until, output_times)
-    if len(drivers) > 1 and any(x.goal != "time" for x in others):
+    goal, *alternatives = goals_of(until, output_times)
+    if len(drivers) > 1 and any(x.goal != "time" for x in alternatives):
         raise _no_end(str(until), "beside another goal several drivers end at a time alone")
     events = watches_of(watch)
     last = goal.value if goal.goal == "time" else math.inf
@@ -274,12 +274,14 @@ def request_of(
     pairs_of("stops", stops, STOPS, drivers)  # where they are, the mechanism says: see `stops_of`
     if output_times is None:
         output_times = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
-    settings = [goal, target, name, step, tuple(output_times.tolist()), events]
     begin = start_of(starts)
-    settings[-1] += tuple(_watch_for(x, begin) for x in others)
+    events += tuple(_watch_for(x, begin) for x in alternatives)
+    settings = goal, target, name, step, tuple(output_times.tolist()), events
     if at_start is not None:
         begin = Start(np.atleast_1d(begin.q), np.atleast_1d(begin.rate))
-    return SimulationRequest(begin, *settings, roles=at_start, alternatives=tuple(others)), starts
+    return SimulationRequest(
+        begin, *settings, roles=at_start, alternatives=tuple(alternatives)
+    ), starts
 
 
 def start_of(starts: Pairs) -> Start:
@@ -478,7 +480,11 @@ def _checked(watch: Watch) -> Watch:
 
     def mistaken(fault: str, t: float, q: object, qd: object) -> RequestError:
         at = f"at t = {t:.9g} s, q = {q}, rate = {qd}"
-        kind = "arrays, in the order of the drivers" if np.ndim(q) else "numbers, as of one driver"
+        kind = (
+            "arrays, in the order of the drivers"
+            if isinstance(q, np.ndarray)
+            else "numbers, as of one driver"
+        )
         remedy = f"q and rate are {kind}; give a number that changes its sign where the event is"
         return refused(f"watch.{watch.name}", f"{fault}, {at}", remedy, code="user-function")
 

@@ -70,7 +70,8 @@ class _Sheet:
             ends = [str(s.earlier_link(ref)), str(s.later_link(ref))]
             flags = GROUNDED * (str(s.frame_link) in ends)
             sense = -1 if ends[1] == str(s.frame_link) else 1
-            key = self._joint(flags, pose.pin(ref), speed=self._speed(ref, sense / RPM))
+            speed, name = self._speed(ref, sense / RPM), pose.joint_name(ref)
+            key = self._joint(flags, pose.pin(ref), speed=speed, name=name)
             for link in ends:
                 if link != str(s.frame_link):
                     self.bodies.setdefault(link, []).append(key)
@@ -80,7 +81,13 @@ class _Sheet:
             self._guide(ref)
 
     def _joint(
-        self, flags: int, z: complex, angle: float = 0.0, line: str = "", speed: str = ""
+        self,
+        flags: int,
+        z: complex,
+        angle: float = 0.0,
+        line: str = "",
+        speed: str = "",
+        name: str = "",
     ) -> str:
         """Add a joint; its id."""
         count = len(self.records)
@@ -88,7 +95,9 @@ class _Sheet:
         flags |= INPUT * bool(speed)
         coordinates = thousandths(z.real * CM, z.imag * CM, angle)
         line = line or ",,," * bool(speed)
-        self.records.append(f"{DIGITS[flags]}{key},{key},{coordinates}{line}{speed}")
+        self.records.append(
+            f"{DIGITS[flags]}{key},{_named(name or key)},{coordinates}{line}{speed}"
+        )
         return key
 
     def _speed(self, ref: JointRef, factor: float) -> str:
@@ -112,7 +121,7 @@ class _Sheet:
             self.bodies.setdefault(carrier, []).extend(ends)
             line = f",\0{carrier}\0,{ends[0]},{ends[1]}"
         angle = 0.0 if line else cmath.phase(axis)
-        key = self._joint(flags, z, angle, line, self._speed(ref, CM))
+        key = self._joint(flags, z, angle, line, self._speed(ref, CM), pose.joint_name(ref))
         pin = self._joint(WELDED, z)
         points = self.bodies.setdefault(rider, [])
         points.append(pin)
@@ -151,7 +160,7 @@ class _Sheet:
 
 
 def _named(link: str) -> str:
-    """A link's name without what separates fields."""
+    """A part's name without what separates fields."""
     return "".join(c if c.isalnum() or c in "_- " else "_" for c in link)[:40]
 
 

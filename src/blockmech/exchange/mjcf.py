@@ -125,8 +125,9 @@ class Model:
 
     def _name(self, part: LinkRef | JointRef) -> str:
         """What the document calls a link or a pair, in quotes."""
-        is_link = isinstance(part, LinkRef)
-        return quoteattr(self.pose.called(part) if is_link else self.pose.joint_name(part))
+        if isinstance(part, LinkRef):
+            return quoteattr(self.pose.called(part))
+        return quoteattr(self.pose.joint_name(part))
 
     def _connect(self, ref: JointRef) -> str:
         s = self.structure
