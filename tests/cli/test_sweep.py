@@ -23,6 +23,17 @@ def test_a_sweep_prints_a_table_and_writes_one_with_a_picture(call, tmp_path):
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+def test_tables_and_pictures_of_designs_are_in_the_units_of_choice(call, tmp_path):
+    out, plot = tmp_path / "study.csv", tmp_path / "study.svg"
+    options = ("--unit", "mm,kN m", "--out", out, "--plot", plot)
+    outcome = call("sweep", RUIZ, "--vary", "dyad.l_i=4:6:5", *WANT, *options)
+    assert "dyad.l_i [mm]  max_abs(crank.drive) [kN m]" in outcome.out
+    head, *rows = csv.reader(out.read_text("utf-8").splitlines())
+    assert head[:2] == ["dyad.l_i [mm]", "max_abs(crank.drive) [kN m]"]
+    assert [float(row[0]) for row in rows] == [4e3, 4.5e3, 5e3, 5.5e3, 6e3]
+    assert "dyad.l_i [mm]" in plot.read_text("utf-8")
+
+
 def test_numbers_scatter_by_distributions(call):
     options = ("--vary", "dyad.l_i=normal(6000mm,10mm)", "--vary", "frame.D.x=uniform(5.4,5.6)")
     outcome = call("sweep", RUIZ, *options, *WANT, "--count", "32", "--sampling", "sobol")

@@ -12,6 +12,7 @@ from blockmech.builders import compiled
 from blockmech.cli.numbers import row, starts, texts_by_name
 from blockmech.cli.options import (
     Accuracy,
+    DisplayUnits,
     FrictionOptions,
     GraphFile,
     Method,
@@ -19,6 +20,7 @@ from blockmech.cli.options import (
     Start,
     Static,
     Until,
+    names_of,
     option,
 )
 from blockmech.cli.output import check_places, write_answer
@@ -71,6 +73,7 @@ def sweep(
     start: Start = None,
     method: Method = "auto",
     accuracy: Accuracy = None,
+    unit: DisplayUnits = None,
 ) -> None:
     """Run many designs: vary numbers of the file, and keep extremes or means of outputs.
 
@@ -97,6 +100,7 @@ def sweep(
     numbers = _vary(mechanism, vary)
     with progress_bar("running") as progress, _hands(workers, dask) as hands:
         study = mechanism.study(numbers, progress=progress, workers=hands, **request)
+    study = study.to(*names_of(unit))
     say(str(study))
     if in_parts:
         say(f"wrote {out}")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -103,6 +103,11 @@ class Column:
         """Name and unit as a heading, e.g. ``crank.drive [N m]``."""
         return f"{self.name} [{self.unit or '-'}]"
 
+    def to(self, units: Iterable[str]) -> Column:
+        """The same in the first of some units that is of its kind."""
+        factor, unit = shown_in(self.unit, units)
+        return self if unit == self.unit else replace(self, unit=unit, values=factor * self.values)
+
 
 def columns(result: Labelled) -> list[Column]:
     """All columns: driver coordinates, time if it is known, then the wanted outputs.
@@ -158,6 +163,4 @@ def _components(result: Labelled, name: str) -> Iterator[tuple[str, Array]]:
 
 
 def _column(result: Labelled, name: str, unit: str, values: Real, output: str) -> Column:
-    real = np.asarray(values, dtype=np.float64)
-    factor, display_unit = shown_in(unit, result._display)
-    return Column(name, display_unit, real if display_unit == unit else factor * real, output)
+    return Column(name, unit, np.asarray(values, dtype=np.float64), output).to(result._display)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import angle_scale, axis_label, panelled, scaled_unit, shown_name
+from blockmech.figures.paper import axis_label, panelled, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, needed, refused
@@ -150,7 +150,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
             rows += [
                 Column(name, w.unit, x, w.label) for name, x in components(w.label, values).items()
             ]
-        return rows
+        return [column.to(self._display) for column in rows]
 
     def csv_rows(self) -> tuple[list[str], Iterable[Iterable[object]]]:
         """One row per design; the last column says why it has no answer."""
@@ -206,10 +206,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         Designs without an answer are marked at the foot of a curve or scatter, and hatched in a
         map. Raises `RequestError` if the study has no numbers.
         """
-        columns = []
-        for column in self.table():
-            factor, unit = angle_scale(column.unit, degrees)
-            columns.append(replace(column, unit=unit, values=factor * column.values))
+        columns = [column.to(["°"] * degrees) for column in self.table()]
         numbers, results = columns[: len(self.vary)], columns[len(self.vary) :][: ink.PANELS]
         if not results:
             message = "poses are arrays, and no other number was kept"
