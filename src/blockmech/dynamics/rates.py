@@ -197,7 +197,7 @@ def rates_of(
         if friction is None:
             return _free(program, signals, method, k)
         return _rubbing(friction, signals, method, k)
-    except (Untraceable, MissingEngineError):
+    except (Untraceable, MissingEngineError, ZeroDivisionError):  # no inertia at all
         return None
 
 
@@ -249,6 +249,8 @@ def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method, k: 
             values_by_name |= {f"friction_{i}": unit if i == pair else zero for i in range(m)}
             values_by_name |= {f"slip_{i}": slip for i, slip in enumerate(slips)}
             values_by_name |= {f"load_{i}": load for i, load in enumerate(loads)}
+            if not values_by_name.keys() >= {*inputs}:
+                raise Untraceable("a force of an end stop is found between segments")
             values = run(*(values_by_name[x] for x in inputs))
             return values[: len(values) - first], values[len(values) - first :]
 
