@@ -20,7 +20,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -39,6 +39,7 @@ from blockmech.exchange.drawing import (
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong
 from blockmech.ground.errors import listed
+from blockmech.ground.names import is_name
 from blockmech.ground.units import GRAVITY, INCH, POUND
 
 DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_-"
@@ -107,6 +108,32 @@ class Address:
     bars: dict[str, Bar] = field(default_factory=dict)
     loads: list[Load] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    labels: dict[str, dict[str, str]] = field(default_factory=lambda: {"joint": {}, "link": {}})
+
+    def relabelled(self) -> Address:
+        """The same with labels for names, where all of a kind are names and no two alike."""
+        for kind, keys in (("joint", self.joints), ("link", self.bars)):
+            labels = self.labels[kind]
+            names = [labels.get(key, key) for key in keys]
+            if len({*names}) < len(names) or FRAME in names or not all(map(is_name, names)):
+                changed = (item for item in labels.items() if item[0] != item[1])
+                self.notes += [f"{kind} {key} is called {x[:40]} there" for key, x in changed]
+                labels.clear()
+
+        def named(kind: str, keys: Iterable[str]) -> list[str]:
+            return [self.labels[kind].get(key, key) for key in keys]
+
+        joints = [
+            x._replace(key=key, line=[*named("link", x.line[:1]), *named("joint", x.line[1:])])
+            for key, x in zip(named("joint", self.joints), self.joints.values(), strict=True)
+        ]
+        bars = [
+            x._replace(key=key, joints=named("joint", x.joints), parts=named("link", x.parts))
+            for key, x in zip(named("link", self.bars), self.bars.values(), strict=True)
+        ]
+        self.joints, self.bars = {x.key: x for x in joints}, {x.key: x for x in bars}
+        self.loads = [x._replace(link=link) for x in self.loads for link in named("link", [x.link])]
+        return self
 
     def push(
         self, key: str, link: str, ends: tuple[complex, complex], flags: int, size: float
@@ -235,7 +262,7 @@ def _new(code: str, where: str) -> Address:
             address.notes.append("digits beyond thousandths: left out")
         elif mark[:1] not in MARKS:
             address.notes.append(f"mark {mark[:20]}: left out")
-    return address
+    return address.relabelled()
 
 
 def _new_joint(raw: str, address: Address, where: str) -> None:
@@ -249,7 +276,7 @@ def _new_joint(raw: str, address: Address, where: str) -> None:
     if tokens.word() not in ("", "0") or (flags & PRISMATIC and flags & SEALED):
         flags |= WELDED  # the rod of a cylinder does not turn in it
     address.joints[key] = Joint(key, flags, at, angle, line if any(line) else [], speed, mass)
-    _note_label("joint", key, label, address)
+    address.labels["joint"][key] = label or key
     tokens.finish()
 
 
@@ -270,13 +297,8 @@ def _new_bar(raw: str, address: Address, where: str) -> None:
     if key in address.bars:
         raise wrong(tokens.where, f'there are two links "{key}"')
     address.bars[key] = Bar(key, token[1] == "P", body, joints, parts, token[0] in ROOTS)
-    _note_label("link", key, label, address)
+    address.labels["link"][key] = label or key
     tokens.finish()
-
-
-def _note_label(kind: str, key: str, label: str, address: Address) -> None:
-    if label and label != key:
-        address.notes.append(f"{kind} {key} is called {label[:40]} there")
 
 
 # -- addresses before 2023 ---------------------------------------------------------------------
