@@ -170,7 +170,7 @@ class Linkage(Uncompiled, linkage.Linkage):
         >>> m.add_dimension("rod", "length", ["A", "B"], "250mm")
         >>> print(m.fit_dimensions())
         dimensions satisfied: 1; B moved most, by 0.025 m
-        degrees of freedom left: 4, of A, B, cylinder
+        degrees of freedom left: 3, of A, B
         """
         from blockmech.model.joints.dimensioned import fit_dimensions
 

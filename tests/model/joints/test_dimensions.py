@@ -66,19 +66,65 @@ def test_lengths_and_angles_hold_where_the_law_of_cosines_has_them():
 
 
 def test_points_move_no_farther_than_they_must():
-    """Of one length both ends move by half of what is missing, along the line."""
+    """Of a length on the moving links both ends move by half of what is missing, along the line."""
     m = sketch()
-    m.add_dimension("crank", "length", ["A", "B"], CRANK)
+    m.add_dimension("rod", "length", ["B", "C"], ROD)
     report = m.fit_dimensions()
     z = positions(report.linkage)
-    line = 0.6 + 0.75j
-    step = (CRANK / abs(line) - 1) / 2 * line
-    assert abs(z["A"] + step) <= CLOSE
-    assert abs(z["B"] - (line + step)) <= CLOSE
-    assert (z["C"], z["D"]) == (2.9 + 1.9j, 2.4 + 0.1j)
-    assert report.free == ("B", "C", "D")
-    assert report.freedoms == 4  # of eight coordinates, three of the whole, and one length
-    assert dict(report.moved) == pytest.approx({"A": abs(step), "B": abs(step)}, rel=1e-6)
+    line = 2.3 + 1.15j
+    step = (ROD / abs(line) - 1) / 2 * line
+    assert abs(z["B"] - (0.6 + 0.75j - step)) <= CLOSE
+    assert abs(z["C"] - (2.9 + 1.9j + step)) <= CLOSE
+    assert report.free == ("B", "C")
+    assert report.freedoms == 3  # of four coordinates, and one length
+    assert dict(report.moved) == pytest.approx({"B": abs(step), "C": abs(step)}, rel=1e-6)
+
+
+def crank_rocker():
+    """Lengths of the moving links of a drawing whose crank is too short by 5 mm."""
+    m = bm.Linkage("crank_rocker")
+    for name in ("crank", "coupler", "rocker"):
+        m.add_link(name)
+    m.add_joint("O2", "R", ["frame", "crank"], point=(0.0, 0.0))
+    m.add_joint("A", "R", ["crank", "coupler"], point=(0.04, 0.0))
+    m.add_joint("B", "R", ["coupler", "rocker"], point=(0.13, 0.07))
+    m.add_joint("O4", "R", ["frame", "rocker"], point=(0.1, 0.0))
+    m.add_driver("motor", "O2", LAW)
+    m.add_dimension("crank", "length", ["O2", "A"], "45 mm")
+    m.add_dimension("coupler", "length", ["A", "B"], "120 mm")
+    m.add_dimension("rocker", "length", ["B", "O4"], "80 mm")
+    return m
+
+
+@pytest.mark.parametrize("ground", [None, "100 mm", "110 mm"])
+def test_pivots_of_the_frame_stay_unless_a_dimension_names_them(ground):
+    """The stroke is that of a crank-rocker with its lengths, by the law of cosines."""
+    m = crank_rocker()
+    if ground:
+        m.add_dimension("ground", "length", ["O2", "O4"], ground)
+    report = m.fit_dimensions()
+    z, d = positions(report.linkage), 0.11 if ground == "110 mm" else 0.1
+    missing = (d - 0.1) / 2  # both ends move alike where the frame's own length is another
+    assert abs(z["O2"] + missing) <= CLOSE
+    assert abs(z["O4"] - (0.1 + missing)) <= CLOSE
+    assert (report.free, report.freedoms, report.frame) == (("A", "B"), 1, ())
+    angles = [
+        math.acos((d**2 + 0.08**2 - far**2) / (2 * d * 0.08))
+        for far in (0.12 + 0.045, 0.12 - 0.045)
+    ]
+    stroke = m.compile().stroke("link.rocker.angle").length
+    assert stroke == pytest.approx(angles[0] - angles[1], rel=1e-8)
+
+
+def test_pivots_of_the_frame_move_where_nothing_else_fulfils_the_dimensions():
+    m = sketch()
+    for name, points, value in (("crank", "AB", 0.3), ("rod", "BC", 0.5), ("rocker", "CD", 0.4)):
+        m.add_dimension(name, "length", list(points), value)  # 1.2 m over a ground of 2.4 m
+    report = m.fit_dimensions()
+    z = positions(report.linkage)
+    assert abs(z["A"] - z["B"]) == pytest.approx(0.3, abs=CLOSE)
+    assert report.frame == ("A", "D")
+    assert "A, D of the frame moved" in str(report)
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -2,11 +2,12 @@
 
 Unknowns are the positions of joints and markers in the drawing, whose joints are closed first.
 Gauss-Newton steps of least length go from the positions as they are drawn to the nearest that
-fulfil the dimensions; then places on the links follow. The singular value decomposition of the
-Jacobian tells the rest: combinations of residuals that no motion changes are dimensions too many,
-motions that change no residual are points that remain free. One more step with numbers that carry
-derivatives hands these on, for the residuals are zero and the Jacobian is known (implicit function
-theorem).
+fulfil the dimensions; then places on the links follow. Points of the frame follow the dimensions
+that name only such points, and all others move against them; where these cannot fulfil the rest,
+all points move alike. Singular values of the Jacobian tell what remains: combinations of residuals
+that no motion changes are dimensions too many, motions that change no residual are points that
+remain free. One more step with numbers that carry derivatives hands these on, for the residuals
+are zero and the Jacobian is known (implicit function theorem).
 
 Source: Nocedal & Wright, Numerical Optimization, 2nd ed., ch. 10 (Gauss-Newton method).
 """
@@ -14,7 +15,7 @@ Source: Nocedal & Wright, Numerical Optimization, 2nd ed., ch. 10 (Gauss-Newton 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -51,8 +52,9 @@ class Dimensions(Facts, Report):
     linkage : the drawing that satisfies them
     moved : point -> distance [m] by which it was moved
     redundant : dimensions that follow from the rest
-    free : points that can still move against the first points of the frame, with all dimensions
+    free : points that can still move against those of the frame, with all dimensions
     freedoms : number of their degrees of freedom
+    frame : points of the frame that moved because the others cannot fulfil the dimensions alone
     """
 
     linkage: Linkage
@@ -60,12 +62,15 @@ class Dimensions(Facts, Report):
     redundant: tuple[str, ...]
     free: tuple[str, ...]
     freedoms: int
+    frame: tuple[str, ...] = ()
 
     def lines(self) -> Iterator[str]:
         """Satisfied dimensions, then the remaining degrees of freedom."""
         farthest = max(self.moved, key=lambda name: self.moved[name], default="")
         moved = f"; {farthest} moved most, by {self.moved[farthest]:.3g} m" if farthest else ""
         yield f"dimensions satisfied: {len(self.linkage.dimensions)}{moved}"
+        if self.frame:
+            yield f"{listed(self.frame)} of the frame moved: other points alone cannot satisfy them"
         if self.redundant:
             yield f"{listed(self.redundant)} follow from the rest"
         freedoms = f"degrees of freedom left: {self.freedoms}, of {listed(self.free)}"
@@ -79,27 +84,29 @@ def fit_dimensions(linkage: Linkage) -> Dimensions:
     """
     GraphError.raise_for(reference_problems(linkage, vars(linkage)))
     drawing = _Drawing(linkage)
-    if len(drawing.points) < 2:
-        return Dimensions(linkage, {}, (), (), 0)
-    x, values, jacobian = drawing.fit()
-    left, s, right = np.linalg.svd(jacobian)
+    fit = drawing.fit()
+    left, s, _ = np.linalg.svd(fit.jacobian)
     rank = int((s > EQUAL * s.max(initial=0.0)).sum())
     owners = [name for name, _ in drawing.rows(drawing.start)]
-    if np.abs(values).max(initial=0.0) > CLOSED:
-        wrong = {name for name, value in zip(owners, values, strict=True) if abs(value) > CLOSED}
-        raise GraphError(_contradiction(linkage, wrong, values, drawing.size))
+    if fit.misfit > CLOSED:
+        wrong = {n for n, r in zip(owners, fit.residuals, strict=True) if abs(r) > CLOSED}
+        raise GraphError(_contradiction(linkage, wrong, fit.misfit, drawing.size))
     tied = np.abs(left[:, rank:]).max(axis=1, initial=0.0) > math.sqrt(EQUAL)
-    motions = _beside_the_whole(right[rank:], x, drawing.anchors)
-    loose = np.abs(motions).max(axis=0, initial=0.0).reshape(-1, 2).max(axis=1, initial=0.0)
-    free = [n for n, share in zip(drawing.points, loose, strict=True) if share > math.sqrt(EQUAL)]
     redundant = dict.fromkeys(n for n, part in zip(owners, tied, strict=True) if part)
-    away = {n: float(abs(z - drawing.start[n])) for n, z in drawing.positions(x).items()}
+    positions = drawing.positions(fit.x)
+    away = {n: float(abs(z - drawing.start[n])) for n, z in positions.items()}
+    moved = {name: d for name, d in away.items() if d > CLOSED * drawing.size}
+    _, s, right = np.linalg.svd(fit.jacobian[:, ~drawing.on_frame])
+    motions = right[int((s > EQUAL * s.max(initial=0.0)).sum()) :]
+    loose = np.abs(motions).max(axis=0, initial=0.0).reshape(-1, 2).max(axis=1, initial=0.0)
+    others = [name for name in drawing.points if name not in drawing.frame]
     return Dimensions(
-        linkage.with_checked(settled(drawing.numbers(drawing.positions(x)))),
-        {name: d for name, d in away.items() if d > CLOSED * drawing.size},
+        linkage.with_checked(settled(drawing.numbers(positions))),
+        moved,
         tuple(redundant),
-        tuple(free),
+        tuple(n for n, share in zip(others, loose, strict=True) if share > math.sqrt(EQUAL)),
         len(motions),
+        () if fit.held else tuple(name for name in moved if name in drawing.frame),
     )
 
 
@@ -111,22 +118,42 @@ def dimensioned(linkage: Linkage) -> Linkage:
     if not linkage.dimensions:
         return linkage
     drawing = _Drawing(linkage)
-    x, values, jacobian = drawing.fit()
-    if np.abs(values).max(initial=0.0) > CLOSED:
+    fit = drawing.fit()
+    if fit.misfit > CLOSED:
         fit_dimensions(linkage)  # which says why
-    positions = drawing.positions(x)
+    positions = drawing.positions(fit.x)
     varied = _Drawing(linkage, plain=False)
     moved = {n: z + (varied.start[n] - drawing.start[n]) for n, z in positions.items()}
     residuals = [r for _, r in varied.rows(moved)]
     if any(isinstance(r, Varied) for r in residuals):
-        steps = np.linalg.pinv(jacobian, rcond=EQUAL)
         for i, name in enumerate(drawing.points):
             dx, dy = (
                 sum(-a * r for a, r in zip(row.tolist(), residuals, strict=True))
-                for row in steps[2 * i : 2 * i + 2]
+                for row in fit.inverse[2 * i : 2 * i + 2]
             )
             moved[name] = moved[name] + (dx + dy * 1j) * drawing.size
     return linkage.with_numbers(varied.numbers(moved))
+
+
+class _Fit(NamedTuple):
+    """Positions at which the dimensions hold best.
+
+    x : (2n,) positions over the size of the drawing
+    residuals, jacobian : (m,), (m, 2n), of the dimensions
+    inverse : (2n, m) residuals -> the step that takes them away
+    held : points of the frame follow the dimensions of the frame alone
+    """
+
+    x: Floats
+    residuals: Floats
+    jacobian: Floats
+    inverse: Floats
+    held: bool
+
+    @property
+    def misfit(self) -> float:
+        """Largest residual."""
+        return float(np.abs(self.residuals).max(initial=0.0))
 
 
 class _Drawing:
@@ -134,7 +161,8 @@ class _Drawing:
 
     points : names of joints and markers
     start : point -> position [m]
-    anchors : two of the points, of the frame if it has some
+    frame : those of the points that are on the frame
+    on_frame : (2n,) whether a coordinate is that of such a point
     """
 
     def __init__(self, linkage: Linkage, plain: bool = True) -> None:
@@ -147,6 +175,7 @@ class _Drawing:
             self.dimensions = {name: _settled(x) for name, x in linkage.dimensions.items()}
         self.sides: dict[str, list[Side]] = {}
         self.start: Complex = {}
+        self.frame: set[str] = set()
         for name, joint in linkage.joints.items():
             for k, (link, at) in enumerate(zip(joint.links, joint.at, strict=True)):
                 self._side(name, ("joints", name, "at", k), at.z, link, layout.welds, plain)
@@ -155,9 +184,7 @@ class _Drawing:
                 path = ("links", link, "markers", name, "at")
                 self._side(f"{link}.{name}", path, marker.at.z, link, layout.welds, plain)
         self.points = list(self.start)
-        fixed = [name for name, joint in linkage.joints.items() if FRAME in joint.links]
-        first = [*fixed, *(name for name in self.points if name not in fixed)][:2]
-        self.anchors = [self.points.index(name) for name in first]
+        self.on_frame = np.repeat([name in self.frame for name in self.points], 2)
 
     def _side(
         self,
@@ -171,6 +198,8 @@ class _Drawing:
         """Note a point on one of its links; its position is that on the first."""
         weld = welds[link]
         pose: Pose = self.poses[weld.link]
+        if weld.link == FRAME:
+            self.frame.add(name)
         z = settled(z) if plain else z
         self.start.setdefault(name, pose.point(weld.place(z)))
         self.sides.setdefault(name, []).append(Side(path, pose.direction(weld.direction(1 + 0j))))
@@ -202,20 +231,35 @@ class _Drawing:
         matrix = np.reshape([np.real(r.d) for r in rows], (len(rows), len(x)))
         return np.array([complex(r).real for r in rows]), matrix
 
-    def fit(self) -> tuple[Floats, Floats, Floats]:
-        """Unknowns (2n,) where the dimensions hold best, residuals (m,), derivatives (m, 2n)."""
+    def fit(self) -> _Fit:
+        """The frame by its own dimensions, then the rest; all points where that leaves a misfit."""
+        fit = self._fit(held=True)
+        return fit if fit.misfit <= CLOSED or not self.frame else self._fit(held=False)
+
+    def _fit(self, held: bool) -> _Fit:
         z = np.array([self.start[name] for name in self.points]) / self.size
         x: Floats = np.stack([z.real, z.imag], 1).ravel()
         values, matrix = self._residuals(x)
         for _ in range(NEWTON_STEPS):
-            step = -np.linalg.lstsq(matrix, values, rcond=EQUAL)[0]
+            step = -self._inverse(matrix, held) @ values
             step *= LONGEST_STEP / np.abs(step).max(initial=LONGEST_STEP)
             x = x + step
             before, (values, matrix) = np.abs(values).max(initial=0.0), self._residuals(x)
             now = np.abs(values).max(initial=0.0)
             if now == 0 or (np.abs(step).max(initial=0.0) < CLOSED and now >= before / 2):
                 break
-        return x, values, matrix
+        return _Fit(x, values, matrix, self._inverse(matrix, held), held)
+
+    def _inverse(self, jacobian: Floats, held: bool) -> Floats:
+        """Least steps (2n, m): those of the frame first, if it is held, and the rest after them."""
+        named = [self.frame.issuperset(self.dimensions[n].points) for n, _ in self.rows(self.start)]
+        rows, columns = held & np.array([named], bool).T, held & self.on_frame
+        frame, rest = (
+            np.linalg.pinv(jacobian * (rows == k) * (columns == k), rcond=EQUAL)
+            for k in (True, False)
+        )
+        inverse: Floats = frame + rest @ (np.eye(len(jacobian)) - jacobian @ frame)
+        return inverse
 
     def numbers(self, positions: Complex) -> dict[Path, Complex]:
         """Path -> number of the document with points at other positions."""
@@ -239,26 +283,6 @@ def _settled(dimension: Dimension) -> Dimension:
     return dimension if value is None else dimension.model_copy(update={"value": value})
 
 
-def _beside_the_whole(motions: Floats, x: Floats, anchors: Sequence[int]) -> Floats:
-    """Motions (j, 2n) that no dimension stops, of those (k, 2n) less the drawing as a whole.
-
-    As far as it can move as a whole, the first anchor stays, and the second in line with it.
-    """
-    z = x[0::2] + 1j * x[1::2]
-    shift = np.eye(2)[:, np.arange(len(x)) % 2]
-    turn = np.stack([-z.imag, z.real], 1).reshape(1, -1)
-    whole = np.linalg.qr(np.concatenate([shift, turn]).T)[0].T
-    shares = np.linalg.svd(whole @ motions.T, compute_uv=False)
-    rigid = int((shares > 1 - math.sqrt(EQUAL)).sum())
-    held = np.zeros((3, len(x)))
-    a, b = anchors
-    held[:2, 2 * a : 2 * a + 2] = np.eye(2)
-    held[2, 2 * b : 2 * b + 2] = (z[a] - z[b]).imag, (z[b] - z[a]).real
-    gauge = held[[slice(0, 0), slice(2, 3), slice(0, 2), slice(0, 3)][rigid]]
-    free: Floats = np.linalg.svd(gauge @ motions.T)[2][rigid:] @ motions
-    return free
-
-
 def _coincidence(name: str, dimension: Dimension) -> Problem:
     """The problem of a dimension of a line whose ends stand at one place."""
     where = path_text(("dimensions", name, "points"))
@@ -267,11 +291,11 @@ def _coincidence(name: str, dimension: Dimension) -> Problem:
 
 
 def _contradiction(
-    linkage: Linkage, wrong: set[str], values: Floats, size: float
+    linkage: Linkage, wrong: set[str], misfit: float, size: float
 ) -> Iterator[Problem]:
     """The problem of dimensions that cannot hold together."""
     names = [name for name in linkage.dimensions if name in wrong]
-    found = f"{listed(names)} cannot hold together: they miss by up to {np.abs(values).max():.3g}"
+    found = f"{listed(names)} cannot hold together: they miss by up to {misfit:.3g}"
     found += f" (lengths over {size:.3g} m, angles in rad)"
     where, remedy = path_text(("dimensions", names[-1])), f"change or remove one of {listed(names)}"
     yield Problem("conflicting-dimensions", where, found, "", remedy)

@@ -360,7 +360,7 @@ class Linkage(Document):
         >>> m.add_dimension("rod", "length", ["A", "B"], "250mm")
         >>> print(m.fit_dimensions())
         dimensions satisfied: 1; B moved most, by 0.025 m
-        degrees of freedom left: 4, of A, B, cylinder
+        degrees of freedom left: 3, of A, B
         """
         points = list(as_names(f"dimensions.{name}.points", points))
         self._add("dimension", name, {"type": kind, "points": points, "value": value}, kind)
