@@ -108,21 +108,23 @@ def test_a_load_that_ends_at_a_rate(method, form):
 def test_a_load_without_a_value_at_the_start():
     motion = rod(linear("time", -0.5), gravity=0.0).simulate("time=1", start=at_rest(START)).motion
     assert (motion.status, motion.end, motion.t_end) == ("failed", "undefined load", 0.0)
-    assert "load0 gives no value beyond t = 0 s" in motion.notes
+    (note,) = (note for note in motion.notes if "load0" in note)
+    table, place = "a table of the time from -1 to -0.5 s", "t = 0 s, crank = 0.5 rad, rate 0 rad/s"
+    assert note == f"load0 ({table}) gives no value beyond {place}"
 
 
 def test_only_the_load_that_ends_is_named():
     scene = rod(motor(1.0, 50.0), linear("time", LAST_TIME), gravity=0.0)
     motion = scene.simulate("time=1", start=at_rest(START)).motion
     assert motion.end == "undefined load"
-    assert "load1 gives no value beyond t = 0.3 s" in motion.notes
+    assert "load1 (a table of the time from -1 to 0.3 s) gives no value" in motion.notes[-1]
 
 
 def test_a_force_that_ends():
     scene = slide(law=linear("time", LAST_TIME, 3.0))
     motion = scene.simulate("time=1", start={"slider": (0.0, 0.0)}).motion
     assert motion.end == "undefined load"
-    assert "force gives no value beyond t = 0.3 s" in motion.notes
+    assert "force (a table of the time from -1 to 0.3 s) gives no value" in motion.notes[-1]
 
 
 @pytest.mark.parametrize("method", ["dop853", "radau"])
@@ -155,7 +157,7 @@ def test_several_drivers(method):
     assert (motion.status, motion.end) == ("ended", "undefined load")
     assert motion.t_end == pytest.approx(0.05, rel=1e-9)
     assert motion.error < 1e-6
-    assert "motor gives no value beyond t = 0.05 s" in motion.notes
+    assert "motor (a table of the time from -1 to 0.05 s) gives no value" in motion.notes[-1]
 
 
 def test_a_spring_of_no_length_has_no_direction():
@@ -172,3 +174,41 @@ def test_a_spring_of_no_length_has_no_direction():
     assert motion.notes[0] == "undefined load at the start"
     assert any("spring gives no value" in note for note in motion.notes)
     assert motion.error == math.inf
+
+
+def motored_slider_crank(arguments, values):
+    """A motor by a line of the rate, against a brake of 1 N m."""
+    m = bm.Linkage("slider_crank")
+    m.add_link("crank", mass=1.0, inertia=0.01)
+    m.add_link("rod", mass=0.5, inertia=0.001, cm=(0.1, 0.0))
+    m.add_link("piston", mass=0.5)
+    m.add_joint("O", "R", ["frame", "crank"], point=(0.0, 0.0))
+    m.add_joint("A", "R", ["crank", "rod"], point=(0.06, 0.0))
+    m.add_joint("B", "R", ["rod", "piston"], point=(0.26, 0.0))
+    m.add_joint("G", "P", ["frame", "piston"], point=(0.26, 0.0))
+    m.add_driver("motor", "O")
+    line = {"of": "rate", "arguments": arguments, "values": values, "interpolation": "linear"}
+    m.add_load("dc", "motor", joint="O", law={"kind": "table", **line})
+    m.add_load("brake", "couple", link="crank", moment=-1.0)
+    return m.compile()
+
+
+def test_the_search_for_a_steady_state_stays_where_the_law_has_values():
+    """The same line as a longer table has the same steady state."""
+    short = motored_slider_crank(["0 rpm", "1500 rpm"], [6.0, 0.0])
+    longer = motored_slider_crank(["0 rpm", "3000 rpm"], [6.0, -6.0])
+    motions = [m.simulate("steady", start=at_rest(0.0, "motor")).motion for m in (short, longer)]
+    speeds = [motion.facts["mean_speed"] for motion in motions]
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-9)
+    assert all(motion.end == "steady" for motion in motions)
+
+
+def test_a_law_that_ends_before_a_steady_state_is_named_with_its_range():
+    m = motored_slider_crank(["0 rpm", "1500 rpm"], [6.0, 2.0])
+    table = r"dc \(a table of the rate from 0 to 157.08 rad/s\) gives no value"
+    with pytest.raises(bm.RequestError, match=table):
+        m.simulate("steady", start=at_rest(0.0, "motor"))
+    with pytest.raises(bm.RequestError, match=f"{table} at the start"):
+        m.simulate("steady", start={"motor": (0.0, "1600 rpm")})
+    motion = m.simulate("time=1", start={"motor": (0.0, "1600 rpm")}).motion
+    assert "motor = 0 rad, rate 167.552 rad/s" in motion.notes[-1]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,8 @@ from blockmech.dynamics.periodic import ELSEWHERE, FLOWS, GIVE, FixedPoint, fixe
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.run import INTEGRATORS
 from blockmech.dynamics.time import TimeIntegration, integrate
-from blockmech.ground.errors import RequestError
+from blockmech.dynamics.undefined import undefined_loads
+from blockmech.ground.errors import RequestError, listed
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Motion
 from blockmech.typing import Floats
@@ -38,14 +40,18 @@ FAR = 1 / SMALL  # spans that a driver without turns may go without a standstill
 class MotionEnded(Exception):
     """A motion ended on the way, by something named: "dead centre", "end stop" ..."""
 
-    def __init__(self, end: str, t: float = math.nan) -> None:
+    def __init__(
+        self, end: str, t: float = math.nan, loads: Callable[[], list[str]] = list
+    ) -> None:
         super().__init__(end)
-        self.end, self.t = end, t
+        self.end, self.t, self.loads = end, t, loads
 
     def after(self, clock: float) -> RequestError:
         """What ends the motion from the start, and when."""
         when = f" after {clock + self.t:.6g} s" if math.isfinite(self.t) else ""
-        return no_steady(f"the motion from the start ends{when}: {self.end}", ELSEWHERE)
+        silent = self.loads()
+        end = f"{listed(silent)} gives no value beyond" if silent else self.end
+        return no_steady(f"the motion from the start ends{when}: {end}", ELSEWHERE)
 
 
 class SectionReturn(NamedTuple):
@@ -86,7 +92,9 @@ class Flow:
         for i, (period, between) in enumerate(zip(self.periods, system.stops, strict=False)):
             self.turns[i] = 0.0 if np.isfinite(between).any() else period or 0.0
         if not np.isfinite(self.acceleration(self.x)).all():
-            why = classify_obstacle(self.equation, start.t, self.x).end
+            silent = undefined_loads(system.compiled, self.request.standing)
+            why = f"{listed(silent)} gives no value" if silent else ""
+            why = why or classify_obstacle(self.equation, start.t, self.x).end
             raise no_steady(f"{why} at the start", "start elsewhere")
 
     def measure(self, x: Floats) -> None:
@@ -144,7 +152,7 @@ class Flow:
             raise MotionEnded("a way without end")
         motion = self._run(x, tolerance, Until("time", time))
         if motion.end != "time":
-            raise MotionEnded(motion.end, motion.t_end - motion.t_start)
+            raise self._interruption(motion)
         return self.end_of(motion)
 
     def passage(self, x: Floats, tolerance: float = LOOSE) -> SectionReturn:
@@ -153,12 +161,16 @@ class Flow:
 
         gone = Watch(ends.TURN, lambda t, q, qd: abs(q - begin) - limit)
         motion = self._run(x, tolerance, Until("standstill"), [gone])
-        time = motion.t_end - motion.t_start
         if motion.end == ends.TURN and not self.turns[0]:
             raise MotionEnded("a way without end")
         if motion.end not in (ends.STANDSTILL, ends.TURN, ends.REST):
-            raise MotionEnded(motion.end, time)
+            raise self._interruption(motion)
+        time = motion.t_end - motion.t_start
         return SectionReturn(motion.end, self.end_of(motion), time)
+
+    def _interruption(self, motion: Motion) -> MotionEnded:
+        loads = partial(undefined_loads, self.system.compiled, motion)
+        return MotionEnded(motion.end, motion.t_end - motion.t_start, loads)
 
     def change(self, kind: str, ways: int = 1) -> Callable[..., Floats]:
         """The map that says what ways of a kind change of a state; NaN where it goes others."""

@@ -21,10 +21,7 @@ from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.layout import in_numbers
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.motion_outputs import (
-    SimulationResult,
-    by_column,
-)
+from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.dynamics.request import (
     OUTPUTS,
     Pairs,
@@ -38,15 +35,14 @@ from blockmech.dynamics.request import (
 from blockmech.dynamics.roles import RolesGiven, unused_laws
 from blockmech.dynamics.stops import prepared
 from blockmech.dynamics.system import System
+from blockmech.dynamics.undefined import with_undefined_loads
 from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.engines.llvm import compiled_program
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.progress import with_bar
 from blockmech.plan.settings import friction_asked
-from blockmech.result.failures import loads_without_value
-from blockmech.result.motion import Event, Motion, RolesFrom
-from blockmech.result.samples import Samples
+from blockmech.result.motion import Motion, RolesFrom
 from blockmech.typing import (
     EngineName,
     FrictionMethod,
@@ -59,8 +55,6 @@ from blockmech.typing import (
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-
-AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
 
 
 @with_bar
@@ -209,41 +203,6 @@ def evaluation_cost(mechanism: Compiled, friction: FrictionMethod | None) -> str
     for program_name, (program, times) in passes.items():
         parts.append(f"{program_name} {program.calls}" + (f", {times} times" if times > 1 else ""))
     return "kernel calls of an evaluation of the motion: " + "; ".join(parts)
-
-
-# -- loads without a value -----------------------------------------------------------------
-
-
-def with_undefined_loads(mechanism: Compiled, motion: Motion) -> Motion:
-    """The motion; its end named after a load that has no value there, if there is one.
-
-    A method only sees that the equation of motion says nothing further on, as it does where
-    links do not reach: tables that end, functions that give NaN, springs of no length.
-    """
-    if motion.end not in (ends.IMPOSSIBLE, ends.UNDEFINED_LOAD) and motion.status != "failed":
-        return motion
-    silent = undefined_loads(mechanism, motion)
-    if not silent:
-        return motion
-    events = [event for event in motion.events if event.kind != motion.end]
-    if motion.status != "failed":
-        events.append(Event(ends.UNDEFINED_LOAD, motion.t_end, motion.q_end, motion.qd_end))
-    note = f"{listed(silent)} gives no value beyond t = {motion.t_end:.9g} s"
-    notes = (*motion.notes, note)
-    return replace(motion, end=ends.UNDEFINED_LOAD, events=tuple(events), notes=notes)
-
-
-def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
-    """Loads that have no value where the motion ended or just ahead, in a good pose."""
-    end, rate = (np.atleast_1d(x).astype(float) for x in (motion.q_end, motion.qd_end))
-    before = motion.at(motion.t_end - AHEAD[-2] * (motion.t_end - motion.t_start)).qd
-    steps, grows = np.array(AHEAD)[:, None], np.sign(rate - np.atleast_1d(before))
-    q = end + steps * np.sign(rate) * np.maximum(np.abs(end), 1.0)
-    rate = rate + steps * grows * np.maximum(np.abs(rate), 1.0)
-    t = motion.t_end + steps[:, 0] * max(abs(motion.t_end), 1.0)
-    inputs = by_column("q", q) | by_column("qd", rate) | by_column("qdd", 0 * q)
-    inputs |= by_column("x", motion.signal_states(np.full(len(t), motion.t_end)))
-    return loads_without_value(mechanism, Samples(len(t), inputs, t))
 
 
 def progress_of(progress: object) -> Progress | None:

@@ -363,16 +363,23 @@ def _scan_map(change: Callable[[float], float], z: float, anchor: float) -> floa
         return z
     inward = first * (z - anchor) < 0
     factor, end = (INWARD, SMALL) if inward else (1 / INWARD, 1 / SMALL)
-    share, last = 1.0, z
+    share, following, failure = 1.0, z, math.nan
     while (share > end) is inward:
-        share *= factor
-        following = anchor + share * (z - anchor)
-        value = change(following)
+        next_share = share * factor if math.isnan(failure) else (share + failure) / 2
+        last, following = following, anchor + next_share * (z - anchor)
+        try:
+            value = change(following)
+        except MotionEnded as lost:  # behind the end of a table, say: nearer
+            following, failure = last, next_share
+            lost.t = math.nan  # it is no time of the motion from the start
+            if abs(failure - share) <= SMALL * share:
+                raise
+            continue
         if math.isnan(value):
             return None
         if value * first <= 0:
             return float(brentq(change, last, following, rtol=LOOSE))
-        last = following
+        share = next_share
     if not inward:
         raise MotionEnded("swings or turns that grow without bound")
     return anchor

@@ -104,13 +104,13 @@ def test_pivots_of_the_frame_stay_unless_a_dimension_names_them(ground):
         m.add_dimension("ground", "length", ["O2", "O4"], ground)
     report = m.fit_dimensions()
     z, d = positions(report.linkage), 0.11 if ground == "110 mm" else 0.1
-    missing = (d - 0.1) / 2  # both ends move alike where the frame's own length is another
-    assert abs(z["O2"] + missing) <= CLOSE
-    assert abs(z["O4"] - (0.1 + missing)) <= CLOSE
+    shift = (d - 0.1) / 2  # both ends move alike where the frame's own length is another
+    assert abs(z["O2"] + shift) <= CLOSE
+    assert abs(z["O4"] - (0.1 + shift)) <= CLOSE
     assert (report.free, report.freedoms, report.frame) == (("A", "B"), 1, ())
     angles = [
-        math.acos((d**2 + 0.08**2 - far**2) / (2 * d * 0.08))
-        for far in (0.12 + 0.045, 0.12 - 0.045)
+        math.acos((d**2 + 0.08**2 - reach**2) / (2 * d * 0.08))
+        for reach in (0.12 + 0.045, 0.12 - 0.045)
     ]
     stroke = m.compile().stroke("link.rocker.angle").length
     assert stroke == pytest.approx(angles[0] - angles[1], rel=1e-8)

@@ -106,7 +106,7 @@ def fit_dimensions(linkage: Linkage) -> Dimensions:
         tuple(redundant),
         tuple(n for n, share in zip(others, loose, strict=True) if share > math.sqrt(EQUAL)),
         len(motions),
-        () if fit.held else tuple(name for name in moved if name in drawing.frame),
+        () if fit.frame_first else tuple(name for name in moved if name in drawing.frame),
     )
 
 
@@ -141,14 +141,14 @@ class _Fit(NamedTuple):
     x : (2n,) positions over the size of the drawing
     residuals, jacobian : (m,), (m, 2n), of the dimensions
     inverse : (2n, m) residuals -> the step that takes them away
-    held : points of the frame follow the dimensions of the frame alone
+    frame_first : points of the frame follow the dimensions of the frame alone
     """
 
     x: Floats
     residuals: Floats
     jacobian: Floats
     inverse: Floats
-    held: bool
+    frame_first: bool
 
     @property
     def misfit(self) -> float:
@@ -233,27 +233,27 @@ class _Drawing:
 
     def fit(self) -> _Fit:
         """The frame by its own dimensions, then the rest; all points where that leaves a misfit."""
-        fit = self._fit(held=True)
-        return fit if fit.misfit <= CLOSED or not self.frame else self._fit(held=False)
+        fit = self._fit(frame_first=True)
+        return fit if fit.misfit <= CLOSED or not self.frame else self._fit(frame_first=False)
 
-    def _fit(self, held: bool) -> _Fit:
+    def _fit(self, frame_first: bool) -> _Fit:
         z = np.array([self.start[name] for name in self.points]) / self.size
         x: Floats = np.stack([z.real, z.imag], 1).ravel()
         values, matrix = self._residuals(x)
         for _ in range(NEWTON_STEPS):
-            step = -self._inverse(matrix, held) @ values
+            step = -self._inverse(matrix, frame_first) @ values
             step *= LONGEST_STEP / np.abs(step).max(initial=LONGEST_STEP)
             x = x + step
             before, (values, matrix) = np.abs(values).max(initial=0.0), self._residuals(x)
             now = np.abs(values).max(initial=0.0)
             if now == 0 or (np.abs(step).max(initial=0.0) < CLOSED and now >= before / 2):
                 break
-        return _Fit(x, values, matrix, self._inverse(matrix, held), held)
+        return _Fit(x, values, matrix, self._inverse(matrix, frame_first), frame_first)
 
-    def _inverse(self, jacobian: Floats, held: bool) -> Floats:
-        """Least steps (2n, m): those of the frame first, if it is held, and the rest after them."""
+    def _inverse(self, jacobian: Floats, frame_first: bool) -> Floats:
+        """Least steps (2n, m); those of the frame may come first, and the rest after them."""
         named = [self.frame.issuperset(self.dimensions[n].points) for n, _ in self.rows(self.start)]
-        rows, columns = held & np.array([named], bool).T, held & self.on_frame
+        rows, columns = frame_first & np.array([named], bool).T, frame_first & self.on_frame
         frame, rest = (
             np.linalg.pinv(jacobian * (rows == k) * (columns == k), rcond=EQUAL)
             for k in (True, False)
