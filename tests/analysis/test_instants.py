@@ -75,6 +75,28 @@ def test_instant_centres_of_a_four_bar_are_where_its_links_cross():
     np.testing.assert_allclose(advantage * ratio, 1.0, rtol=1e-12)
 
 
+def test_a_slider_has_a_force_ratio():
+    """A moment of 1 N m at the crank balances a force on the piston that does the same work."""
+    m = bm.Linkage("slider_crank")
+    for name in ("crank", "rod", "piston"):
+        m.add_link(name)
+    m.add_joint("O", "R", ["frame", "crank"], point=(0.0, 0.0))
+    m.add_joint("A", "R", ["crank", "rod"], point=(0.06, 0.0))
+    m.add_joint("B", "R", ["rod", "piston"], point=(0.26, 0.0))
+    m.add_joint("G", "P", ["frame", "piston"], point=(0.26, 0.0))
+    m.add_driver("motor", "O")
+    m.add_load("gas", "force", link="piston", at=(0.26, 0.0), force=(-1.0, 0.0))
+    mech, q = m.compile(), np.array([0.4, 1.3, 4.0])
+    drive = np.abs(mech.run(at=q, want="driver.motor.drive", static=True)["driver.motor.drive"])
+    for piston in ("piston", "joint.B", "joint.B.p.x", "joint.G.coordinate"):
+        np.testing.assert_allclose(mech.mechanical_advantage(piston, "motor", at=q), 1 / drive)
+        np.testing.assert_allclose(mech.velocity_ratio(piston, "motor", at=q), drive)
+    rod = mech.run(at=q, rates=1.0, want="link.rod.omega")["link.rod.omega"]
+    np.testing.assert_allclose(mech.velocity_ratio("rod", "link.crank.angle", at=q), np.abs(rod))
+    with pytest.raises(RequestError, match='no moving link, point or driver "pistn"'):
+        mech.velocity_ratio("pistn", "motor", at=q)
+
+
 def test_radii_of_paths():
     crank = mechanism("ruiz_fourbar")
     np.testing.assert_allclose(crank.path_radius("dyad.B", at=[0.3, 2.0]), 2.0, rtol=1e-12)

@@ -3,7 +3,8 @@
 Nothing here depends on how fast the driver goes, so all is read at unit rate:
 
     centre of link 2 against link 1   P where v1(P) = v2(P)
-    velocity ratio of two places      |v| or om of one over that of the other
+    velocity ratio of two places      |v| or om of one over that of the other; of a link that
+                                      slides |v|, of any other om
     radius of curvature of a path     |v|^3 / cross(v, a), positive where it turns left
 
 Mechanical advantage between two places is the inverse of their velocity ratio, where nothing
@@ -19,14 +20,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import among, listed, refused
+from blockmech.ground.errors import RequestError, among, listed, refused, unknown_name
 from blockmech.ground.tolerances import ROUNDING
+from blockmech.model.structure import JointRef
 from blockmech.typing import Array, Complex, Coordinates, Real
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 FRAME = "frame"
+RATES = {"q": "rate", "coordinate": "slip", "angle": "omega", "p": "v"}
+"""Coordinate -> its rate."""
 
 
 @declared
@@ -64,12 +68,17 @@ def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) ->
 
     Parameters
     ----------
-    of, by : a link (its angular speed), a point such as ``"dyad.C"`` (its speed), or a driver
+    of, by : a link (its angular speed; of one that only slides its speed), a point such as
+        ``"dyad.C"`` (its speed), a driver, or a coordinate such as ``"joint.B.p.x"`` (its rate)
     at : coordinates (n,) of the driver [rad or m]
 
     Returns
     -------
     (n,) ratios in SI units; infinite where ``by`` is at rest
+
+    Raises
+    ------
+    RequestError for names of nothing that moves, or a mechanism of several drivers
 
     >>> mech.velocity_ratio("dyad.j", "crank", at=0.5).round(6)
     array([0.368747])
@@ -83,7 +92,8 @@ def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) ->
 def mechanical_advantage(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> Array:
     """Output force or moment over the input one that balances it, without losses.
 
-    The inverse of `velocity_ratio`, with its arguments.
+    Of a link that slides, or a point, it is the force along its velocity. The inverse of
+    `velocity_ratio`, with its arguments.
 
     >>> mech.mechanical_advantage("dyad.j", "crank", at=0.5).round(6)
     array([2.711884])
@@ -122,11 +132,33 @@ def _link(mechanism: Compiled, link: str, at: Coordinates) -> tuple[Complex, Com
 
 def _rate(mechanism: Compiled, name: str, at: Coordinates) -> Real:
     outputs = mechanism.outputs
-    document = mechanism.names is not None
-    wishes = [f"{name}.rate", f"{name}.omega", f"{name}.v"]
-    wishes += [f"driver.{name}.rate", f"link.{name}.omega", f"link.{name}.v"] if document else []
-    known = next((wish for wish in wishes if wish in outputs), wishes[-1])
-    return np.abs(_moving(mechanism, at, [known], name)[known])
+    path, axis = (name[:-2], name[-2:]) if name.endswith((".x", ".y")) else (name, "")
+    owner, _, coordinate = path.rpartition(".")
+    rates = [f"{owner}.{RATES[coordinate]}"] if coordinate in RATES else []
+    quantities = ("v", "omega", "rate") if _slides(mechanism, name) else ("rate", "omega", "v")
+    owners = [f"{section}{path}" for section in ("", "driver.", "link.", "joint.")]
+    rates += [f"{owner}.{quantity}" for quantity in quantities for owner in owners]
+    rate = next((rate for rate in rates if rate in outputs), None)
+    if rate is None:
+        moving = {o.rpartition(".")[0]: None for o in outputs if o.endswith((".v", ".rate"))}
+        kind = "moving link, point or driver"
+        raise RequestError(unknown_name("unknown-output", kind, name, name, moving))
+    run = _moving(mechanism, at, [rate], name)
+    return np.abs(getattr(run[rate], {".x": "real", ".y": "imag"}[axis]) if axis else run[rate])
+
+
+def _slides(mechanism: Compiled, name: str) -> bool:
+    """Whether a link is held by prismatic pairs, one after the other, to the frame."""
+    structure, names = mechanism.structure, mechanism.names
+    links = {str(link): link for link in structure.links}
+    links |= {} if names is None else {n: x.link for n, x in names.links.items()}
+    joints = (JointRef(name, joint) for name, b in structure.blocks.items() for joint in b.joints)
+    guides = [ref for ref in joints if not structure.joint(ref).rotary]
+    pairs = [{structure.earlier_link(ref), structure.later_link(ref)} for ref in guides]
+    sliding = {structure.frame_link}
+    for _ in pairs:
+        sliding = sliding.union(*(pair for pair in pairs if pair & sliding))
+    return links.get(name.removeprefix("link.")) in sliding
 
 
 def _moving(mechanism: Compiled, at: Coordinates, names: list[str], where: str) -> Any:
