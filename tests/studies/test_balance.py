@@ -69,6 +69,18 @@ def test_bounds_hold():
         )
 
 
+def test_a_mass_at_the_pivot_balances_once_its_place_is_a_number_too():
+    """No force follows the mass as long as its centre is the pivot."""
+    g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({"crank.links.crank.cm": (0.0, 0.0)})
+    mech, shaking = g.compile(), "mechanism.shaking_force"
+    mass, place = "crank.links.crank.mass", "crank.links.crank.cm.x"
+    how = {"want": shaking, "samples": 25, "static": False}
+    both = bm.design.balance(mech, [mass, place], **how, bounds={place: ("-1 m", "1 m")})
+    assert both.after[shaking].rms < 0.99 * both.before[shaking].rms
+    with pytest.raises(bm.RequestError, match="add the numbers with which it acts"):
+        bm.design.balance(mech, mass, **how)
+
+
 def test_counterweights_calm_the_frame():
     g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     numbers = ["crank.links.crank.cm.x", "dyad.links.j.cm.x"]

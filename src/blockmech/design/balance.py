@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -187,10 +188,17 @@ def balance(
         except BlockmechError:
             return np.full(first.shape, INFEASIBLE)
 
+    def without_effect(J: Floats) -> list[str]:
+        return [a for a, c in zip(chosen, np.abs(J).max(axis=0), strict=True) if not c > 0]
+
     first, J = evaluated(start / sizes)
-    unseen = [a for a, c in zip(chosen, np.abs(J).max(axis=0), strict=True) if not c > 0]
-    if unseen:
-        raise refused(unseen[0], f"none of {listed(outputs)} follows it", "leave it out")
+    idle = without_effect(J)
+    if idle:  # a mass at a pivot acts as soon as its centre is another
+        with suppress(BlockmechError):
+            idle = without_effect(evaluated(start / sizes + 1.0)[1])
+    if idle:
+        remedy = "leave it out, or add the numbers with which it acts"
+        raise refused(idle[0], f"none of {listed(outputs)} follows it", remedy)
     limits = in_si_by_address(mechanism, bounds or {}, "bounds")
     ends = np.array([_bounds(mechanism, a, limits) for a in chosen])
     u = np.clip(start, *ends.T) / sizes

@@ -181,7 +181,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
                 e.parameter.address,
                 f"{e.parameter.value:.6g} {e.parameter.unit}".rstrip(),
                 f"{_shown(e.derivative)} {e.unit}".rstrip(),
-                f"{e.change:.3g}",
+                f"{e.change:.3g}" + self._step_of_zero(e.parameter),
             )
             for e in effects[:LINES]
         ]
@@ -192,6 +192,11 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
         yield from self.doubts(output)
         if self.left_out:
             yield f"without a derivative: {listed(self.left_out, 4)}"
+
+    def _step_of_zero(self, p: Parameter) -> str:
+        """By how much a number of zero changes, which has no hundredth, in words."""
+        step = PERCENT * size_of(p, self.parameters.values())
+        return "" if p.value else f" by {step:.3g} {p.unit}".rstrip()
 
     def to_dict(self) -> Data:
         """The rankings as JSON data."""
