@@ -268,3 +268,12 @@ def test_a_second_driver_without_inertia_is_refused_by_name(want):
         g.start(name, q=0.3, rate=0.0)
     with pytest.raises(bm.RequestError, match="no link that second moves has mass or inertia"):
         g.compile().simulate("time=0.1", want=want)
+
+
+def test_a_misspelt_output_is_refused_before_the_motion():
+    def law(rate):
+        raise AssertionError("the motion has begun")
+
+    pendulum = rod(law)
+    with pytest.raises(RequestError, match=r'did you mean "crank\.rate"'):
+        pendulum.simulate("time=1", start=at_rest(0.5), want="crank.rat")

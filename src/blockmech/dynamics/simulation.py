@@ -123,6 +123,7 @@ def simulate(
     request, starts = request_of(mechanism.scene, mechanism._coordinate_units, *about)
     report, limit = progress_of(progress), budget_of(budget)
     friction_method = friction_asked(friction)
+    mechanism._plan_for(want, replace(friction_method, along=friction_method.method != "none"))
     options = {"method": friction_method, "progress": report, "engine": engine, "budget": limit}
     prepare = partial(prepared, options=options)
     system, request = prepare(mechanism, request, starts, stops)
