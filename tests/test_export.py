@@ -500,3 +500,15 @@ def test_what_is_not_compiled_is_told_how():
     drawing = bm.read(GRAPHS / "joints" / "slider_crank.json")
     with pytest.raises(bm.RequestError, match="compile it first"):
         bm.design.flywheel(drawing, speed=80.0, fluctuation=0.05)
+
+
+def test_rounding_beside_the_largest_of_a_unit_is_zero_in_tables():
+    """Where rounding is beside the largest speed; and 30 deg is no 29.999999999999996 deg."""
+    r = bm.Graph.load(GRAPHS / "slider_crank.json").run(
+        at=["0 deg", "30 deg", "90 deg", "180 deg"], want="*.v"
+    )
+    rows = list(csv.DictReader(io.StringIO(r.to("deg").to_csv())))
+    assert [row["crank.q [deg]"] for row in rows] == ["0.0", "30.0", "90.0", "180.0"]
+    values = np.abs([float(x) for row in rows for name, x in row.items() if "[m/s]" in name])
+    assert values[values > 0].min() > 1e-13 * values.max()
+    assert "-0.0" not in {x for row in rows for x in row.values()}

@@ -73,12 +73,12 @@ def test_a_mass_at_the_pivot_balances_once_its_place_is_a_number_too():
     """No force follows the mass as long as its centre is the pivot."""
     g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({"crank.links.crank.cm": (0.0, 0.0)})
     mech, shaking = g.compile(), "mechanism.shaking_force"
-    mass, place = "crank.links.crank.mass", "crank.links.crank.cm.x"
-    how = {"want": shaking, "samples": 25, "static": False}
-    both = bm.design.balance(mech, [mass, place], **how, bounds={place: ("-1 m", "1 m")})
+    mass, centre = "crank.links.crank.mass", "crank.links.crank.cm.x"
+    settings = {"want": shaking, "samples": 25, "static": False}
+    both = bm.design.balance(mech, [mass, centre], **settings, bounds={centre: ("-1 m", "1 m")})
     assert both.after[shaking].rms < 0.99 * both.before[shaking].rms
     with pytest.raises(bm.RequestError, match="add the numbers with which it acts"):
-        bm.design.balance(mech, mass, **how)
+        bm.design.balance(mech, mass, **settings)
 
 
 def test_counterweights_calm_the_frame():
@@ -232,3 +232,20 @@ def test_bounds_are_read_with_units():
         bed, "couple.moment", at=["10deg", "50deg"], bounds={"couple.moment": ("1 N m", "2 N m")}
     )
     assert best.at_bounds == ("couple.moment",)
+
+
+def test_a_constant_force_keeps_no_work_and_needs_no_motor():
+    """Over a turn it does as much as it takes, so the moment of the motor is 0, not rounding."""
+    m = bm.Linkage("slider_crank")
+    m.add_link("crank", mass=0.5, inertia=0.01)
+    m.add_link("rod", mass=0.8, inertia=0.004, cm=(0.13, 0.0))
+    m.add_link("piston", mass=1.2, cm=(0.26, 0.0))
+    m.add_joint("O", "R", ["frame", "crank"], point=(0.0, 0.0))
+    m.add_joint("A", "R", ["crank", "rod"], point=(0.06, 0.0))
+    m.add_joint("B", "R", ["rod", "piston"], point=(0.26, 0.0))
+    m.add_joint("G", "P", ["frame", "piston"], point=(0.26, 0.0))
+    m.add_driver("motor", "O")
+    m.add_load("gas", "force", link="piston", at=(0.26, 0.0), force=(-3000.0, 0.0))
+    flywheel = bm.design.flywheel(m.compile(), speed="300 rpm", fluctuation=0.02)
+    assert flywheel.moment == 0.0
+    assert "motor 0 N m" in str(flywheel)

@@ -189,12 +189,12 @@ def test_numbers_are_ranked_by_what_a_hundredth_of_them_does():
 
 def test_a_zero_has_no_hundredth_and_says_by_how_much_it_changes():
     """A hundredth of the largest length, which is the rod's 5.9 m."""
-    place = "crank.links.crank.cm.y"
-    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({place: 0.0})
-    numbers = [place, "dyad.l_i"]
+    centre = "crank.links.crank.cm.y"
+    graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").replace({centre: 0.0})
+    numbers = [centre, "dyad.l_i"]
     text = str(graph.compile().sensitivity("crank.drive", numbers, at=[0.5], rates=1.0))
     length = graph.compile().parameters()["dyad.l_i"].value
-    (row,) = (line for line in text.splitlines() if place in line)
+    (row,) = (line for line in text.splitlines() if centre in line)
     assert row.endswith(f" by {length / 100:.3g} m")
     assert text.count(" by ") == 2  # and the head, "by 1 %"
 

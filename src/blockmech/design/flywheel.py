@@ -31,6 +31,7 @@ from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import Facts
 from blockmech.ground.units import number_in_si
+from blockmech.result.columns import without_noise
 from blockmech.typing import Floats, Quantity
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class Flywheel(Facts, Pictured):
         alone = f"{self.without:.4g}" if math.isfinite(self.without) else "it does not get round"
         yield (
             f"flywheel {self.inertia:.6g} kg m2 for a fluctuation of {self.fluctuation:.4g} at "
-            f"{self.speed:.6g} rad/s, motor {self.moment + 0.0:.6g} N m; without it {alone}"
+            f"{self.speed:.6g} rad/s, motor {self.moment:.6g} N m; without it {alone}"
         )
 
 
@@ -161,12 +162,13 @@ def flywheel(mechanism: Compiled, speed: Quantity, fluctuation: Quantity) -> Fly
     edges = np.unique([*panels(0.0, period, max(4, round(4 * period / TURN))), *knots])
     load: Series = fit(lambda q: system.sample(q, mean).tau, edges, n=NODES)
     work = load.integral()
-    moment = -float(work(np.array([period]))[0]) / period
     nodes, weights = np.polynomial.legendre.leggauss(16)
     fine = np.unique([*np.linspace(0.0, period, SCANNED // 8 + 1), *knots])
     half = np.diff(fine) / 2
     q = (fine[:-1, None] + half[:, None] * (1 + nodes)).ravel()
     share = (half[:, None] * weights).ravel() / period
+    total, largest = -float(work(np.array([period]))[0]), float(np.abs(work(q)).max())
+    moment = float(without_noise(total, largest)) / period
     turn = _Turn(q, share, system.sample(q, mean).J, work(q) + moment * q)
     if not np.isfinite(turn.J + turn.energy).all():
         fault, remedy = "inertia or loads are undefined at change points", "change a length"

@@ -26,6 +26,7 @@ from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import image
 from blockmech.ground.errors import BlockmechError, path_text
 from blockmech.model.parameters import Parameter, parameters_of
+from blockmech.result.columns import output_columns, quiet_columns
 from blockmech.result.result import Result
 from blockmech.result.tables import ROWS
 from blockmech.typing import Record
@@ -124,15 +125,22 @@ def _values(result: Result) -> str:
     """The wanted outputs at some of the samples."""
     along = abscissa(result)
     shown = np.unique(np.linspace(0, result.n - 1, ROWS, dtype=int))
-    head = [along.words, *(f"{name} [{result.output(name).unit or '–'}]" for name in result)]
-    rows = ([_text(x[k]) for x in (along.values, *result.values())] for k in shown)
+    columns = quiet_columns([c for name in result for c in output_columns(result, name)])
+    parts = [[c for c in columns if c.output == name] for name in result]
+    head = [
+        along.words,
+        *(f"{name} [{c[0].unit or '–'}]" for name, c in zip(result, parts, strict=True)),
+    ]
+    rows = (
+        [_text(along.values[k]), *(", ".join(_text(c.values[k]) for c in part) for part in parts)]
+        for k in shown
+    )
     return table(head, rows)
 
 
 def _text(value: Any) -> str:
-    """A number, or the two of a vector; nothing where there is no answer."""
-    parts = (value.real, value.imag) if np.iscomplexobj(value) else (value,)
-    return ", ".join(f"{float(x):.6g}" for x in parts if np.isfinite(x))
+    """A number; nothing where there is no answer."""
+    return f"{float(value):.6g}" if np.isfinite(value) else ""
 
 
 WRITER = Writer(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,26 +106,37 @@ class Column:
     def to(self, units: Iterable[str]) -> Column:
         """The same in the first of some units that is of its kind."""
         factor, unit = shown_in(self.unit, units)
-        return self if unit == self.unit else replace(self, unit=unit, values=factor * self.values)
+        scaled = self.values if unit == self.unit else _scaled(self.values, factor)
+        return replace(self, unit=unit, values=scaled)
 
 
 def columns(result: Labelled) -> list[Column]:
     """All columns: driver coordinates, time if it is known, then the wanted outputs.
 
-    A number of the whole run, e.g. an efficiency, is repeated at every sample.
+    A number of the whole run, e.g. an efficiency, is repeated at every sample. What is rounding
+    beside the largest value of its unit is zero.
     """
     table = driver_columns(result)
     first = {column.output for column in table}
     for name in result:
         if name not in first:
             table += output_columns(result, name)
-    return table
+    return quiet_columns(table)
+
+
+def quiet_columns(table: Sequence[Column]) -> list[Column]:
+    """Columns in which what is rounding beside the largest value of their unit is zero."""
+    largest: dict[str, float] = {}
+    for c in table:
+        finite = np.abs(c.values[np.isfinite(c.values)])
+        largest[c.unit] = max(largest.get(c.unit, 0.0), float(finite.max(initial=0.0)))
+    return [replace(c, values=without_noise(c.values, largest[c.unit])) for c in table]
 
 
 def without_noise(values: Real, largest: float) -> Floats:
     """Values in which what is rounding beside the largest term is zero."""
     with np.errstate(invalid="ignore"):
-        return np.where(np.abs(values) < ROUNDING * largest, 0.0, values)
+        return np.where(np.abs(values) < ROUNDING * largest, 0.0, values) + 0.0  # no -0
 
 
 def driver_columns(result: Labelled) -> list[Column]:
@@ -164,3 +175,11 @@ def _components(result: Labelled, name: str) -> Iterator[tuple[str, Array]]:
 
 def _column(result: Labelled, name: str, unit: str, values: Real, output: str) -> Column:
     return Column(name, unit, np.asarray(values, dtype=np.float64), output).to(result._display)
+
+
+def _scaled(values: Floats, factor: float) -> Floats:
+    """Values in another unit, to the 15 digits that the product keeps: 30 and not 29.999... deg."""
+    with np.errstate(all="ignore"):
+        digits = 10.0 ** (14 - np.floor(np.log10(np.abs(factor * values))))
+        rounded = np.round(factor * values * digits) / digits
+    return np.where(np.isfinite(rounded), rounded, factor * values)

@@ -19,10 +19,10 @@ from blockmech.result.columns import (
     Labelled,
     driver_columns,
     output_columns,
-    without_noise,
+    quiet_columns,
 )
 from blockmech.result.quality import ADVICE, OK
-from blockmech.typing import Arguments, Array
+from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -162,16 +162,7 @@ def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
             has_columns = True
         else:
             omitted.append(name)
-    largest: dict[str, float] = {}
-    for c in chosen:
-        largest[c.unit] = max(largest.get(c.unit, 0.0), _largest(c.values))
-    displayed = [replace(c, values=without_noise(c.values, largest[c.unit])) for c in chosen]
-    return Selection(displayed, rows, gaps, numbers, omitted)
-
-
-def _largest(values: Array) -> float:
-    finite = np.abs(values[np.isfinite(values)])
-    return float(finite.max(initial=0.0))
+    return Selection(quiet_columns(chosen), rows, gaps, numbers, omitted)
 
 
 def _rank(name: str) -> int:
