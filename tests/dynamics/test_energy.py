@@ -95,8 +95,8 @@ def test_regimes_are_named():
         "to a standstill": run(pendulum(), 1.0, "standstill"),
         "libration": run(pendulum(), 1.0, "time=9"),
         "rotation": run(pendulum(), 1.0, "time=9", 3.0),
-        "secular": run(pendulum(couple=1.5), 0.0, "time=9"),
-        "secular braking": run(pendulum(couple=-0.2), 0.0, "time=9", 6.0),
+        "run-up": run(pendulum(couple=1.5), 0.0, "time=9"),
+        "run-down": run(pendulum(couple=-0.2), 0.0, "time=9", 6.0),
         "one way": run(pendulum(), 1.0, "time=1"),
         "rest": run(pendulum(), 0.0, "time=1"),
         "end stop": run(pendulum(stops=(-0.5, 2.0)), 1.0, "time=9"),
@@ -125,7 +125,7 @@ def test_a_hundred_thousand_turns_cost_what_one_turn_costs():
     assert abs(many.at(float(5e4 * turn)).q - 5e4 * TURN) <= 1e-9
 
 
-def test_secular_motion_over_a_thousand_turns_keeps_its_energy():
+def test_a_run_up_over_a_thousand_turns_keeps_its_energy():
     system = pendulum(couple=0.5)
     motion = run(system, 0.3, "turns=1000", 4.0)
     gained = 0.5 * TURN * 1000

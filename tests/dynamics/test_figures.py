@@ -53,7 +53,7 @@ def test_the_speed_between_two_times_may_be_asked_for_and_a_swing_does_not_advan
 def test_the_work_of_a_period_is_told_in_the_sense_of_the_motion(sense):
     mech = rod(brake=bm.Couple(moment=-0.5))
     motion = mech.simulate("turns=3", start={"crank": (0.1, sense * 30.0)}).motion
-    assert motion.regime == ("secular braking" if sense > 0 else "secular")
+    assert motion.regime == ("run-down" if sense > 0 else "run-up")
     assert motion.facts["work_per_period"] == pytest.approx(-sense * math.pi, rel=EXACT)
     assert motion.facts["period_of_loads"] == 2 * math.pi
 

@@ -152,7 +152,7 @@ def test_a_goal_that_never_comes_is_said_to_be_never_reached(until, start):
 def test_a_wheel_that_speeds_up_for_ever_reaches_no_standstill():
     wheel = rod(lambda rate: 0.01 * rate, gravity=0.0)
     motion = wheel.simulate("standstill", start={"crank": (0.0, 4.0)}).motion
-    assert (motion.status, motion.end) == ("ended", "never reached: secular")
+    assert (motion.status, motion.end) == ("ended", "never reached: run-up")
     turn = 0.01 * 2 * math.pi / scenes.J  # [rad/s] more in each: rate' = 0.01 rate / J
     assert motion.qd_end == pytest.approx(4.0 + turn * motion.q_end / (2 * math.pi), rel=1e-9)
 
@@ -277,3 +277,10 @@ def test_a_misspelt_output_is_refused_before_the_motion():
     pendulum = rod(law)
     with pytest.raises(RequestError, match=r'did you mean "crank\.rate"'):
         pendulum.simulate("time=1", start=at_rest(0.5), want="crank.rat")
+
+
+def test_a_standstill_says_where_it_is():
+    motion = rod().simulate("standstill", start=at_rest(0.5)).motion
+    first, *_ = str(motion).splitlines()
+    assert first.endswith(f", at rest at {motion.q_end:.9g} rad")
+    assert "at rest" not in str(rod().simulate("time=0.1", start=at_rest(0.5)).motion)

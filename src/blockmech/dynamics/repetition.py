@@ -80,7 +80,7 @@ def turns(
         if count < 2:
             return None
         turn = replace(turn, starts=starts)
-        regime = "secular" if turn.gain > 0 else "secular braking"
+        regime = "run-up" if turn.gain > 0 else "run-down"
         facts = {"work_per_period": turn.gain, "period_of_loads": period}
     else:
         regime = "rotation"

@@ -44,5 +44,5 @@ class TurnsInTime:
         if change**2 <= (abs(last) - abs(change)) * small:  # all that follow, a geometric series
             facts = {"period": duration, "mean_speed": travel / duration}
             return RunEnd("never reached: rotation", facts=facts)
-        secular = change >= last > 0 and change > small
-        return RunEnd("never reached: secular") if secular else None
+        run_up = change >= last > 0 and change > small
+        return RunEnd("never reached: run-up") if run_up else None

@@ -151,7 +151,7 @@ class Motion(Facts, Report):
     Attributes
     ----------
     method, why : the method, and the reason for it
-    regime : "libration", "rotation", "secular", "secular braking", "rest", ...
+    regime : "libration", "rotation", "run-up", "run-down", "rest", ...
     status : "reached": the goal; "ended": before the goal, for the reason ``end``; "rest": nothing
         moves; "unfinished": budget exhausted or interrupted; "failed": no (further) motion could
         be computed
@@ -247,7 +247,10 @@ class Motion(Facts, Report):
 
     def summary(self) -> list[str]:
         """Lines about its end, method, error and figures."""
-        lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s"]
+        at_rest = self.status != "failed" and not np.any(self.qd_end)
+        coordinates = listed(f"{q:.9g}" for q in np.atleast_1d(self.q_end))
+        rest = f", at rest at {coordinates} {self.unit}" if at_rest else ""
+        lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s{rest}".rstrip()]
         for begin, of in self.roles:
             since = f" from {begin:.6g} s on" if begin > self.t_start else ""
             lines.append(f"roles{since}: " + listed(f"{d} {role}" for d, role in of.items()))
