@@ -51,6 +51,19 @@ def test_straight_lines_of_a_table_pass_its_points_and_end_with_them():
     assert np.isnan(value(law, x)[[0, -1]]).all()
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_an_argument_that_rounding_moves_off_the_table_has_its_last_value(interpolation):
+    law = laws.Table(
+        arguments=[-0.1, 0.1, 0.3], values=[2.0, 4.0, 1.0], interpolation=interpolation
+    )
+    value, numbers = law.kernel(), law.numbers()
+    for end, expected in ((-0.1, 2.0), (0.3, 1.0)):
+        for x in (math.nextafter(end, -1.0), end, math.nextafter(end, 1.0)):
+            assert value(x, numbers) == pytest.approx(expected, abs=1e-11)
+    assert math.isnan(value(0.3 + 1e-9, numbers))
+    assert math.isnan(value(-0.1 - 1e-9, numbers))
+
+
 def test_cubic_table_passes_a_cubic_exactly():
     x = np.array([0.0, 0.4, 1.1, 1.7, 2.0])
     law = laws.Table(arguments=x.tolist(), values=(x**3 - x).tolist())

@@ -17,8 +17,9 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from blockmech.functions.pieces import Knotted, cubic, horner, straight
+from blockmech.functions.pieces import Knotted, Rows, cubic, horner, straight
 from blockmech.ground.plane import always, angle, expi, imul, modulo, mul, piecewise, where
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.validation_errors import check_table, mistake
 from blockmech.ground.values import (
     Axis,
@@ -245,6 +246,8 @@ class Table(_Repeating):
             x, y = [*x, self.whole], [*y, y[0]]
         lines = self.interpolation == "linear"
         rows = straight(x, y) if lines else cubic(x, y, repeats=bool(self.whole))
+        if not self.whole:
+            x, rows = widened(x, rows)
         return TableNumbers(start, self.whole, float(self.turns or 0), tuple(x), rows)
 
     def kernel(self) -> Callable[..., Real]:
@@ -252,6 +255,12 @@ class Table(_Repeating):
         if self.turns:
             return table_over_turns
         return table_over_period if self.period else table
+
+
+def widened(x: Sequence[float], rows: Rows) -> tuple[list[float], Rows]:
+    """A table whose ends go on by a rounding, for arguments that are computed and not typed."""
+    margin = ROUNDING * (x[-1] - x[0])
+    return [x[0] - margin, *x[:-1], x[-1] + margin], tuple((row[0], *row) for row in rows)
 
 
 class Fourier(_Repeating):
