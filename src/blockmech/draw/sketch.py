@@ -437,7 +437,7 @@ def side_by_side(lines: Sequence[Sequence[Hashable]]) -> list[float]:
 
 
 def line_sign(kind: str, turns: int = 7, offset: float = 0.0) -> Floats:
-    """The line (p, 3) of a load from a to b, in one stroke: share of the way, along, to the left.
+    """The stroke (p, 3) of a load from a to b: share of the way, along, to the left.
 
     Along, to the left and ``offset`` are in points of the page.
     """
