@@ -175,6 +175,19 @@ def test_numbers_of_dimensions_are_parameters_with_derivatives():
     assert longer.run(at=[q], want=want)[want][0] == pytest.approx(math.radians(70), abs=1e-8)
 
 
+@pytest.mark.parametrize("path", ["joints.B.at[0].x", "joints.A.at[1].y", "joints.D.at[0].x"])
+def test_places_on_one_link_have_derivatives_with_all_joints_closed(path):
+    """Where a place on one of its links moves, the joint closes, and then the dimensions hold."""
+    m = sketch()
+    for name, points, value in (("crank", "AB", CRANK), ("rod", "BC", ROD)):
+        m.add_dimension(name, "length", list(points), value)
+    m, want, q, h = m.fit_dimensions().linkage, "joint.C.p", 0.3, 1e-5
+    value = m.compile().parameters()[path].value
+    ends = [m.replace({path: value + s * h}).run(at=[q], want=want)[want][0] for s in (1, -1)]
+    exact = m.compile().sensitivity(want, path, at=[q])[want][0, 0]
+    assert exact == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-6)
+
+
 RELATIONS = [
     ("parallel", "ABDC", lambda a, b, d, c: ((b - a) / (c - d)).imag),
     ("perpendicular", "ABAD", lambda a, b, _, d: ((b - a) / (d - a)).real),

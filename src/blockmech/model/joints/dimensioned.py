@@ -24,14 +24,14 @@ import numpy as np
 from blockmech.functions.roots import LONGEST_STEP, NEWTON_STEPS
 from blockmech.ground.errors import GraphError, Problem, listed, path_text
 from blockmech.ground.report import Facts, Report
-from blockmech.ground.tolerances import EQUAL
+from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL
 from blockmech.ground.values import Pair
 from blockmech.model.joints.closing import CLOSED, Closing
 from blockmech.model.joints.contents import FRAME, reference_problems
 from blockmech.model.joints.dimensions import Dimension
-from blockmech.model.joints.layout import Layout, LinkPlacement, Pose
+from blockmech.model.joints.layout import Layout, LinkPlacement
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.varied import Varied, settled
+from blockmech.model.joints.varied import Varied, settled, tangents
 from blockmech.model.parameters import Path, value_at
 from blockmech.typing import Complex, Floats, Real
 
@@ -169,7 +169,20 @@ class _Drawing:
         layout = settled(Layout.of(linkage))
         closing = Closing.of(layout)
         self.linkage, self.size = linkage, layout.size
-        self.poses = closing.refine(layout.given)
+        poses = closing.refine(layout.given)
+        self.frames: dict[str, tuple[Complex, Complex]] = {
+            link: (pose.o, pose.direction(1 + 0j)) for link, pose in poses.items()
+        }
+        gaps = [x for _, (x, *_) in Closing.of(Layout.of(linkage))._rows(poses)]
+        if not plain and any(isinstance(gap, Varied) for gap in gaps):  # joints stay closed
+            inverse = np.linalg.pinv(closing.conditions(poses)[1], rcond=DOUBLE_ROOT)
+            for link, rows in zip(closing.links, -inverse.reshape(-1, 3, len(gaps)), strict=True):
+                x, y, turn = (
+                    sum(float(a) * tangents(gap) for a, gap in zip(row, gaps, strict=True))
+                    for row in rows
+                )
+                o, e = self.frames[link]
+                self.frames[link] = Varied(o, (x + 1j * y) * self.size), Varied(e, 1j * e * turn)
         self.dimensions = linkage.dimensions
         if plain:
             self.dimensions = {name: _settled(x) for name, x in linkage.dimensions.items()}
@@ -197,12 +210,12 @@ class _Drawing:
     ) -> None:
         """Note a point on one of its links; its position is that on the first."""
         weld = welds[link]
-        pose: Pose = self.poses[weld.link]
+        o, e = self.frames[weld.link]
         if weld.link == FRAME:
             self.frame.add(name)
         z = settled(z) if plain else z
-        self.start.setdefault(name, pose.point(weld.place(z)))
-        self.sides.setdefault(name, []).append(Side(path, pose.direction(weld.direction(1 + 0j))))
+        self.start.setdefault(name, o + weld.place(z) * e)
+        self.sides.setdefault(name, []).append(Side(path, weld.direction(1 + 0j) * e))
 
     def rows(self, positions: Complex) -> Iterator[tuple[str, Real]]:
         """Dimension and residual. Raises `GraphError` for a line whose ends coincide."""
