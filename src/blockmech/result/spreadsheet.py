@@ -29,8 +29,9 @@ def to_csv(
 
     For a friction iteration that is cut short, ``friction error [-]`` bounds its error.
     Columns are headed ``name [unit]``, a vector has two. Numbers read back to the
-    last bit; a cell without an answer is empty and ``status``, the last column, says
-    why. A name that a spreadsheet would read as a formula is preceded by a quotation mark.
+    last bit, rounding beside the largest of its unit is zero; a cell without an answer is empty
+    and ``status``, the last column, says why. A name that a spreadsheet would read as a formula is
+    preceded by a quotation mark.
     ``decimal=","`` with ``separator=";"`` suits spreadsheets of many countries.
 
     Raises `RequestError` for a separator that occurs in numbers, or a path that cannot be written.
@@ -56,7 +57,8 @@ class CsvTable(ABC):
     def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
         """CSV text, units in the head; written if a path is given.
 
-        Numbers read back to the last bit, a cell without one is empty, words are no formulas.
+        Numbers read back to the last bit, rounding beside the largest of its unit is zero; a cell
+        without a number is empty, words are no formulas.
         Raises `RequestError` for a separator that would tear numbers, and where the path cannot be
         written.
         """
