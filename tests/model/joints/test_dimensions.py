@@ -116,6 +116,45 @@ def test_pivots_of_the_frame_stay_unless_a_dimension_names_them(ground):
     assert stroke == pytest.approx(angles[0] - angles[1], rel=1e-8)
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.6])
+def test_a_pin_of_a_slider_stays_on_its_guide(angle):
+    """A slider-crank in line remains one whatever its lengths: its stroke is two cranks."""
+    turn = cmath.rect(1.0, angle)
+    m = bm.Linkage("slider_crank")
+    for name in ("crank", "rod", "piston"):
+        m.add_link(name)
+    m.add_joint("O", "R", ["frame", "crank"], point=(0.0, 0.0))
+    m.add_joint("A", "R", ["crank", "rod"], point=turn * (0.03 + 0.03j))
+    m.add_joint("B", "R", ["rod", "piston"], point=0.15 * turn)
+    m.add_joint("bore", "P", ["frame", "piston"], point=0.15 * turn, dir=turn)
+    m.add_driver("motor", "O", LAW)
+    m.add_dimension("crank", "length", ["O", "A"], "40 mm")
+    m.add_dimension("rod", "length", ["A", "B"], "120 mm")
+    z = positions(m.fit_dimensions().linkage)
+    assert abs((z["B"] / turn).imag) <= CLOSE
+    mechanism = m.compile()
+    at = mechanism.stroke("joint.bore.coordinate")
+    assert at.length == pytest.approx(0.08, rel=1e-8)
+    stroke = "stroke(joint.bore.coordinate)"
+    slope = mechanism.sensitivity(stroke, "dimensions.crank.value", samples=36)[stroke]
+    assert slope[0, 0] == pytest.approx(2.0, rel=1e-7)
+
+
+def test_a_pin_leaves_its_guide_where_a_dimension_asks_for_an_offset():
+    m = bm.Linkage("offset")
+    for name in ("crank", "rod", "piston"):
+        m.add_link(name)
+    m.add_joint("O", "R", ["frame", "crank"], point=(0.0, 0.0))
+    m.add_joint("A", "R", ["crank", "rod"], point=(0.03, 0.03))
+    m.add_joint("B", "R", ["rod", "piston"], point=(0.15, 0.0))
+    m.add_joint("bore", "P", ["frame", "piston"], point=(0.15, 0.0))
+    m.add_driver("motor", "O", LAW)
+    m.add_dimension("pin", "position", ["B"], (0.14, 0.01))
+    z = positions(m.fit_dimensions().linkage)
+    assert abs(z["B"] - (0.14 + 0.01j)) <= CLOSE
+    assert abs(z["O"]) <= CLOSE
+
+
 def test_pivots_of_the_frame_move_where_nothing_else_fulfils_the_dimensions():
     m = sketch()
     for name, points, value in (("crank", "AB", 0.3), ("rod", "BC", 0.5), ("rocker", "CD", 0.4)):

@@ -3,8 +3,9 @@
 Unknowns are the positions of joints and markers in the drawing, whose joints are closed first.
 Gauss-Newton steps of least length go from the positions as they are drawn to the nearest that
 fulfil the dimensions; then places on the links follow. Points of the frame follow the dimensions
-that name only such points, and all others move against them; where these cannot fulfil the rest,
-all points move alike. Singular values of the Jacobian tell what remains: combinations of residuals
+that name only such points, and all others move against them, those of a link that slides on the
+frame along its guide; where these cannot fulfil the rest, they leave it, and then all points move
+alike. Singular values of the Jacobian tell what remains: combinations of residuals
 that no motion changes are dimensions too many, motions that change no residual are points that
 remain free. One more step with numbers that carry derivatives hands these on, for the residuals
 are zero and the Jacobian is known (implicit function theorem).
@@ -163,6 +164,7 @@ class _Drawing:
     start : point -> position [m]
     frame : those of the points that are on the frame
     on_frame : (2n,) whether a coordinate is that of such a point
+    normals : point of a link that slides on the frame -> directions across its guides
     """
 
     def __init__(self, linkage: Linkage, plain: bool = True) -> None:
@@ -186,6 +188,12 @@ class _Drawing:
         self.dimensions = linkage.dimensions
         if plain:
             self.dimensions = {name: _settled(x) for name, x in linkage.dimensions.items()}
+        self.guides = {
+            c.second if c.first == FRAME else c.first: 1j * c.along[c.first != FRAME]
+            for c in layout.pairs.values()
+            if c.kind == "P" and FRAME in (c.first, c.second)
+        }
+        self.normals: dict[str, list[complex]] = {}
         self.sides: dict[str, list[Side]] = {}
         self.start: Complex = {}
         self.frame: set[str] = set()
@@ -213,6 +221,8 @@ class _Drawing:
         o, e = self.frames[weld.link]
         if weld.link == FRAME:
             self.frame.add(name)
+        if weld.link in self.guides:
+            self.normals.setdefault(name, []).append(self.guides[weld.link])
         z = settled(z) if plain else z
         self.start.setdefault(name, o + weld.place(z) * e)
         self.sides.setdefault(name, []).append(Side(path, weld.direction(1 + 0j) * e))
@@ -246,33 +256,43 @@ class _Drawing:
 
     def fit(self) -> _Fit:
         """The frame by its own dimensions, then the rest; all points where that leaves a misfit."""
-        fit = self._fit(frame_first=True)
-        return fit if fit.misfit <= CLOSED or not self.frame else self._fit(frame_first=False)
+        for frame_first, guided in ((True, True), (True, False), (False, False)):
+            fit = self._fit(frame_first, guided)
+            if fit.misfit <= CLOSED:
+                break
+        return fit
 
-    def _fit(self, frame_first: bool) -> _Fit:
+    def _fit(self, frame_first: bool, guided: bool) -> _Fit:
         z = np.array([self.start[name] for name in self.points]) / self.size
         x: Floats = np.stack([z.real, z.imag], 1).ravel()
         values, matrix = self._residuals(x)
         for _ in range(NEWTON_STEPS):
-            step = -self._inverse(matrix, frame_first) @ values
+            step = -self._inverse(matrix, frame_first, guided) @ values
             step *= LONGEST_STEP / np.abs(step).max(initial=LONGEST_STEP)
             x = x + step
             before, (values, matrix) = np.abs(values).max(initial=0.0), self._residuals(x)
             now = np.abs(values).max(initial=0.0)
             if now == 0 or (np.abs(step).max(initial=0.0) < CLOSED and now >= before / 2):
                 break
-        return _Fit(x, values, matrix, self._inverse(matrix, frame_first), frame_first)
+        return _Fit(x, values, matrix, self._inverse(matrix, frame_first, guided), frame_first)
 
-    def _inverse(self, jacobian: Floats, frame_first: bool) -> Floats:
+    def _inverse(self, jacobian: Floats, frame_first: bool, guided: bool) -> Floats:
         """Least steps (2n, m); those of the frame may come first, and the rest after them."""
         named = [self.frame.issuperset(self.dimensions[n].points) for n, _ in self.rows(self.start)]
         rows, columns = frame_first & np.array([named], bool).T, frame_first & self.on_frame
-        frame, rest = (
-            np.linalg.pinv(jacobian * (rows == k) * (columns == k), rcond=EQUAL)
-            for k in (True, False)
-        )
+        along = self._along_guides() if guided else np.eye(columns.size)
+        frame = np.linalg.pinv(jacobian * rows * columns, rcond=EQUAL)
+        rest = along @ np.linalg.pinv((jacobian * ~rows * ~columns) @ along, rcond=EQUAL)
         inverse: Floats = frame + rest @ (np.eye(len(jacobian)) - jacobian @ frame)
         return inverse
+
+    def _along_guides(self) -> Floats:
+        """What remains (2n, 2n) of steps without their parts across guides."""
+        along: Floats = np.eye(2 * len(self.points))
+        for name, normals in self.normals.items():
+            i, n = 2 * self.points.index(name), np.array(normals)[:, None].view(float)
+            along[i : i + 2, i : i + 2] -= np.linalg.pinv(n) @ n
+        return along
 
     def numbers(self, positions: Complex) -> dict[Path, Complex]:
         """Path -> number of the document with points at other positions."""
