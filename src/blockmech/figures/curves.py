@@ -24,9 +24,8 @@ from blockmech.ground.files import AnyPath
 from blockmech.ground.units import shown_in
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.result.columns import without_noise
-from blockmech.result.quality import NO_SLIP
 from blockmech.result.result import Result
-from blockmech.typing import Array, Floats
+from blockmech.typing import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,8 +35,6 @@ Panels = tuple[Panel, ...]
 NOTHING: Mapping[str, Floats] = {}
 TURNS = {"°": 360.0, "deg": 360.0, "rad": math.tau}
 
-FRICTIONAL = (".drive", ".reaction", ".friction", ".friction_power", ".power", ".N", ".C")
-"""Outputs that jump where friction reverses, by the end of the name."""
 KINEMATICS = {
     "angle": ("angle", "rad"),
     "omega": ("rate", "rad/s"),
@@ -215,10 +212,8 @@ def chosen_panels(
             factor, unit = in_shown(result, output.unit, degrees)
             lines = {subject: factor * values(result, name)}
             title = f"|{quantity}|" if output.kind == "vector" else quantity.replace("_", " ")
-            if quantity == "p" or (
-                components and output.kind == "vector"
-            ):  # of a place both matter
-                z = np.where(np.isnan(lines[subject]), np.nan, factor * np.asarray(result[name]))
+            if quantity == "p" or (components and output.kind == "vector"):
+                z = factor * np.asarray(result[name])  # of a place both coordinates matter
                 title, lines = quantity, {f"{subject} x": z.real, f"{subject} y": z.imag}
             unit = unit.replace("s2", "s²").replace("m2", "m²")
             groups.setdefault((title, unit), {}).update(lines)
@@ -240,22 +235,12 @@ def values(result: Result, name: str) -> Floats:
     """An output (n,) as it is drawn: real numbers, of vectors their size; NaN in gaps.
 
     What is rounding beside others of its unit, or moments beside forces at a link's length, is 0.
-    Where friction reverses, a sample that lies on the jump and lacks friction breaks the curve.
     """
     size, unit = _sizes(result, name), result.unit(name)
     terms = {unit: 1.0, **({"N": reach(result.mechanism)} if unit == "N m" else {})}
     names = [n for n in result if result.unit(n) in terms and result.output(n).kind != "matrix"]
     sizes = [terms[result.unit(n)] * np.abs(_sizes(result, n)) for n in names]
-    curve = without_noise(size, float(np.nanmax(np.concatenate(sizes), initial=0.0)))
-    broken = _reversals(result) if name.endswith(FRICTIONAL) else np.zeros(1, bool)
-    return np.where(broken, np.nan, curve)
-
-
-def _reversals(result: Result) -> Array:
-    """Samples (n,) at which a pair does not slide, though it does at both neighbours."""
-    flags = result.quality.flags
-    still = np.isin(np.arange(-1, result.n + 1), [f.sample for f in flags if f.code == NO_SLIP])
-    return still[1:-1] & ~still[:-2] & ~still[2:] & (result.n > 1)
+    return without_noise(size, float(np.nanmax(np.concatenate(sizes), initial=0.0)))
 
 
 def _sizes(result: Result, name: str) -> Floats:

@@ -30,7 +30,6 @@ WORDS = (
     *(OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED),
     *(DEAD_CENTRE, CHANGE_POINT, UNDEFINED),
 )
-NO_SLIP = "zero-relative-speed"  # of a pair with friction: its numbers are without it
 REACTION_REVERSAL = "reaction-reversal"  # of a pin with clearance
 OTHER_SOLUTIONS = "other-solutions"  # of the friction equations, beside the one that is given
 # Near a change point reactions lose EPS / margin^1.5: as much as EPS / margin elsewhere.
@@ -44,7 +43,7 @@ DETAIL = {
 
 
 ADVICE = {
-    NO_SLIP: "nothing slides there; the numbers are without its friction",
+    "zero-relative-speed": "nothing slides there; the numbers are without its friction",
     f"near-{DEAD_CENTRE}": "reactions grow without bound towards the dead centre",
     f"near-{CHANGE_POINT}": "two assembly modes nearly meet, and few digits are right",
     OTHER_SOLUTIONS: "friction_solutions() lists them",
@@ -217,7 +216,7 @@ def assess(
         for i in np.flatnonzero(resting > 0):
             reach = float(capacity[i])
             if np.isfinite(reach):
-                flags.append(Flag(int(i), NO_SLIP, joint, interval=(-reach, reach)))
+                flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
     for (coupling, code), (push,) in reports["push"].items():
         low = np.flatnonzero(push < 0.0).tolist()
         flags += [Flag(int(i), code, coupling, value=float(push[i])) for i in low]
