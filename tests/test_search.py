@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.studio.conftest import driver
+
 pytest.importorskip("material", reason="the site's generator, extra docs")
 NODE, CHROMIUM = shutil.which("node"), shutil.which("chromium")
 pytestmark = pytest.mark.skipif(NODE is None, reason="needs node for the search of the browser")
@@ -83,12 +85,10 @@ def test_the_right_page_is_found_first(ranking, word, page):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
 def test_search_works_on_pages_that_lie_on_the_disk(site):
-    api = pytest.importorskip("playwright.sync_api", reason="drives the browser")
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page()
-        page.goto(f"{(site / 'index.html').as_uri()}?q=flywheel")
-        page.wait_for_selector(".md-search-result__link", state="attached")
-        links = page.locator(".md-search-result__link").evaluate_all("all => all.map(a => a.href)")
-        browser.close()
+    browser = driver().chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    page = browser.new_page()
+    page.goto(f"{(site / 'index.html').as_uri()}?q=flywheel")
+    page.wait_for_selector(".md-search-result__link", state="attached")
+    links = page.locator(".md-search-result__link").evaluate_all("all => all.map(a => a.href)")
+    browser.close()
     assert any("sizing.html" in link for link in links)

@@ -120,7 +120,7 @@ def test_what_cannot_be_imported_is_a_package_only_where_it_is_one(monkeypatch):
 def test_a_result_is_written_in_its_units(tmp_path):
     result = mechanism("ruiz_fourbar").run(samples=3, want=["crank.drive", "dyad.C.p"])
     bm.write(result.to("mm", "deg"), tmp_path / "run.csv")
-    assert (tmp_path / "run.csv").read_text() == result.to("mm", "deg").to_csv()
+    assert (tmp_path / "run.csv").read_text("utf-8") == result.to("mm", "deg").to_csv()
     openpyxl = pytest.importorskip("openpyxl", reason="the extra office")
     bm.write(result.to("mm"), tmp_path / "run.xlsx")
     book = openpyxl.load_workbook(tmp_path / "run.xlsx")

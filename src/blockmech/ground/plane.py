@@ -188,13 +188,6 @@ def solve_transposed(a: Array, right: Reals) -> tuple[Real, ...]:
     return tuple(np.linalg.solve(a.T, right).tolist())
 
 
-def within_half_turn(angle: Real) -> Real:
-    """Angles [rad] less whole turns; of arrays, and of no kernel."""
-    import numpy as np
-
-    return angle - math.tau * np.rint(angle / math.tau)
-
-
 def spread(a: Array) -> Real:
     """Ratio of the smallest to the largest singular value; NaN of a matrix with a NaN in it."""
     import numpy as np
@@ -210,6 +203,13 @@ SCALAR_PRIMITIVES = {n: f for n, f in vars().items() if isinstance(f, FunctionTy
 
 SCALAR_CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j, "REST": REST_SHARE}
 """What programs name beside them: no vector, the unit one, and the share that counts as rest."""
+
+
+def within_half_turn(angle: Real) -> Real:
+    """Angles [rad] less whole turns; no primitive of kernels."""
+    import numpy as np
+
+    return angle - math.tau * np.rint(angle / math.tau)
 
 
 def always(kernel: K) -> Callable[..., K]:

@@ -18,8 +18,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 from pydantic import Field, field_validator, model_validator
 
 from blockmech.functions.pieces import Knotted, Rows, cubic, horner, straight
-from blockmech.ground.plane import always, angle, expi, imul, modulo, mul, piecewise, where
-from blockmech.ground.tolerances import ROUNDING
+from blockmech.ground.plane import EPS, always, angle, expi, imul, modulo, mul, piecewise, where
 from blockmech.ground.validation_errors import check_table, mistake
 from blockmech.ground.values import (
     Axis,
@@ -258,8 +257,8 @@ class Table(_Repeating):
 
 
 def widened(x: Sequence[float], rows: Rows) -> tuple[list[float], Rows]:
-    """A table whose ends go on by a rounding, for arguments that are computed and not typed."""
-    margin = ROUNDING * (x[-1] - x[0])
+    """A table whose ends go on by some roundings: arguments are computed, ends are typed."""
+    margin = 4 * EPS * (x[-1] - x[0])
     return [x[0] - margin, *x[:-1], x[-1] + margin], tuple((row[0], *row) for row in rows)
 
 
