@@ -169,7 +169,7 @@ class Linkage(Uncompiled, linkage.Linkage):
 
         >>> m.add_dimension("rod", "length", ["A", "B"], "250mm")
         >>> print(m.fit_dimensions())
-        dimensions satisfied: 1; B moved most, by 0.025 m
+        dimensions satisfied: 1; A moved most, by 0.0253 m
         degrees of freedom left: 3, of A, B
         """
         from blockmech.model.joints.dimensioned import fit_dimensions

@@ -359,7 +359,7 @@ class Linkage(Document):
 
         >>> m.add_dimension("rod", "length", ["A", "B"], "250mm")
         >>> print(m.fit_dimensions())
-        dimensions satisfied: 1; B moved most, by 0.025 m
+        dimensions satisfied: 1; A moved most, by 0.0253 m
         degrees of freedom left: 3, of A, B
         """
         points = list(as_names(f"dimensions.{name}.points", points))
