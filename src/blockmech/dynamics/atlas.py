@@ -127,7 +127,7 @@ class Cycle:
         alike = self.conserves and (self.stood or (turns.many == 1 and steady))
         over, self.unsure = turns.turned(t, self.travel, rate, self.target), 0.0
         if alike:  # it goes to and fro, or what changes is less than what errors of a way round do
-            over = RunEnd("never reached: rotation", facts={"period": t - before})
+            over = RunEnd(f"{ends.NEVER}: rotation", facts={"period": t - before})
         moved, self.user = user - self.user, user
         if over is None or any(abs(moved) > 1.0 and moved * (x - user) > 0 for x in self.goals):
             return None

@@ -25,6 +25,7 @@ LEAVES_STOP: Final = "leaves its stop"
 IMPACT: Final = "impact"
 LAW_ENDS: Final = "law of motion ends"  # of a driver that is prescribed
 NO_STEP: Final = "the solver's step became too small"
+NEVER: Final = "never reached"  # how an end begins whose goal does not come
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
 # What an integration stops at, to go on with another equation or because its goal is met.

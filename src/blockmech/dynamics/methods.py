@@ -29,7 +29,6 @@ from blockmech.ground.errors import RequestError, listed, refused
 from blockmech.result.motion import Event, Motion, Status
 from blockmech.typing import Real
 
-NEVER = "never reached"  # how the end of a motion begins whose goal does not come
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
 
@@ -50,7 +49,7 @@ def move(
             run = search or (automatic if auto else by_name)
             motion = run(system, request if auto else replace(request, why="asked for"))
             for goal in request.alternatives:
-                if motion.end.startswith(NEVER):
+                if motion.end.startswith(ends.NEVER):
                     motion = run(system, replace(request, until=goal, why=motion.end))
         elif not motion.x_end:
             motion = replace(motion, x_end=system.signals.initial)

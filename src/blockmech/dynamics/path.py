@@ -386,7 +386,7 @@ class PathRun(Run):
         smooth; the other where its energy is used up on a panel that holds no standstill.
         """
         named = self.end in ("time", ends.END_STOP, self.request.until.goal)
-        if self.regime == "rest" or not (named or self.end.startswith("never reached")):
+        if self.regime == "rest" or not (named or self.end.startswith(ends.NEVER)):
             return True
         parts = [x.panels if isinstance(x, RepeatedSegment) else x for x in self.all_legs]
         limit = any((x.spans[KIND] == TO_LIMIT).any() for x in parts)

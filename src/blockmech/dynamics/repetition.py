@@ -55,7 +55,7 @@ def swings(
     about = swing, regime, {"swing_time": span, "period": 2 * span}
     remaining = min(request.standstills - earlier, (request.span - swing.t0) / span - 1)
     if remaining == math.inf:
-        return PeriodicContinuation(*about, swing.begins(2), RunEnd(f"never reached: {regime}"))
+        return PeriodicContinuation(*about, swing.begins(2), RunEnd(f"{ends.NEVER}: {regime}"))
     last = int(remaining)
     standstills = swing.panels.end, swing.panels.begin
     listed = [*range(1, min(last, AT_ONCE)), last] if last else []
@@ -93,7 +93,7 @@ def turns(
         return PeriodicContinuation(turn, regime, facts, t, RunEnd(goal, "reached"))
     if turn.gain >= 0 and request.span == math.inf and not ways:
         about = turn, regime, facts, turn.begins(1)
-        return PeriodicContinuation(*about, RunEnd(f"never reached: {regime}"))
+        return PeriodicContinuation(*about, RunEnd(f"{ends.NEVER}: {regime}"))
     too_many = RunEnd(ends.TOO_MANY, "failed", note=f"{count} turns reach no further")
     over = too_many if turn.gain > 0 else None
     return PeriodicContinuation(turn, regime, facts, last, over, many=int(count))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from blockmech.dynamics import ends
 from blockmech.dynamics.ends import RunEnd
 
 
@@ -43,6 +44,6 @@ class TurnsInTime:
         self.change, self.many = math.nan, self.passed  # and others ever more rarely
         if change**2 <= (abs(last) - abs(change)) * small:  # all that follow, a geometric series
             facts = {"period": duration, "mean_speed": travel / duration}
-            return RunEnd("never reached: rotation", facts=facts)
+            return RunEnd(f"{ends.NEVER}: rotation", facts=facts)
         run_up = change >= last > 0 and change > small
-        return RunEnd("never reached: run-up") if run_up else None
+        return RunEnd(f"{ends.NEVER}: run-up") if run_up else None

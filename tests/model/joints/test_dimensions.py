@@ -116,10 +116,8 @@ def test_pivots_of_the_frame_stay_unless_a_dimension_names_them(ground):
     assert stroke == pytest.approx(angles[0] - angles[1], rel=1e-8)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.6])
-def test_a_pin_of_a_slider_stays_on_its_guide(angle):
-    """A slider-crank in line remains one whatever its lengths: its stroke is two cranks."""
-    turn = cmath.rect(1.0, angle)
+def slider_crank(turn=1 + 0j):
+    """A slider-crank in line, drawn with its guide in a direction."""
     m = bm.Linkage("slider_crank")
     for name in ("crank", "rod", "piston"):
         m.add_link(name)
@@ -128,6 +126,14 @@ def test_a_pin_of_a_slider_stays_on_its_guide(angle):
     m.add_joint("B", "R", ["rod", "piston"], point=0.15 * turn)
     m.add_joint("bore", "P", ["frame", "piston"], point=0.15 * turn, dir=turn)
     m.add_driver("motor", "O", LAW)
+    return m
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6])
+def test_a_pin_of_a_slider_stays_on_its_guide(angle):
+    """A slider-crank in line remains one whatever its lengths: its stroke is two cranks."""
+    turn = cmath.rect(1.0, angle)
+    m = slider_crank(turn)
     m.add_dimension("crank", "length", ["O", "A"], "40 mm")
     m.add_dimension("rod", "length", ["A", "B"], "120 mm")
     z = positions(m.fit_dimensions().linkage)
@@ -141,14 +147,7 @@ def test_a_pin_of_a_slider_stays_on_its_guide(angle):
 
 
 def test_a_pin_leaves_its_guide_where_a_dimension_asks_for_an_offset():
-    m = bm.Linkage("offset")
-    for name in ("crank", "rod", "piston"):
-        m.add_link(name)
-    m.add_joint("O", "R", ["frame", "crank"], point=(0.0, 0.0))
-    m.add_joint("A", "R", ["crank", "rod"], point=(0.03, 0.03))
-    m.add_joint("B", "R", ["rod", "piston"], point=(0.15, 0.0))
-    m.add_joint("bore", "P", ["frame", "piston"], point=(0.15, 0.0))
-    m.add_driver("motor", "O", LAW)
+    m = slider_crank()
     m.add_dimension("pin", "position", ["B"], (0.14, 0.01))
     z = positions(m.fit_dimensions().linkage)
     assert abs(z["B"] - (0.14 + 0.01j)) <= CLOSE
