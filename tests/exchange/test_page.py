@@ -11,7 +11,8 @@ import blockmech as bm
 from blockmech.builders import opened
 from blockmech.editor.revision import Revision
 from blockmech.editor.sheets import link_of, packed
-from blockmech.exchange.page.files import WEB, Script, bundle, numbers
+from blockmech.exchange.page.files import bundle
+from blockmech.exchange.page.script import WEB, Script, numbers
 from tests.studio.conftest import ARGUMENTS, chromium, driver
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
