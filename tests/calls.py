@@ -483,7 +483,7 @@ def silent(result: Result) -> Iterator[str]:
     good = np.array([status == OK for status in result.quality.status])
     infinite = {flag.where for flag in result.quality.flags if flag.code == "infinite"}
     for name in result:
-        if result.output(name).kind == "number" or name in infinite:
+        if result._output(name).kind == "number" or name in infinite:
             continue
         values = np.asarray(result[name])
         if len(values) == len(good) and not np.isfinite(values[good]).all():

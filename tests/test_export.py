@@ -241,7 +241,7 @@ def test_a_result_without_samples_leaves_as_a_head(gappy):
 
 
 def test_npz_keeps_every_array(turn, tmp_path):
-    turn.to_npz(tmp_path / "turn.npz")
+    bm.write(turn, tmp_path / "turn.npz")
     with np.load(tmp_path / "turn.npz", allow_pickle=False) as data:
         for name in turn:
             np.testing.assert_array_equal(data[name], turn[name])
@@ -466,7 +466,7 @@ def test_a_result_is_shown_in_other_units_and_keeps_its_numbers(turn):
     assert frame["dyad.C.p.x"].to_numpy() == pytest.approx(1000 * turn["dyad.C.p"].real)
     assert np.array_equal(converted["dyad.C.p"], turn["dyad.C.p"])
     assert converted.to_dict() == turn.to_dict()
-    assert converted.plan is turn.plan
+    assert converted._plan is turn._plan
     figure = converted.plot(want=["dyad.C.p", "crank.rate"])
     assert [axes.get_ylabel() for axes in figure.axes] == ["p [mm]", "rate [rpm]"]
     with pytest.raises(bm.RequestError, match='no unit "furlong"'):

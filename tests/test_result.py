@@ -46,7 +46,7 @@ def test_every_output_has_its_unit_and_shape(engine):
     for unit, names in UNITS.items():
         assert {r.unit(name) for name in names.split()} == {unit}
     for name, values in r.items():
-        kind = r.output(name).kind
+        kind = r._output(name).kind
         if kind == "number":
             assert isinstance(values, float)
             continue
@@ -183,7 +183,7 @@ def test_rerun_gives_other_outputs_of_the_same_run(engine):
     run = ruiz().run(at=[1.0, 2.0], want="crank.drive", engine=engine, **settings)
     again = run.rerun("dyad.C.reaction", "crank.drive")
     assert again.settings == run.settings
-    assert again.engine == engine
+    assert again._engine == engine
     assert np.array_equal(again["crank.drive"], run["crank.drive"])
     direct = ruiz().run(at=[1.0, 2.0], engine=engine, **settings)
     assert np.array_equal(again["dyad.C.reaction"], direct["dyad.C.reaction"])
@@ -457,14 +457,14 @@ def origin_moved(x):
 
 def test_what_is_said_of_ordinary_sizes_is_nothing():
     result = origin_moved(0.0)
-    assert result.digits_lost == ()
+    assert result._lost_digits == ()
     assert "digits-lost" not in {flag["code"] for flag in result.to_dict()["quality"]["flags"]}
 
 
 @pytest.mark.skipif(not WIDER, reason="this machine has no numbers longer than double")
 def test_digits_that_coordinates_swallow_are_told_with_their_error():
     home, moved = origin_moved(0.0), origin_moved(1e10)
-    flags = {flag.where: flag.value for flag in moved.digits_lost}
+    flags = {flag.where: flag.value for flag in moved._lost_digits}
     for name in ("driver.motor.drive", "load.power", "mechanism.shaking_moment"):
         assert flags[name] == pytest.approx(off(moved[name], home[name]), rel=0.01)
     assert any(note.startswith("digits lost to rounding: ") for note in moved.notes())
@@ -475,7 +475,7 @@ def test_digits_that_coordinates_swallow_are_told_with_their_error():
 def test_a_motion_is_told_of_its_digits_without_accelerations_that_nobody_asked_for():
     graph = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     moved = graph.compile().simulate("time=0.1", start={"crank": (0.0, 5.0)}, want="crank.q")
-    assert moved.digits_lost == ()
+    assert moved._lost_digits == ()
     assert "accelerations" not in vars(moved.samples.inputs)
 
 

@@ -46,7 +46,7 @@ def mechanism():
 
 def test_an_editor_shows_one_screen_of_a_mechanism_and_of_a_result(mechanism):
     assert len(shown(mechanism)) <= SCREEN
-    assert len(shown(bm.Result)) <= 28
+    assert len(shown(mechanism.run(at=1.0))) <= 28
     assert len(bm.__all__) <= 60
 
 

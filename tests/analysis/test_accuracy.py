@@ -117,7 +117,7 @@ def test_a_sweep_that_is_compiled_stays_in_double_precision() -> None:
     mech, want = watt().compile(), "first.i.omega"
     mech.run(samples=3, want=want, engine="llvm")
     run = mech.run(samples=5001, want=want, accuracy=1e-3)
-    assert (run.engine, run.accuracy.precision) == ("llvm", "complex128")
+    assert (run._engine, run.accuracy.precision) == ("llvm", "complex128")
 
 
 def test_a_request_that_comes_again_costs_its_run_alone(monkeypatch) -> None:

@@ -88,7 +88,7 @@ def by_jax(mech: Mechanism, pose: Request, seed: int) -> dict[str, Any]:
     friction = ("newton", "none", "successive", "single")[seed % 4]
     request = samples_around(mech, pose, seed)
     run: Result = mech.run(**request, friction=friction, on_gap="mark", engine="numpy")
-    names = [n for n in run.plan.want if mech.outputs[n].kind != "number"]
+    names = [n for n in run if mech.outputs[n].kind != "number"]
     quantities = zip(("q", "rate", "acceleration"), request.values(), strict=True)
     inputs = {mech._of_driver(d, name): x for name, by in quantities for d, x in by.items()}
     f = mech.function([*inputs], names, "*", friction=friction)

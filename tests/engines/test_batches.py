@@ -73,10 +73,10 @@ def test_impossible_samples_do_not_touch_their_neighbours(engine):
 
 def test_engine_is_chosen_by_the_number_of_samples(fresh):
     mech = ruiz().compile()
-    assert mech.run(at=1.0).engine == "scalar"
-    assert mech.run(samples=5).engine == "scalar"
-    assert mech.run(samples=50).engine == "numpy"
-    assert mech.run(at=1.0, precision="complex64").engine == "numpy"
+    assert mech.run(at=1.0)._engine == "scalar"
+    assert mech.run(samples=5)._engine == "scalar"
+    assert mech.run(samples=50)._engine == "numpy"
+    assert mech.run(at=1.0, precision="complex64")._engine == "numpy"
 
 
 def test_arrays_of_a_result_are_the_users_own():

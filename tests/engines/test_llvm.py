@@ -205,28 +205,28 @@ def test_without_the_package_the_extra_is_named(fresh, monkeypatch):
     llvm.processor.cache_clear()
     with pytest.raises(bm.MissingEngineError, match=r"blockmech\[fast\]"):
         mechanism("pump").run(samples=3, engine="llvm", want="*.omega")
-    assert ruiz().run(samples=500_000, want="crank.drive").engine == "numpy"
+    assert ruiz().run(samples=500_000, want="crank.drive")._engine == "numpy"
 
 
 def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(fresh):
     llvm.processor()  # the compiler is loaded
     mech = ruiz().compile()
     want = ("crank.drive",)
-    assert mech.run(at=1.0, want=want).engine == "scalar"
-    assert mech.run(samples=1000, want=want).engine == "numpy"
-    assert mech.run(samples=1_000_000, want=want).engine == "llvm"
-    assert mech.run(at=1.0, want=want).engine == "llvm"
-    assert mech.run(at=1.0, want=want, engine="scalar").engine == "scalar"
-    assert mech.run(samples=50, want=want, precision="complex64").engine == "numpy"
+    assert mech.run(at=1.0, want=want)._engine == "scalar"
+    assert mech.run(samples=1000, want=want)._engine == "numpy"
+    assert mech.run(samples=1_000_000, want=want)._engine == "llvm"
+    assert mech.run(at=1.0, want=want)._engine == "llvm"
+    assert mech.run(at=1.0, want=want, engine="scalar")._engine == "scalar"
+    assert mech.run(samples=50, want=want, precision="complex64")._engine == "numpy"
     declined = arm(lambda rate: -0.3 * rate).compile()
-    assert declined.run(samples=100, want="motor.*").engine == "numpy"
+    assert declined.run(samples=100, want="motor.*")._engine == "numpy"
 
 
 def test_many_calls_of_few_samples_are_compiled_too(fresh):
     llvm.processor()
     mech, engines = ruiz().compile(), []
     for _ in range(300):
-        engines.append(mech.run(samples=2000, want="crank.drive").engine)
+        engines.append(mech.run(samples=2000, want="crank.drive")._engine)
         if engines[-1] == "llvm":
             break
     program = mech.plan("crank.drive").program
@@ -235,7 +235,7 @@ def test_many_calls_of_few_samples_are_compiled_too(fresh):
     assert engines[-1] == "llvm"
     assert 1.0 < spent / costs.making(program) < 1.5  # half of the time was machine code's due
     twin = ruiz().compile()  # of the same structure: its code is there
-    assert twin.run(samples=2000, want="crank.drive").engine == "llvm"
+    assert twin.run(samples=2000, want="crank.drive")._engine == "llvm"
 
 
 @pytest.mark.parametrize("n", [1, 20, 400, 8_000, 160_000, 3_000_000])

@@ -136,7 +136,7 @@ def _places(result: Result) -> dict[str, Any]:
 
 def _doubted(result: Result) -> bool:
     """Whether the run itself says that digits are lost."""
-    return bool(result.digits_lost)
+    return bool(result._lost_digits)
 
 
 def _numbers(result: Result) -> tuple[str, str]:

@@ -20,7 +20,7 @@ def test_a_single_pose_is_named_by_the_documents_coordinate():
     want = ["link.piston.*", "joint.B.reaction", "driver.motor.rate"]
     result = linkage(document).run(at=0.4, want=want)
     mirrored = linkage(flipped(document, "O")).run(at=-0.4, want=want)
-    assert result.engine == mirrored.engine == "scalar"
+    assert result._engine == mirrored._engine == "scalar"
     assert mirrored.drivers["driver.motor.q"].tolist() == [-0.4]
     assert mirrored["driver.motor.rate"].tolist() == [-3.0]
     same = [name for name in want if name != "driver.motor.rate"]

@@ -220,9 +220,9 @@ def test_who_acts_on_whom_is_said_by_links_of_the_document():
 
 def test_the_force_of_a_pin_of_three_links_is_named_after_each_further_link():
     result = run(DOCUMENTS["arm"]())
-    assert result.output("joint.knot.strut.reaction").by == "tie"
-    assert result.output("joint.knot.strut.reaction").on == "strut"
-    assert result.output("joint.knot.rocker.reaction").on == "rocker"
+    assert result._output("joint.knot.strut.reaction").by == "tie"
+    assert result._output("joint.knot.strut.reaction").on == "strut"
+    assert result._output("joint.knot.rocker.reaction").on == "rocker"
     assert "joint.knot.reaction" not in result.mechanism.outputs
 
 
@@ -265,7 +265,7 @@ def test_a_load_keeps_its_name_beside_a_driver_or_a_group_of_that_name():
     result = run(document, want=["motor.*", "rod_piston.*", "driver.motor.drive"])
     assert np.array_equal(result["motor.on.couple"], np.full(SAMPLES, 2.0))
     assert np.array_equal(result["rod_piston.at.force"], np.full(SAMPLES, -50 + 4j))
-    assert result.output("rod_piston.at.force").by == "rod_piston"
+    assert result._output("rod_piston.at.force").by == "rod_piston"
 
 
 def test_a_damped_spring_along_a_guide_is_one_load():

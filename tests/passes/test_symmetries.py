@@ -36,7 +36,7 @@ def solve(graph, request, **settings):
 
 
 def numbers(result):
-    return {k: np.asarray(result[k]) for k in result if result.output(k).kind != "number"}
+    return {k: np.asarray(result[k]) for k in result if result._output(k).kind != "number"}
 
 
 def same(values, expected, result):
@@ -61,7 +61,7 @@ def image(result):
     rotary = np.array([-1 if u == "rad" else 1 for u in map(result.unit, result.drivers)])
     images = {}
     for name, values in numbers(result).items():
-        output = result.output(name)
+        output = result._output(name)
         if output.kind == "vector":
             images[name] = values.conj()
         elif name == "mechanism.M":

@@ -205,7 +205,7 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     precision loses is measured with friction, where a wider number is at hand to tell.
     """
     double = request.run(few, Setting("newton"))
-    rubs = bool(double.plan.reports["friction"])
+    rubs = bool(double._plan.reports["friction"])
     good = _known(double)
     smooth = request.run(few, Setting("none")) if rubs else double
     single = request.run(few, Setting("none", precision="complex64"))
@@ -226,7 +226,7 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     elif rubs:
         rounding["complex128"] *= 1 + share / max(1 - contraction, DOUBLE)
     if wide is not None and SAFETY * rounding["complex128"] > accuracy / 2:
-        settings = {"friction": "none", "static": request.static, "want": wide.plan.want}
+        settings = {"friction": "none", "static": request.static, "want": tuple(wide)}
         exact = reference_errors(wide, wide, good).without(excluded)
         rounding["clongdouble"] = max(
             rounding["clongdouble"], _kept_back(exact, request, few, settings)

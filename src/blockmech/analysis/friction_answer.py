@@ -128,7 +128,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
 
     def _curves(self, q: Array, axis_label: str, ax: Axes | None) -> Any:
         """One output of each solution, and where there is none."""
-        real = [name for name in self.answers if self.answers.output(name).kind == "real"]
+        real = [name for name in self.answers if self.answers._output(name).kind == "real"]
         if not real:
             raise refused("friction_solutions", "no real output is there", "name one in want=")
         name, x = real[0], q[self.pose]

@@ -96,11 +96,11 @@ def compared(result: Result) -> list[str]:
     Ratios that have poles, and those of a whole run, count only where nothing else is
     wanted: over a cycle without net work they are zero over zero.
     """
-    names = [n for n in result if result.output(n).kind != "matrix"]
+    names = [n for n in result if result._output(n).kind != "matrix"]
     plain = [
         n
         for n in names
-        if result.output(n).kind != "number" and not n.endswith("mechanical_advantage")
+        if result._output(n).kind != "number" and not n.endswith("mechanical_advantage")
     ]
     return plain or names
 
@@ -143,7 +143,7 @@ def _scales(
 
 
 def _is_angle(result: Result, name: str) -> bool:
-    output = result.output(name)
+    output = result._output(name)
     return bool(output.unit == "rad" and output.kind == "real")
 
 

@@ -48,7 +48,7 @@ def digits_lost(result: Result) -> tuple[Flag, ...]:
 
 def _rerun(result: Result, precision: Precision) -> Result:
     """The same samples by numbers of another length."""
-    mechanism, plan, samples = result.mechanism, result.plan, result.samples
+    mechanism, plan, samples = result.mechanism, result._plan, result.samples
     values, engine = mechanism._evaluate(plan, samples, "numpy", precision)
     return Result(mechanism, plan, samples, values, engine, result.settings)
 

@@ -300,7 +300,7 @@ def _perturbed_run(run: Result, engine_settings: Arguments) -> Result:
         inputs[f"qdd_{k}"] = inputs[f"qdd_{k}"] + np.abs(speed) * fastest * np.sin(2 * at + k + 1)
     plan = mechanism.plan("*", friction="none", static=run.settings["static"])
     samples = Samples(run.n, inputs, run.samples.time)
-    if plan.program.source == run.plan.program.source:
+    if plan.program.source == run._plan.program.source:
         samples = _stacked(run.samples, samples)
     values, engine = mechanism._evaluate(plan, samples, **engine_settings)
     settings = run.settings | {"friction": "none"}

@@ -167,7 +167,7 @@ def balance(
         "static": want is None if static is None else static,
     }
     before = mechanism.run(at, want=names, **poses, **how)
-    outputs = [n for n in before if before.output(n).kind in ("real", "vector")]
+    outputs = [n for n in before if before._output(n).kind in ("real", "vector")]
     scale = {n: left_of(before[n]).rms or 1.0 for n in outputs}
     start = np.array([float(p.value) for p in chosen.values()])
     sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])

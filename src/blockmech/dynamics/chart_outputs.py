@@ -155,10 +155,10 @@ class ChartedResult(SimulationResult[M]):
         of, chart = self._compiled, leg.chart.mechanism
         mechanism = of if chart.structure is of.structure else chart  # the user's drivers lead
         if mechanism is of or (of.names is None) == (mechanism.names is None):
-            names = {x: Source(x) for x in self.plan.want}
+            names = {x: Source(x) for x in self._plan.want}
         else:
             sources, names = sources_of(of, leg.chart), {}
-            for x in self.plan.want:
+            for x in self._plan.want:
                 head, _, part = x.rpartition(".")
                 if x in sources:
                     names[x] = sources[x]
@@ -174,11 +174,11 @@ class ChartedResult(SimulationResult[M]):
         want += [mechanism._of_driver(d, "acceleration") for d in mechanism.drivers]
         settings = {key: x for key, x in self.settings.items() if key != "static"}
         arguments = mechanism, leg.motion, t, dict.fromkeys(want)
-        result = result_in_chart(*arguments, engine=self.engine, **settings)
+        result = result_in_chart(*arguments, engine=self._engine, **settings)
         return LegOutputs(of, leg, at, names, result)
 
     def _make(self, name: str) -> Any:
-        kind = self.output(name).kind
+        kind = self._output(name).kind
         if kind == "number":
             return FREE  # efficiencies, which all are by drives
         values = [np.asarray(part.read(name)) for part in self.parts]
@@ -201,9 +201,9 @@ class ChartedResult(SimulationResult[M]):
         return Quality(tuple(status), blame, {}, {}, {}, {}, flags)
 
     @property
-    def digits_lost(self) -> tuple[Flag, ...]:
+    def _lost_digits(self) -> tuple[Flag, ...]:
         """Those of the legs."""
-        return self._flags(lambda result: result.digits_lost)
+        return self._flags(lambda result: result._lost_digits)
 
     def _flags(self, of: Callable[[Any], Iterable[Flag]]) -> tuple[Flag, ...]:
         flags = ((part.at, flag) for part in self.parts for flag in of(part.result))
@@ -215,7 +215,7 @@ class ChartedResult(SimulationResult[M]):
 
     def _again(self, mechanism: Any, want: Sequence[str], settings: Any = None) -> Any:
         t = np.asarray(self.samples.time)
-        return _charted(mechanism, self.motion, t, want, self.engine, settings or self.settings)
+        return _charted(mechanism, self.motion, t, want, self._engine, settings or self.settings)
 
 
 def result_along(

@@ -87,7 +87,7 @@ def _panel(panel: Panel) -> Data:
 
 def _summary(result: Result, seconds: float) -> str:
     """What was computed, how, and what it took."""
-    cost = f"{result.n} samples, {result.plan.calls} kernel calls a sample, {seconds * 1e3:.1f} ms"
+    cost = f"{result.n} samples, {result._plan.calls} kernel calls a sample, {seconds * 1e3:.1f} ms"
     chosen = f"; {result.accuracy}" if result.accuracy is not None else ""
     gaps = len(result.quality.gaps)
     holes = f"; {gaps} samples without an answer" if gaps else ""

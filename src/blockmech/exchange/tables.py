@@ -19,7 +19,7 @@ from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.figures.palette import PANELS
 from blockmech.ground.errors import needed, printable
 from blockmech.result.columns import columns
-from blockmech.result.data import json_chunks
+from blockmech.result.data import json_chunks, to_npz
 from blockmech.result.result import Result
 from blockmech.result.spreadsheet import csv_chunks, write_csv
 
@@ -41,7 +41,7 @@ def write_json(order: Order, stream: IO[bytes]) -> None:
 
 def write_npz(order: Order, path: Path) -> list[Path]:
     """All arrays in one NumPy file."""
-    order.result().to_npz(path)
+    to_npz(order.result(), path)
     return [path]
 
 
@@ -74,7 +74,7 @@ def write_mat(order: Order, stream: IO[bytes]) -> None:
         "name": result.mechanism.name,
         "values": {fields[name]: np.asarray(x) for name, x in arrays.items()},
         "names": {fields[name]: name for name in arrays},
-        "units": {fields[n]: "s" if n == "time" else result.output(n).unit for n in arrays},
+        "units": {fields[n]: "s" if n == "time" else result._output(n).unit for n in arrays},
         "status": np.array(result.quality.status, object),
     }
     savemat(stream, {"run": run}, oned_as="column", long_field_names=True)

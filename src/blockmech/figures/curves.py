@@ -206,7 +206,7 @@ def chosen_panels(
     """
     groups: dict[tuple[str, str], dict[str, Floats]] = {}
     for name in names:
-        output = result.output(name)
+        output = result._output(name)
         if output.kind in ("real", "vector"):
             subject, _, quantity = name.rpartition(".")
             factor, unit = in_shown(result, output.unit, degrees)
@@ -238,7 +238,7 @@ def values(result: Result, name: str) -> Floats:
     """
     size, unit = _sizes(result, name), result.unit(name)
     terms = {unit: 1.0, **({"N": reach(result.mechanism)} if unit == "N m" else {})}
-    names = [n for n in result if result.unit(n) in terms and result.output(n).kind != "matrix"]
+    names = [n for n in result if result.unit(n) in terms and result._output(n).kind != "matrix"]
     sizes = [terms[result.unit(n)] * np.abs(_sizes(result, n)) for n in names]
     return without_noise(size, float(np.nanmax(np.concatenate(sizes), initial=0.0)))
 

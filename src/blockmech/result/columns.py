@@ -59,7 +59,7 @@ class Labelled(Displayed, Mapping[str, Floats]):
         """The same with the flags that take a second computation, those of digits lost."""
 
     @abstractmethod
-    def output(self, name: str) -> Output:
+    def _output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
 
     @abstractmethod
@@ -151,7 +151,7 @@ def driver_columns(result: Labelled) -> list[Column]:
 
 def output_columns(result: Labelled, name: str) -> list[Column]:
     """The columns of one output: one, two of a vector, or all entries of a matrix."""
-    unit = result.output(name).unit
+    unit = result._output(name).unit
     return [_column(result, part, unit, values, name) for part, values in _components(result, name)]
 
 
@@ -162,7 +162,7 @@ def components(name: str, values: Array) -> dict[str, Array]:
 
 
 def _components(result: Labelled, name: str) -> Iterator[tuple[str, Array]]:
-    values, kind = result[name], result.output(name).kind
+    values, kind = result[name], result._output(name).kind
     if kind == "matrix":
         drivers = result.mechanism.drivers
         for index in np.ndindex(values.shape[1:]):

@@ -63,7 +63,7 @@ def to_npz(result: Labelled, path: AnyPath) -> None:
 
     Raises `RequestError` if the path cannot be written.
 
-    >>> result.to_npz("run.npz")
+    >>> to_npz(result, "run.npz")
     >>> np.load("run.npz")["crank.q"]
     array([0.5, 1. ])
     """
@@ -73,7 +73,7 @@ def to_npz(result: Labelled, path: AnyPath) -> None:
     if time is not None:
         arrays["time"], units["time"] = time, "s"
     for name in result:
-        arrays[name], units[name] = np.asarray(result[name]), result.output(name).unit
+        arrays[name], units[name] = np.asarray(result[name]), result._output(name).unit
     quality = result.quality
     arrays["quality.status"] = np.array(quality.status, dtype=str)
     for block, margin in quality.margin.items():
@@ -105,13 +105,13 @@ def to_xarray(result: Labelled) -> Any:
     >>> result.to_xarray()["crank.drive"].attrs["units"]
     'N m'
     """
-    xarray = needed("xarray", "to_xarray", "study", "to_npz needs nothing")
+    xarray = needed("xarray", "to_xarray", "study", "a NumPy file, .npz, needs nothing")
     drivers, time = dict(result.drivers), result._known_time()
     rising = len(drivers) == 1 and len(np.unique(next(iter(drivers.values())))) == result.n
     dim = next(iter(drivers)) if rising else "sample"
     data = {name: result[name] for name in result}
     rows = {n: x for n, x in data.items() if np.ndim(x) == 1 and len(x) == result.n}
-    units = {name: result.output(name).unit for name in rows}
+    units = {name: result._output(name).unit for name in rows}
     units |= {name: result._unit_of_driver(name) for name in drivers}
     for name in [name for name, x in rows.items() if np.iscomplexobj(x)]:
         parts = components(name, rows[name])
@@ -178,7 +178,7 @@ def _motion(result: Labelled, motion: Motion) -> Data:
 
 
 def _output(result: Labelled, name: str) -> Data:
-    output = result.output(name)
+    output = result._output(name)
     data = {"unit": output.unit, "values": _values(result[name])}
     if output.on:
         data |= {"by": output.by, "on": output.on}

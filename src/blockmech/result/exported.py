@@ -21,7 +21,6 @@ class Exported(Labelled):
     to_csv = spreadsheet.to_csv
     to_dataframe = data.to_dataframe
     to_dict = data.to_dict
-    to_npz = data.to_npz
     to_xarray = data.to_xarray
     _repr_html_ = html_table
 

@@ -32,7 +32,7 @@ def missing_data(result: Any, rates: Callable[[Sequence[LinkRef]], Sequence[floa
 
     rates : of links [rad/s], at the first sample
     """
-    mechanism, units = result.mechanism, {result.output(name).unit for name in result}
+    mechanism, units = result.mechanism, {result._output(name).unit for name in result}
     notes = []
     if result.motion is None and units and result.n:
         notes += missing_rates(mechanism, result.samples.inputs, units)

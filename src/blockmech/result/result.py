@@ -82,9 +82,9 @@ class Result(Exported, Generic[M]):
         motion: Motion | None = None,
     ) -> None:
         self.mechanism = mechanism
-        self.plan = plan
+        self._plan = plan
         self.samples = samples
-        self.engine = engine
+        self._engine = engine
         self.settings = dict(settings)
         self.motion = motion
         self.accuracy = None
@@ -95,29 +95,29 @@ class Result(Exported, Generic[M]):
 
     def __getstate__(self) -> Data:
         """The numbers and where they stand; the program and what was read are made again."""
-        again = {"plan", "quality", "_read"}
+        again = {"_plan", "quality", "_read"}
         return {
             **{name: x for name, x in vars(self).items() if name not in again},
-            "_planned": (self.plan.want, self.plan.layout),
+            "_planned": (self._plan.want, self._plan.layout),
         }
 
     def __setstate__(self, state: Data) -> None:
         vars(self).update(state, _read={})
 
     @cached_property
-    def plan(self) -> Plan:
+    def _plan(self) -> Plan:
         """The plan of the computed outputs; an unpickled result is planned again at first use.
 
         Raises `RequestError` where another version of blockmech plans otherwise.
 
-        >>> result.plan.calls
+        >>> result._plan.calls
         12
         """
         want, layout = self._planned
         again: Plan = self._compiled.plan(want, **self.settings)
         if again.layout != layout:
             message = "it was pickled by a version of blockmech that orders its numbers otherwise"
-            remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
+            remedy = "run it again; to keep numbers, export them: to_csv, to_dict, bm.write"
             raise refused(self.mechanism.name, message, remedy, code="other-version")
         return again
 
@@ -130,13 +130,13 @@ class Result(Exported, Generic[M]):
         return self._read[name]
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and name in self.plan.layout and name in self.plan.want
+        return isinstance(name, str) and name in self._plan.layout and name in self._plan.want
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.plan.want)
+        return iter(self._plan.want)
 
     def __len__(self) -> int:
-        return len(self.plan.want)
+        return len(self._plan.want)
 
     @property
     def _compiled(self) -> Any:
@@ -177,10 +177,10 @@ class Result(Exported, Generic[M]):
         at = {name: float(q[sample]) for name, q in self.drivers.items()}
         return places(at, {name: self._unit_of_driver(name) for name in at}, display)
 
-    def output(self, name: str) -> Output:
+    def _output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom.
 
-        >>> reaction = result.output("dyad.B.reaction")
+        >>> reaction = result._output("dyad.B.reaction")
         >>> reaction.unit, reaction.by, reaction.on
         ('N', 'crank.crank', 'dyad.i')
         """
@@ -195,7 +195,7 @@ class Result(Exported, Generic[M]):
         >>> result.unit("dyad.C.v")
         'm/s'
         """
-        return self.output(name).unit
+        return self._output(name).unit
 
     @np.errstate(all="ignore")  # what is not finite is reported by the quality
     def _make(self, name: str) -> Any:
@@ -203,10 +203,10 @@ class Result(Exported, Generic[M]):
         if source != name and name in tuple(self.drivers):
             return self.drivers[name]
         if source not in self or name not in self._compiled.outputs:
-            known = dict.fromkeys(self.plan.want)
+            known = dict.fromkeys(self._plan.want)
             held(known, name, "the run did not compute it", "computed", "name it in want=")
-        output = self.output(name)
-        columns = [self._column(i) for i in self.plan.layout[source]]
+        output = self._output(name)
+        columns = [self._column(i) for i in self._plan.layout[source]]
         if self.motion is not None and name in BY_DRIVES:
             return FREE if output.kind == "number" else np.full(self.n, np.nan)
         if output.kind == "number":
@@ -266,7 +266,7 @@ class Result(Exported, Generic[M]):
                 where: tuple(np.atleast_1d(real_part(self._column(i))) for i in indices)
                 for where, indices in of.items()
             }
-            for kind, of in self.plan.reports.items()
+            for kind, of in self._plan.reports.items()
         }
 
     @cached_property
@@ -278,7 +278,7 @@ class Result(Exported, Generic[M]):
 
     def _without_effort(self, quality: Quality) -> tuple[Flag, ...]:
         """Answered samples at which the drive rests, so that no mechanical advantage exists."""
-        if ADVANTAGE not in self.plan.want:
+        if ADVANTAGE not in self._plan.want:
             return ()
         gaps = np.flatnonzero(~np.isfinite(np.atleast_1d(self[ADVANTAGE])))
         resting = (i for i in gaps.tolist() if i not in quality.blame)
@@ -291,10 +291,10 @@ class Result(Exported, Generic[M]):
             return bad
         judged = [
             name
-            for name in self.plan.want
-            if self.output(name).kind != "number" and name != ADVANTAGE
+            for name in self._plan.want
+            if self._output(name).kind != "number" and name != ADVANTAGE
         ]
-        for i in {i for name in judged for i in self.plan.layout[name]}:
+        for i in {i for name in judged for i in self._plan.layout[name]}:
             column = self._column(i)
             for part in (column.real, column.imag) if isinstance(column, Planar) else (column,):
                 with np.errstate(all="ignore"):
@@ -305,11 +305,11 @@ class Result(Exported, Generic[M]):
 
     def _surely_whole(self) -> bool:
         """A cheap sufficient test that every sample has an answer, so that it needs no report."""
-        values, (margins, outcomes) = self._values, self.plan.verdicts
+        values, (margins, outcomes) = self._values, self._plan.verdicts
         if isinstance(values, Whole):
             closed = all(values[i].min(initial=np.inf) > 0 for i in margins)
             return closed and not any(values[i].any() for i in outcomes)
-        if self.n > 1 or self.engine == "numpy":
+        if self.n > 1 or self._engine == "numpy":
             return False
         try:
             if not isfinite(sum(values)):
@@ -320,7 +320,7 @@ class Result(Exported, Generic[M]):
 
     def _unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate ``"crank.q"``."""
-        return self.output(name).unit
+        return self._output(name).unit
 
     @declared
     def isel(self, index: int | slice | NDArray[np.intp]) -> Self:
@@ -333,7 +333,7 @@ class Result(Exported, Generic[M]):
         values = tuple(samples_of(self._column(i), index) for i in range(len(self._values)))
         samples = self.samples.at(index)
         cut = type(self)(
-            self.mechanism, self.plan, samples, values, self.engine, self.settings, self.motion
+            self.mechanism, self._plan, samples, values, self._engine, self.settings, self.motion
         )
         cut.accuracy = self.accuracy
         return cut
@@ -351,7 +351,7 @@ class Result(Exported, Generic[M]):
             motion.insert(
                 0, f"the motion failed after {self.motion.t_end:.6g} s: {self.motion.end}"
             )
-        lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self.digits_lost]
+        lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self._lost_digits]
         why = "; numbers of very different size cancel: are all in the same unit?"
         notes = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
         if (bounds := self.friction_error) is not None:
@@ -386,12 +386,12 @@ class Result(Exported, Generic[M]):
         return worst
 
     @cached_property
-    def digits_lost(self) -> tuple[Flag, ...]:
+    def _lost_digits(self) -> tuple[Flag, ...]:
         """A flag for each output that has lost more than half of its digits to rounding.
 
         Evaluated at first use, by repeating a few samples in extended precision.
 
-        >>> result.digits_lost
+        >>> result._lost_digits
         ()
         """
         return tuple(self._digits_lost())
@@ -399,7 +399,7 @@ class Result(Exported, Generic[M]):
     @cached_property
     def _judged(self) -> Quality:
         """The quality with all flags, those of digits lost among them."""
-        return replace(self.quality, flags=self.quality.flags + self.digits_lost)
+        return replace(self.quality, flags=self.quality.flags + self._lost_digits)
 
     # -- more of the same run -----------------------------------------------------
 
@@ -427,7 +427,7 @@ class Result(Exported, Generic[M]):
     ) -> Self:
         settings = self.settings if settings is None else settings
         plan = mechanism.plan(want, **settings)
-        values, engine = mechanism._evaluate(plan, self.samples, self.engine)
+        values, engine = mechanism._evaluate(plan, self.samples, self._engine)
         return type(self)(mechanism, plan, self.samples, values, engine, settings, self.motion)
 
     @declared
@@ -475,5 +475,5 @@ class Result(Exported, Generic[M]):
         holes = f", {gaps} without an answer" if gaps else ""
         return (
             f"<Result of {self.mechanism.name}: {self.n} samples{holes}, {len(self)} outputs, "
-            f"{self.plan.calls} kernel calls a sample, {self.engine} engine>"
+            f"{self._plan.calls} kernel calls a sample, {self._engine} engine>"
         )

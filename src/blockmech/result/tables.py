@@ -137,7 +137,7 @@ def gap_lines(result: Labelled) -> list[str]:
 def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
     chosen = driver_columns(result)
     first = {column.output for column in chosen}
-    numbers = [name for name in result if result.output(name).kind == "number"]
+    numbers = [name for name in result if result._output(name).kind == "number"]
     rest = [name for name in of if name not in first and name not in numbers]
     step = max(1, -(-(result.n - 1) // (ROWS - 1)))
     rows = sorted({*range(0, result.n, step), *range(result.n)[-1:]})
@@ -154,7 +154,7 @@ def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
     for name in rest:  # as they were asked for, but where that is everything
         # Once one does not fit, smaller ones must not jump the queue.
         parts = output_columns(result, name) if name in result and not omitted else []
-        if everything and len(parts) == 2 and result.output(name).kind == "vector":
+        if everything and len(parts) == 2 and result._output(name).kind == "vector":
             size = np.hypot(*(part.values for part in parts))
             parts = [replace(parts[0], name=f"|{name}|", values=size)]
         if parts and (not has_columns or _line_width([*chosen, *parts], rows, status) <= width):
@@ -236,7 +236,7 @@ def _title(result: Labelled, outputs: int) -> str:
 
 def _footer(result: Labelled, selection: Selection) -> Iterator[str]:
     for name in selection.numbers:
-        x, unit = result[name], result.output(name).unit
+        x, unit = result[name], result._output(name).unit
         if isinstance(x, Undefined):
             yield f"{name}: not defined for this run: {x.why}"
         else:

@@ -263,7 +263,7 @@ class MotionRunner(Runner):
             return size(np.asarray(at[w.output])).reshape(times.shape)
 
         friction, size = self.settings["friction"], np.abs if w.vector else np.asarray
-        circular = result.output(w.output).circular
+        circular = result._output(w.output).circular
         return extremes_of(w, output, t, size(y)[None], circular, remainder=EQUAL).value[0]
 
 

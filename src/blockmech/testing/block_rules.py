@@ -209,7 +209,7 @@ class BlockRules(Checks):
             return mechanism.run(**motion, **settings, engine=engine)
 
         scalar, batch, alone = run(every, "scalar"), run(every, "numpy"), run(self.motions, "numpy")
-        yield from self.arithmetic(batch.plan.program)
+        yield from self.arithmetic(batch._plan.program)
         for name in batch:
             single, several = np.asarray(scalar[name]), np.asarray(batch[name])
             if single.shape and not np.array_equal(np.isnan(single), np.isnan(several)):

@@ -196,8 +196,8 @@ def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
     result = mechanism.run(rows, want=want)
     expectations = []
     for name in result:
-        if result.output(name).kind not in ("real", "vector", "number"):
-            raise refused(name, f"it is a {result.output(name).kind}", "record real outputs")
+        if result._output(name).kind not in ("real", "vector", "number"):
+            raise refused(name, f"it is a {result._output(name).kind}", "record real outputs")
         values = np.atleast_1d(result[name])
         pairs = np.iscomplexobj(values)
         listed_ = [[z.real, z.imag] for z in values.tolist()] if pairs else values.tolist()
@@ -273,7 +273,7 @@ def compared(
     rtol, atol : relative [-] and absolute [unit of the output] tolerance
     times : (n,) [s] asked of a motion; those after its end have no answer
     """
-    output = result.output(name)
+    output = result._output(name)
     is_of_run = output.kind == "number"
     reached, motion = np.ones(len(expected), dtype=bool), result.motion
     if motion is not None and times is not None and not is_of_run:

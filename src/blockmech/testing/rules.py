@@ -89,7 +89,7 @@ class Checks:
         """Outputs of a run at `TIMES` are `alike`, and their program is traceable."""
         scalar, batch = (run(times=TIMES, engine=e) for e in ("scalar", "numpy"))
         single = run(times=TIMES[4:5], engine="numpy")
-        yield from self.arithmetic(batch.plan.program, condition)
+        yield from self.arithmetic(batch._plan.program, condition)
         for name in outputs:
             yield from self.alike(name, scalar[name], batch[name], single[name])
 

@@ -82,7 +82,7 @@ class FreeMotion(Question):
         self.errors = _errors(self.best)
         apart, estimates = self.error(check)[0], [run.motion.error for _, run in finest]
         self.reference = Reference(method, check_method, max(apart, min(estimates), DOUBLE))
-        names = self.best.plan.want
+        names = tuple(self.best)
         outputs = ", ".join(names) if len(names) <= 3 else f"{len(names)} outputs"
         until = self.request.get("until")
         self.asked = f"simulate until {until or motion.end}: {outputs} at {self.best.n} times"

@@ -81,9 +81,9 @@ class Sweep(Question):
         self.mechanism = mechanism
         self.request = {**request, "want": want or EVERYTHING, "on_gap": "mark"}
         best = self.run(WIDEST)
-        names = best.plan.want if len(best.plan.want) <= 3 else (f"{len(best)} outputs",)
+        names = tuple(best) if len(best) <= 3 else (f"{len(best)} outputs",)
         self.asked = f"run: {', '.join(names)} at {best.n} samples"
-        self.rubs = bool(best.plan.reports["friction"])
+        self.rubs = bool(best._plan.reports["friction"])
         self.errors, self.reference = self._referred(best)
         self.notes = tuple(self._left_out(best))
         if want is None and self.rubs and (own := self._of_friction()):
@@ -110,7 +110,7 @@ class Sweep(Question):
         """
         before = 2 if result.settings["friction"] == "newton" else 0
         steps = [np.asarray(k) for k in result.quality.iterations.values()]
-        count: int = result.n * result.plan.calls
+        count: int = result.n * result._plan.calls
         return count + sum(int(np.sum(k + before * (k > 0))) for k in steps)
 
     def error(self, result: Result) -> tuple[float, str]:
@@ -134,7 +134,7 @@ class Sweep(Question):
         if self.rubs and max(bounds, default=0.0) < 0.5:
             how["friction"] = Successive(iterations=SETTLED)
             checked = f", {SETTLED} successive approximations"
-        want = {"want": best.plan.want}
+        want = {"want": tuple(best)}
         check = rotated_run(self.mechanism, best.samples, "clongdouble", want | how)
         errors = reference_errors(best, check, good)
         floor = max(errors.error(check), LONG)
