@@ -25,18 +25,17 @@ ANSWERS = [cls for cls in Pictured.__subclasses__() if cls.__module__.startswith
 @pytest.mark.parametrize("cls", ANSWERS, ids=lambda cls: cls.__name__)
 def test_an_answer_draws_itself(cls):
     assert cls.figure.__module__ == cls.__module__
-    assert [*inspect.signature(cls.figure).parameters] == ["self", "degrees", "ax"]
-    assert inspect.signature(cls.figure).parameters["degrees"].default is True
+    assert [*inspect.signature(cls.figure).parameters] == ["self", "ax"]
 
 
 class Spectrum(Pictured):
     def lines(self):
         yield "two peaks"
 
-    def figure(self, degrees=True, ax=None):
+    def figure(self, ax=None):
         with panelled(str(self), 100.0, 2, ax=ax) as panels:
             for (axes,) in panels:
-                axes.plot([0, 1], [0, 180 if degrees else 3.14])
+                axes.plot([0, 1], [0, 3.14 if "rad" in self._display else 180])
         return panels[0, 0].figure
 
 
@@ -46,9 +45,8 @@ def test_a_picture_is_a_figure_and_its_file_is_written_on_demand(tmp_path):
     assert [axes.lines[0].get_ydata()[-1] for axes in figure.axes] == [180, 180]
     assert figure._supxlabel.get_text() == "two peaks"
     assert "<svg" in Spectrum()._repr_html_()
-    assert [axes.lines[0].get_ydata()[-1] for axes in Spectrum().plot(degrees=False).axes] == [
-        *(3.14, 3.14)
-    ]
+    in_radians = Spectrum().to("rad").plot()
+    assert [axes.lines[0].get_ydata()[-1] for axes in in_radians.axes] == [3.14, 3.14]
 
 
 def test_a_picture_stands_in_the_axes_of_a_user():
@@ -114,6 +112,6 @@ def test_a_run_a_motion_and_a_picture_are_of_the_mechanism_that_was_compiled(tmp
     mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()
     limits = mech.limits()
     assert type(limits).__module__ == "blockmech.analysis.limits"
-    assert limits.figure(degrees=True).axes[0].get_xlabel().endswith("[°]")
+    assert limits.figure().axes[0].get_xlabel().endswith("[°]")
     assert mech.run(at=0.5, want="crank.q").mechanism is mech
     assert mech.compile() is mech

@@ -57,7 +57,7 @@ RIGHT = (
     'moved: bm.Mechanism = mech.simulate("time=2").mechanism',
     'end: str = mech.simulate("time=2").motion.end',
     "chosen: str = how.friction if (how := g.run(at=0.0, accuracy=1e-3).accuracy) else ''",
-    'mech.limits().plot("arcs.svg", degrees=True)',
+    'mech.limits().to("rad").plot("arcs.svg")',
     'g.draw("fourbar.svg")',
     'g.run(at="30deg", rates="300rpm").to("deg", "kN").plot()',
     'mech.study({"dyad.l_i": [1.0]}, want="crank.drive").figure()',

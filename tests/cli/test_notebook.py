@@ -70,7 +70,7 @@ def short_crank_and_long_coupler() -> bm.Mechanism:
 
 def test_limits_show_their_arcs_and_what_ends_them(tmp_path: Any) -> None:
     limits: Any = short_crank_and_long_coupler().limits()
-    markup, figure = limits._repr_html_(), limits.figure(degrees=False)
+    markup, figure = limits._repr_html_(), limits.to("rad").figure()
     assert markup.startswith("<pre>")
     assert "<svg" in markup
     (axes,) = figure.axes
@@ -78,7 +78,7 @@ def test_limits_show_their_arcs_and_what_ends_them(tmp_path: Any) -> None:
     for arc, bar in zip(limits.arcs, axes.patches, strict=True):
         assert (bar.get_x(), bar.get_width()) == pytest.approx((arc.start.q, arc.length))
         assert f"{arc.start}" in said_in(figure)
-    turned = limits.figure(degrees=True).axes[0].patches[0]
+    turned = limits.figure().axes[0].patches[0]
     assert turned.get_x() == pytest.approx(np.degrees(limits.arcs[0].start.q))
     limits.plot(tmp_path / "arcs.png")
     assert (tmp_path / "arcs.png").read_bytes().startswith(b"\x89PNG")

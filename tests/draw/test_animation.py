@@ -127,7 +127,7 @@ def test_a_name_cannot_break_out_of_the_page():
 
 def test_a_result_is_animated_at_its_own_samples():
     run = ruiz().run(at=[0.1, 0.4, 0.9], want=["crank.drive"])
-    data = data_of(animate(run, degrees=True).html)
+    data = data_of(animate(run).html)
     captions = [f["caption"].split(";")[0] for f in data["frames"]]
     assert captions == [f"crank at\u00a0{a}°" for a in ("5.73", "22.92", "51.57", "22.92")]
 

@@ -15,6 +15,7 @@ from blockmech.figures.curves import abscissa, chosen_panels, pictures_of
 from blockmech.figures.panels import Abscissa, Panel, draw_panels, of_pi
 from blockmech.figures.paper import scaled_unit, styled
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
+from tests.gallery import GRAPHS
 from tests.machines import chain, ruiz, toggle, watt
 
 UNIT = re.compile(r"\[[^\]]+\]$")
@@ -78,12 +79,13 @@ def test_figure_14_shows_the_size_of_every_reaction():
 
 def test_angles_are_multiples_of_pi_in_radians_and_degrees_where_asked():
     result = ruiz().run(samples=37)
-    for degrees, expected in (
-        (False, ["0", "π/3", "2π/3", "π"]),
-        (True, ["0", "60", "120", "180"]),
+    for units, expected in (
+        (["rad"], ["0", "π/3", "2π/3", "π"]),
+        ([], ["0", "60", "120", "180"]),
+        (["deg"], ["0", "60", "120", "180"]),
     ):
         panels = pictures_of(result)["drive"]
-        figure = draw_panels(panels, abscissa(result, degrees=degrees))
+        figure = draw_panels(panels, abscissa(result.to(*units)))
         figure.canvas.draw()
         ticks = [t.get_text() for t in figure.axes[-1].get_xticklabels()]
         assert [t for t in ticks if t in expected] == expected
@@ -105,7 +107,7 @@ def test_a_mechanism_without_forces_shows_its_motion():
     panels = pictures_of(fourbar().run(samples=25))
     assert set(panels) == {"kinematics"}
     assert [(p.quantity, p.unit) for p in panels["kinematics"]] == [
-        ("angle", "rad"),
+        ("angle", "°"),
         ("rate", "rad/s"),
         ("angular acceleration", "rad/s²"),
     ]
@@ -113,9 +115,10 @@ def test_a_mechanism_without_forces_shows_its_motion():
 
 def test_the_abscissa_is_the_drivers_coordinate_in_degrees_or_radians():
     result = ruiz().run(at=[0.0, 1.0, 2.0])
-    assert abscissa(result, degrees=True).words == "crank.q [°]"
-    assert abscissa(result, degrees=True).values == pytest.approx(np.degrees([0, 1, 2]))
-    assert abscissa(result, degrees=False).words == "crank.q [rad]"
+    for run in (result, result.to("deg"), result.to("°")):
+        assert abscissa(run).words == "crank.q [°]"
+        assert abscissa(run).values == pytest.approx(np.degrees([0, 1, 2]))
+    assert abscissa(result.to("rad")).words == "crank.q [rad]"
     assert abscissa(toggle().run(samples=3)).words == "ram.q [m]"
 
 
@@ -230,6 +233,27 @@ def test_a_plot_holds_all_pictures_of_a_run_or_what_was_wanted(tmp_path):
         assert label in text
     some = ruiz().run(samples=37)
     assert some.plot(want=["dyad.j.angle"]).axes[0].get_ylabel() == "angle [°]"
-    assert plot(some, None, ["dyad.j.angle"], degrees=False).axes[0].get_ylabel() == "angle [rad]"
+    assert plot(some.to("rad"), None, "dyad.j.angle").axes[0].get_ylabel() == "angle [rad]"
     with pytest.raises(bm.RequestError, match="unknown-suffix"):
         plot(ruiz().run(samples=3), tmp_path / "no.gif")
+
+
+def test_ticks_of_angles_are_parts_of_a_turn_in_every_picture():
+    """Every 60 degrees of a turn, whatever analysis draws it."""
+    mechanism = bm.read(GRAPHS / "ruiz_fourbar.json").compile()
+    run = mechanism.run(samples=37)
+    balanced = bm.design.balance(mechanism, "couple.moment", want="crank.drive", samples=13)
+    wheel = bm.design.flywheel(mechanism, speed="300rpm", fluctuation=0.02)
+    for answer in (run, run.to("deg"), balanced, wheel, mechanism.equilibria()):
+        axes = answer.plot().axes[-1]
+        assert axes.get_xlabel().endswith("[°]")
+        low, high = axes.dataLim.intervalx
+        ticks = [t for t in axes.get_xticks() if low - 1 <= t <= high + 1]
+        assert ticks == pytest.approx(np.arange(0, 361, 60))
+
+
+def test_a_unit_is_chosen_by_the_answer_and_not_by_its_picture():
+    run = ruiz().run(samples=3)
+    for answer, keyword in ((run, "unit"), (run, "degrees"), (run.mechanism.limits(), "unit")):
+        with pytest.raises(TypeError, match=rf"argument '{keyword}'. write .*\.to\(\)"):
+            answer.plot(**{keyword: "mm"})

@@ -108,12 +108,33 @@ def test_further_poses_are_faint():
     assert poses == "crank at\u00a057.3° (faintly at 114.6°, 171.9°)"
 
 
-@pytest.mark.parametrize(("degrees", "label"), [(False, "1\u00a0rad"), (True, "57.3°")])
-def test_pictures_and_text_say_angles_in_one_unit(degrees, label):
-    run = ruiz().run(at=[1.0])
-    assert caption(moves_of_result(run), [0], degrees).startswith(f"crank at\u00a0{label}")
-    unit = "deg" if degrees else "rad"
-    assert f"[{unit}]" in table(run.to("deg") if degrees else run)
+@pytest.mark.parametrize(("unit", "label"), [("rad", "1\u00a0rad"), ("deg", "57.3°")])
+def test_pictures_and_text_say_angles_in_one_unit(unit, label):
+    run = ruiz().run(at=[1.0]).to(unit)
+    assert caption(moves_of_result(run), [0]).startswith(f"crank at\u00a0{label}")
+    assert f"[{unit}]" in table(run)
+
+
+def test_a_mechanism_is_drawn_in_units_of_choice():
+    """Axes, lengths of dimensions and captions; what is drawn stays where it is."""
+    mechanism = slider_crank().compile()
+    metres, inches = (mechanism.draw(at="40deg", unit=unit) for unit in ("m", ["in", "rad"]))
+    axes, scaled = metres.axes[0], inches.axes[0]
+    assert (axes.get_xlabel(), scaled.get_xlabel()) == ("x [m]", "x [in]")
+    assert scaled.get_xlim() == pytest.approx(np.array(axes.get_xlim()) / 0.0254)
+    assert "40°" in metres.texts[0].get_text()
+    assert "0.6981\u00a0rad" in inches.texts[0].get_text()
+    pins = [
+        [x.get_transform().transform(x.get_xydata()) for x in a.lines if "pin" in x.get_label()]
+        for a in (axes, scaled)
+    ]
+    assert np.allclose(*pins, atol=1e-9)
+    film = bm.draw.animate(mechanism.run(samples=4).to("mm"))
+    assert film.page.axes.get_ylabel() == "y [mm]"
+    with pytest.raises(bm.RequestError, match='no unit "parsec"'):
+        mechanism.draw(at=0.5, unit="parsec")
+    with pytest.raises(bm.RequestError, match="takes no unit="):
+        mechanism.draw(kind="structure", unit="mm")
 
 
 def test_a_slider_is_drawn_on_its_guide():

@@ -29,10 +29,10 @@ def fallen(name, until, want=WANT):
 
 def test_figure_6_has_the_coordinate_the_rate_and_every_reactions_magnitude():
     result = fallen("watt_sixbar", "standstill")
-    angle, rate, *reactions = motion_panels(result, degrees=False)
+    angle, rate, *reactions = motion_panels(result.to("rad"))
     assert (angle.unit, rate.unit) == ("rad", "rad/s")
     assert np.array_equal(angle.curves[""], result["crank.q"])
-    turned, *_ = motion_panels(result, degrees=True)
+    turned, *_ = motion_panels(result)
     assert np.array_equal(turned.curves[""], np.degrees(result["crank.q"]))
     curves = {name: row for panel in reactions for name, row in panel.curves.items()}
     assert set(curves) == {n.removesuffix(".reaction") for n in result if "reaction" in n}
@@ -50,7 +50,7 @@ def test_figure_7_shows_that_the_total_energy_is_kept():
 @pytest.mark.parametrize(("name", "drivers"), [("watt_sixbar", 1), ("fivebar_falling", 2)])
 def test_the_phase_plot_has_a_curve_for_each_driver_with_its_ends(name, drivers):
     result = fallen(name, "time=0.5")
-    (figure,) = phase_plots(result, degrees=False).values()
+    (figure,) = phase_plots(result.to("rad")).values()
     curves = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) > 1]
     assert len(curves) == drivers
     ends = [line for line in figure.axes[0].get_lines() if len(line.get_xdata()) == 1]

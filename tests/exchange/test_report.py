@@ -36,7 +36,7 @@ def test_a_report_has_drawing_dimensions_values_and_verification(tmp_path, name)
 def test_a_drawing_has_the_lengths_of_links():
     """Of the four-bar in its file: crank 2 m, coupler 6 m, rocker 3 m, in mm."""
     linkage = opened(GRAPHS / "joints" / "ruiz_fourbar.json")
-    picture = draw_result(linkage.run(samples=25, want=()), sheet=True)
+    picture = draw_result(linkage.run(samples=25, want=()).to("mm"), sheet=True)
     texts = {text.get_text() for text in picture.axes.texts}
     assert {"2000", "6000", "3000"} <= texts
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from blockmech.dynamics.tangents import Tangents
 from blockmech.figures import palette as ink
-from blockmech.figures.palette import IN_DEGREES
-from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
+from blockmech.figures.panels import label_coordinate
+from blockmech.figures.paper import panelled, picture_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
@@ -171,7 +171,7 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         """The stable equilibria."""
         return tuple(e for e in self.found if e.kind == "stable")
 
-    def figure(self, degrees: bool = IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """Potential and effort of the loads over the only driver's coordinate.
 
         Raises `RequestError` of several drivers.
@@ -179,7 +179,7 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         if not self.curves:
             message = "there is no picture of the equilibria of several drivers"
             raise refused("plot", message, "their text lists them", code="nothing-to-draw")
-        factor, unit = angle_scale(self.unit, degrees)
+        factor, unit = picture_unit(self.unit, self._display)
         curves = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
         counts = {kind: sum(e.kind == kind for e in self) for kind in MARKS}
         counted_kinds = [f"{n} {kind} ({MARKS[kind][1]})" for kind, n in counts.items() if n] or [
@@ -190,7 +190,7 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         with panelled(caption, len(curves) * PANEL + 2 * ink.ROW, len(curves), ax=ax) as panels:
             for (axes,), curve in zip(panels, curves, strict=True):
                 self._draw(axes, curve, factor)
-            axes.set_xlabel(f"{shown_name(self.coordinate)} [{unit}]", labelpad=1)
+            label_coordinate(axes, f"{shown_name(self.coordinate)} [{unit}]")
         return axes.figure
 
     def _draw(self, axes: Axes, what: str, factor: float) -> None:
@@ -200,7 +200,7 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         finite = np.concatenate([row[np.isfinite(row)] for row in rows])
         low, high = np.quantile(finite, [CLEAR, 1 - CLEAR]) if len(finite) else (-1.0, 1.0)
         unit = "J" if lowest else f"N{' m' if self.unit == 'rad' else ''}"
-        scale, unit = scaled_unit(unit, max(abs(low), abs(high)))
+        scale, unit = picture_unit(unit, self._display, max(abs(low), abs(high)))
         for curve, row in zip(self.curves, rows, strict=True):
             y = row - (np.nanmin(row) if lowest else 0.0)
             axes.plot(factor * curve.q, scale * y, color=ink.FORWARD)

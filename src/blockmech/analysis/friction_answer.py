@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.figures import palette as ink
+from blockmech.figures.panels import label_coordinate
 from blockmech.figures.paper import (
-    angle_scale,
     grow,
     legend_above,
     panelled,
-    scaled_unit,
+    picture_unit,
     shown_name,
 )
 from blockmech.figures.pictured import Pictured
@@ -112,7 +112,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         m = self.answers.mechanism
         return {m._of_driver(d, "q"): self.samples.coordinate(i) for i, d in enumerate(m.drivers)}
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """The first real output over the driver; of several scales the number of solutions.
 
         Raises `RequestError` where not exactly one coordinate varies, or nothing is there to draw.
@@ -122,7 +122,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             message = f"{len(moving)} driver coordinates vary"
             raise refused("friction_solutions", message, "give several poses of one driver")
         ((name, q),) = moving.items()
-        factor, unit = angle_scale(self.answers._unit_of_driver(name), degrees)
+        factor, unit = picture_unit(self.answers._unit_of_driver(name), self._display)
         draw = self._map if np.ptp(self.scale) > 0 else self._curves
         return draw(factor * q, f"{shown_name(name)} [{unit}]", ax)
 
@@ -132,9 +132,8 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         if not real:
             raise refused("friction_solutions", "no real output is there", "name one in want=")
         name, x = real[0], q[self.pose]
-        factor, unit = scaled_unit(
-            self.answers.unit(name), float(np.abs(self[name]).max(initial=0))
-        )
+        largest = float(np.abs(self[name]).max(initial=0))
+        factor, unit = picture_unit(self.answers.unit(name), self._display, largest)
         y = factor * self[name]
         low = np.any([np.zeros(len(x), bool), *(s < 0 for s in self.index.values())], axis=0)
         hollow = {"mfc": "none", "ms": 3.2}
@@ -156,7 +155,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             cells, none = _edges(q[order]), (self.counts == 0)[order]
             for i in np.flatnonzero(none):
                 axes.axvspan(cells[i], cells[i + 1], color=ink.PALE, lw=0, label="none: it jams")
-            axes.set_xlabel(axis_label, labelpad=1)
+            label_coordinate(axes, axis_label)
             axes.set_ylabel(f"{shown_name(name)} [{unit or '–'}]")
             grow(axes, legend_above(axes, ink.COLUMN), ax)
         return axes.figure
@@ -199,7 +198,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             for i in np.unique(counts):
                 axes.fill([], [], facecolor=FILLS[i], edgecolor=ink.INK, lw=0.6, label=WORDS[i])
             grow(axes, legend_above(axes, ink.COLUMN), ax)
-            axes.set_xlabel(label, labelpad=1)
+            label_coordinate(axes, label)
             axes.set_ylabel("scale of friction [–]")
         return axes.figure
 

@@ -28,7 +28,6 @@ from blockmech.analysis.arcs import Bound, Known, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.analysis.scan import TURN, shown_place
 from blockmech.figures.bars import Bar, bars_figure
-from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.arguments import declared
@@ -143,7 +142,7 @@ class Limits(Facts, Pictured):
         word = "feasible arc" + ("s" if len(self.arcs) > 1 else "")
         return f"{word} of {name}: {', '.join(map(str, self.arcs))} {self.unit}"
 
-    def figure(self, degrees: bool = IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """The feasible arcs as bars."""
         bars = [
             Bar(
@@ -156,7 +155,7 @@ class Limits(Facts, Pictured):
             for n, arc in enumerate(self.arcs, start=1)
         ]
         caption = f"{self.sentence()}."
-        return bars_figure(bars, self._q(self.driver), self.unit, caption, degrees, ax)
+        return bars_figure(bars, self._q(self.driver), self.unit, caption, self._display, ax)
 
     def lines(self) -> Iterable[str]:
         """The arcs, their ends and change points, one a line."""

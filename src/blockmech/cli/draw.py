@@ -62,7 +62,7 @@ def draw(
         subject.draw(
             *(picture, kind, poses),
             trace=names_of(trace) or None,
-            degrees=deg is not False,
+            unit=["rad"] * (deg is False),
             want=names_of(want) or "*",
         )
     say(f"wrote {picture}")

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from blockmech.result.result import Result
 
 AnyAnswer = TypeVar("AnyAnswer", bound=Displayed)
-Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) -> files drawn
+Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder) -> files drawn
 
 NUMBERS = ("results.csv", "result.json")
 PICTURES = (
@@ -82,7 +82,7 @@ def check_places(table: str | None, plot: str | None) -> None:
         suffix_of(plot)
 
 
-def write_answer(answer: Any, table: str | None, plot: str | None, degrees: bool = True) -> None:
+def write_answer(answer: Any, table: str | None, plot: str | None) -> None:
     """Write the table (csv, parquet) and the picture of an answer."""
     if table is not None:
         is_parquet = Path(table).suffix.lower() == ".parquet"
@@ -90,7 +90,7 @@ def write_answer(answer: Any, table: str | None, plot: str | None, degrees: bool
         say(f"wrote {table}")
     if plot is not None:
         with progress_bar("drawing"):
-            answer.plot(plot, degrees=degrees)
+            answer.plot(plot)
         say(f"wrote {plot}")
 
 
@@ -130,8 +130,9 @@ class Display:
         si_only(self.json, self.deg, self.unit)
 
     def in_units(self, result: AnyAnswer) -> AnyAnswer:
-        """An answer in the units that texts, tables and CSV have."""
-        return result.to(*names_of(self.unit), *["deg"] * bool(self.deg))
+        """An answer in the units that texts, tables, CSV and pictures have."""
+        angle = {None: (), True: ("deg",), False: ("rad",)}[self.deg]
+        return result.to(*names_of(self.unit), *angle)
 
     def files(self) -> tuple[str | None, str | None]:
         """Where the table and the picture go. Raises `RequestError` where they cannot."""
@@ -155,7 +156,7 @@ class Display:
             pour([displayed.to_csv()])
         else:
             answer(file, self.json, report.to_dict(), displayed.text())
-            write_answer(displayed, table, plot, self.deg is not False)
+            write_answer(displayed, table, plot)
         return report
 
 
@@ -252,7 +253,7 @@ class Output(TableDisplay):
             return [Path(table)]
         if self.plot is not None:
             with progress_bar("drawing"):
-                result.plot(self.plot, degrees=self.deg is not False)
+                result.plot(self.plot)
             return [Path(self.plot)]
         return [] if self.out is None else self._fill(Path(self.out), result, pictures)
 
@@ -261,5 +262,4 @@ class Output(TableDisplay):
         numbers = dict(zip(NUMBERS, (self._csv(result), json_chunks(result)), strict=True))
         if result.motion is not None and result.motion.end == "interrupted":
             return fill_folder(out, numbers, PICTURES)
-        draw = partial(pictures, result, out, degrees=self.deg is not False)
-        return fill_folder(out, numbers, PICTURES, draw)
+        return fill_folder(out, numbers, PICTURES, partial(pictures, result, out))

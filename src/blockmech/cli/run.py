@@ -85,7 +85,7 @@ def run(
         raise typer.Exit(NO_ANSWER)
 
 
-def _pictures(result: Result, folder: Path, degrees: bool) -> list[Path]:
+def _pictures(result: Result, folder: Path) -> list[Path]:
     from blockmech.draw import run_pictures
 
-    return run_pictures(result, folder, degrees=degrees)
+    return run_pictures(result, folder)

@@ -112,10 +112,10 @@ def simulate(
         raise typer.Exit(NO_ANSWER)
 
 
-def _pictures(result: Result, folder: Path, degrees: bool) -> list[Path]:
+def _pictures(result: Result, folder: Path) -> list[Path]:
     from blockmech.draw.simulation import simulation_pictures
 
-    return simulation_pictures(result, folder, degrees=degrees)
+    return simulation_pictures(result, folder)
 
 
 def _unanswered(result: Result, requested: list[float] | None) -> bool:

@@ -20,7 +20,8 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.figures import palette as ink
 from blockmech.figures.curves import abscissa, values
-from blockmech.figures.paper import axis_label, legend_above, panelled, scaled_unit, shown_name
+from blockmech.figures.panels import label_coordinate
+from blockmech.figures.paper import axis_label, legend_above, panelled, picture_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
@@ -82,21 +83,23 @@ class Balance(Facts, Pictured):
     linear: bool
     at_bounds: tuple[str, ...]
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """Each output before and after balancing, over the poses."""
         names = [*self.after][: ink.PANELS]
-        across = abscissa(self.runs[0], degrees=degrees)
+        across = abscissa(self.runs[0].to(*self._display))
         caption = f"{shown_name(self.mechanism.name, 40)}: outputs before and after balancing, "
         caption += "vectors by their size."
         with panelled(caption, len(names) * PANEL + 2 * ink.ROW, len(names), ax=ax) as panels:
             for (axes,), name in zip(panels, names, strict=True):
-                factor, unit = scaled_unit(self.units[name], self.before[name].largest)
+                factor, unit = picture_unit(
+                    self.units[name], self._display, self.before[name].largest
+                )
                 for n, (label, run) in enumerate(zip(("before", "after"), self.runs, strict=True)):
                     y = factor * values(run, name)
                     axes.plot(across.values, y, label=label, **ink.curve_style(n))
                 axes.set_ylabel(axis_label(shown_name(name), unit, PANEL), labelpad=2)
             legend_above(panels[0, 0], ink.COLUMN)
-            axes.set_xlabel(across.words, labelpad=1)
+            label_coordinate(axes, across.words)
         return axes.figure
 
     def lines(self) -> Iterator[str]:

@@ -25,7 +25,7 @@ from blockmech.design.efforts import with_efforts
 from blockmech.engines.derivatives import Dual, DualEngine
 from blockmech.engines.numpy import CHUNK
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import panelled, scaled_unit
+from blockmech.figures.paper import panelled, picture_unit
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
@@ -82,30 +82,36 @@ class MotorDemand(Facts, Pictured):
         """Whether the motor meets all requirements."""
         return all(x <= 1.0 for x in self.margins.values())
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    @property
+    def speed_unit(self) -> str:
+        """SI unit of the speed."""
+        return "rad/s" if self.unit == "N m" else "m/s"
+
+    def figure(self, ax: Axes | None = None) -> Any:
         """Moment over speed, with the motor's limits."""
         caption = " ".join(line + "." for line in self.text().split("\n"))
         with panelled(caption, PANEL + 2 * ink.ROW, ax=ax) as ((axes,),):
-            factor, unit = scaled_unit(self.unit, max(self.peak, self.limits.get("peak", 0.0)))
-            axes.plot(self.speed, factor * self.moment, ".-", ms=2, lw=0.6, color=ink.FORWARD)
+            largest = max(self.peak, self.limits.get("peak", 0.0))
+            factor, unit = picture_unit(self.unit, self._display, largest)
+            scale, per = picture_unit(self.speed_unit, self._display)
+            x, y = scale * self.speed, factor * self.moment
+            axes.plot(x, y, ".-", ms=2, lw=0.6, color=ink.FORWARD)
             axes.axhline(factor * self.rms, color=ink.FORWARD, ls="--", lw=0.8)
             for name, style in (("peak", "-"), ("rms", "--")):
                 for side in (-factor, factor) if name in self.limits else ():
                     axes.axhline(side * self.limits[name], color=ink.ALARM, ls=style, lw=1.0)
             for side in (-1.0, 1.0) if "speed" in self.limits else ():
                 if np.any(side * self.speed > 0):
-                    axes.axvline(side * self.limits["speed"], color=ink.ALARM, lw=1.0)
-            per = "rad/s" if self.unit == "N m" else "m/s"
+                    axes.axvline(side * scale * self.limits["speed"], color=ink.ALARM, lw=1.0)
             axes.set_ylabel(f"motor [{unit}]; dashed: rms", labelpad=2)
             axes.set_xlabel(f"speed of the motor [{per}]; red: its limits", labelpad=1)
         return axes.figure
 
     def lines(self) -> Iterator[str]:
         """The requirements, and whether the motor meets them."""
-        per = "rad/s" if self.unit == "N m" else "m/s"
         yield (
             f"ratio {self.ratio:.6g}: rms {self.rms:.6g} {self.unit}, peak {self.peak:.6g} "
-            f"{self.unit}, {self.fastest:.6g} {per}, {self.power:.6g} W"
+            f"{self.unit}, {self.fastest:.6g} {self.speed_unit}, {self.power:.6g} W"
         )
         yield from (f"{name}: {x:.1%} of the motor's" for name, x in self.margins.items())
         if self.limits:

@@ -22,7 +22,8 @@ from blockmech.compiled import Compiled
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import refuse_signals
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import angle_scale, legend_above, panelled
+from blockmech.figures.panels import label_coordinate
+from blockmech.figures.paper import legend_above, panelled, picture_unit
 from blockmech.figures.pictured import Pictured
 from blockmech.functions.roots import SCANNED
 from blockmech.functions.series import Series, fit, panels
@@ -66,16 +67,16 @@ class Flywheel(Facts, Pictured):
     speeds: Floats
     speeds_without: Floats
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """Speed over the turn, with the flywheel and without."""
-        scale, unit = angle_scale("rad", degrees)
+        (scale, unit), (factor, rate) = (picture_unit(x, self._display) for x in ("rad", "rad/s"))
         curves = {"with the flywheel": self.speeds, "without it": self.speeds_without}
         caption = f"{self.text()[0].upper()}{self.text()[1:]}."
         with panelled(caption, PANEL + 3 * ink.ROW, ax=ax) as ((axes,),):
             for n, (label, row) in enumerate(curves.items()):
-                axes.plot(scale * self.q, row, label=label, **ink.curve_style(n))
-            axes.set_ylabel("speed [rad/s]", labelpad=2)
-            axes.set_xlabel(f"crank [{unit}]", labelpad=1)
+                axes.plot(scale * self.q, factor * row, label=label, **ink.curve_style(n))
+            axes.set_ylabel(f"speed [{rate}]", labelpad=2)
+            label_coordinate(axes, f"crank [{unit}]")
             legend_above(axes, ink.COLUMN)
         return axes.figure
 

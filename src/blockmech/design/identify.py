@@ -38,7 +38,8 @@ from blockmech.compiled import Compiled
 from blockmech.design.measurements import Record, record_of
 from blockmech.engines.derivatives import DualEngine, slope, value
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
+from blockmech.figures.panels import label_coordinate
+from blockmech.figures.paper import panelled, picture_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, as_names, held, listed, refused
@@ -130,10 +131,10 @@ class Identification(Facts, Pictured):
         """Parameters that the data cannot separate."""
         return frozenset([*self.unseen, *(a for c in self.combinations for a in c.weights)])
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """Residual of each column over the first driver's coordinate, with its scatter."""
         names, driver = [*self.residuals][: ink.PANELS], self.mechanism.drivers[0]
-        scale, unit_of_x = angle_scale(self.mechanism._coordinate_units[driver], degrees)
+        scale, unit_of_x = picture_unit(self.mechanism._coordinate_units[driver], self._display)
         caption = f"{shown_name(self.mechanism.name, 40)}: measured less computed; shaded: "
         caption += f"{ink.BAND:g} standard deviations. "
         caption += (
@@ -145,14 +146,14 @@ class Identification(Facts, Pictured):
         with panelled(caption, len(names) * PANEL + 2 * ink.ROW, len(names), ax=ax) as panels:
             for (axes,), name in zip(panels, names, strict=True):
                 r = self.residuals[name]
-                factor, unit = scaled_unit(self.units[name], float(np.abs(r).max()))
+                factor, unit = picture_unit(self.units[name], self._display, float(np.abs(r).max()))
                 band = ink.BAND * factor * self.noise[name]
                 colour = ink.ALARM if name in self.doubts else ink.FORWARD
                 dots = {"s": ink.DOT, "lw": 0, "color": colour, "rasterized": True}
                 axes.axhspan(-band, band, color=ink.LINK_FILLS[0], lw=0)
                 axes.scatter(scale * self.coordinate, factor * r, **dots)
                 axes.set_ylabel(f"{shown_name(name)}\n[{unit or '–'}]", labelpad=2)
-            axes.set_xlabel(f"{self.mechanism._of_driver(driver, 'q')} [{unit_of_x}]", labelpad=1)
+            label_coordinate(axes, f"{self.mechanism._of_driver(driver, 'q')} [{unit_of_x}]")
         return axes.figure
 
     def lines(self) -> Iterator[str]:

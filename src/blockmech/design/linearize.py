@@ -194,7 +194,7 @@ class Linearization(Facts, Pictured):
         inputs, outputs = ([n.replace(".", "_") for n in x] for x in (self.inputs, self.outputs))
         return control.ss(self.A, self.B, self.C, self.D, inputs=inputs, outputs=outputs)
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """Bode diagram: magnitude and phase of each output over each input.
 
         Raises `RequestError` where there are more curves than a picture can hold.

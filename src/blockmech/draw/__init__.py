@@ -21,7 +21,6 @@ from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.schedule import draw_schedule
 from blockmech.draw.structural import draw_structural_graph
 from blockmech.figures.curves import Axis, abscissa, pictures_of, plot
-from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import MOVING, STILL, put_in, rendered, suffix_of, write_figure
 from blockmech.ground.arguments import declared
@@ -88,7 +87,7 @@ def draw(
     at: Coordinates | None = None,
     *,
     trace: Iterable[str] | None = None,
-    degrees: bool = IN_DEGREES,
+    unit: Iterable[str] | str = (),
     want: Iterable[str] | str = "*",
     ax: Axes | None = None,
 ) -> Any:
@@ -106,9 +105,9 @@ def draw(
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
     trace : names of markers whose paths are drawn; by default the user's markers
-    degrees : angles in the picture in degrees
+    unit : units of the lengths and angles in the picture, e.g. "mm"; by default m and degrees
     want : outputs of a schedule; links whose centrodes are drawn
-    ax : axes to put the picture in; those of a mechanism then are in metres
+    ax : axes to put the picture in; those of a mechanism then have its unit of length
 
     Returns matplotlib's figure, or the `Animation`.
 
@@ -128,9 +127,10 @@ def draw(
     suffix = ""
     if path is not None:  # before anything is computed
         suffix = suffix_of(path, f"a{'n' * moving} {kind}", MOVING if moving else STILL)
-    arguments = {"at": at, "trace": trace, "want": want, "degrees": degrees}
+    arguments = {"at": at, "trace": trace, "want": want, "unit": unit}
     requested = {"at": at is not None, "trace": trace is not None, "want": want != "*"}
-    for name, is_requested in (requested | {"ax": moving and ax is not None}).items():
+    requested |= {"unit": bool(unit), "ax": moving and ax is not None}
+    for name, is_requested in requested.items():
         if is_requested and name not in KINDS[kind].takes:
             takers = listed(f'kind="{k}"' for k in KINDS if name in KINDS[k].takes)
             message = f'a picture of the kind "{kind}" takes no {name}='
@@ -173,7 +173,7 @@ def animate(
     frames: int = 72,
     seconds: float = 3.0,
     trace: Iterable[str] | None = None,
-    degrees: bool = IN_DEGREES,
+    unit: Iterable[str] | str = (),
 ) -> Animation:
     """Animate a mechanism over the range of its laws of motion, or the samples of a run.
 
@@ -184,7 +184,7 @@ def animate(
     at : driver coordinates of the frames, see `draw`
     frames : number of frames over the range, 2 to 2000
     seconds : duration [s] of one cycle on the screen
-    trace, degrees : see `draw`
+    trace, unit : see `draw`; of a result the units are those of `Result.to`
 
     Poses that do not close are left out; a motion that does not return to its start is played
     forwards and backwards. Raises the errors of `draw`.
@@ -206,14 +206,13 @@ def animate(
             message = "no law of motion says how far its drivers move"
             remedy = "give every driver a law, poses by at=, or animate the result of simulate()"
             raise refused(motion.mechanism.name, message, remedy, code="no-range")
-    animation = Animation(motion, seconds, trace, degrees)
+    units = as_names("unit", unit) or motion.display
+    animation = Animation(motion.to(*units), seconds, trace)
     return animation if path is None else animation.save(path)
 
 
 @declared
-def run_pictures(
-    result: Result, folder: AnyPath, *, over: Axis = "auto", degrees: bool = IN_DEGREES
-) -> list[Path]:
+def run_pictures(result: Result, folder: AnyPath, *, over: Axis = "auto") -> list[Path]:
     """Write the pictures of a run: one for each kind of curve that it has.
 
     ``drive.png``, ``friction_power.png`` and ``reactions.png`` ([R10] Figs. 12-14), with
@@ -225,18 +224,16 @@ def run_pictures(
     result : the run; outputs that it did not compute are not drawn
     folder : made if it is missing
     over : driver coordinate or time; "auto" takes the one by which the samples were requested
-    degrees : driver angles in degrees
 
     Raises `RequestError` where the folder cannot be written, or times are not known.
 
     >>> [path.name for path in bm.draw.run_pictures(result, "pictures")]
     ['drive.png', 'friction_power.png', 'reactions.png', 'mechanism.png']
     """
-    axis = abscissa(result, over, degrees)
-    panels = pictures_of(result, degrees)
-    figures = {name: draw_panels(row, axis) for name, row in panels.items()}
+    axis = abscissa(result, over)
+    figures = {name: draw_panels(row, axis) for name, row in pictures_of(result).items()}
     if len(result.quality.gaps) < result.n:
-        figures["mechanism"] = draw_result(result, degrees).figure
+        figures["mechanism"] = draw_result(result).figure
     with whole_folder(folder) as home:
         return [
             Path(folder) / write_figure(figure, home / f"{name}.png").name
@@ -252,8 +249,8 @@ def _diagram(subject: Subject) -> Any:
     return draw_diagram(graph_of(mechanism), mechanism.names).figure
 
 
-def _mechanism(subject: Subject, **poses: Any) -> Any:
-    return draw_mechanism(subject.compile(), **poses).figure
+def _mechanism(subject: Subject, unit: Iterable[str] | str = (), **poses: Any) -> Any:
+    return draw_mechanism(subject.compile(), **poses, display=as_names("unit", unit)).figure
 
 
 def _schedule(subject: Subject, want: Iterable[str] | str) -> Any:
@@ -268,7 +265,7 @@ def _tile(subject: Subject, at: Coordinates | None) -> Any:
     return draw_tile(subject.compile(), at)
 
 
-def _centrodes(subject: Subject, at: Coordinates | None, want: Any, degrees: bool) -> Any:
+def _centrodes(subject: Subject, at: Coordinates | None, want: Any, unit: Any) -> Any:
     mechanism: Compiled = subject.compile()
     links = as_names("want", want)
     if links == ("*",):
@@ -279,15 +276,16 @@ def _centrodes(subject: Subject, at: Coordinates | None, want: Any, degrees: boo
         for name, curve in centrodes(mechanism, link, at).items()
     }
     samples = mechanism.samples(at, None if at is not None else 2, None, None, None)
-    return draw_mechanism(mechanism, float(samples.inputs["q_0"][0]), None, degrees, curves).figure
+    pose = float(samples.inputs["q_0"][0])
+    return draw_mechanism(mechanism, pose, None, curves, display=as_names("unit", unit)).figure
 
 
 KINDS: Mapping[str, Kind] = {
     "diagram": Kind("the block diagram", _diagram),
-    "mechanism": Kind("the mechanism at poses", _mechanism, ("at", "trace", "degrees")),
-    "animation": Kind("the mechanism in motion", animate, ("at", "trace", "degrees")),
+    "mechanism": Kind("the mechanism at poses", _mechanism, ("at", "trace", "unit")),
+    "animation": Kind("the mechanism in motion", animate, ("at", "trace", "unit")),
     "schedule": Kind("the kernel calls that some outputs take", _schedule, ("want",)),
     "structure": Kind("groups, their links and the degrees of freedom they add", _structure),
-    "centrodes": Kind("centrodes of links over poses", _centrodes, ("at", "want", "degrees")),
+    "centrodes": Kind("centrodes of links over poses", _centrodes, ("at", "want", "unit")),
     "tile": Kind("a square mechanism without axes and words", _tile, ("at",)),
 }

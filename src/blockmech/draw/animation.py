@@ -29,8 +29,15 @@ from blockmech.draw.page import Page, Shape, move
 from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.figures import palette as ink
-from blockmech.figures.palette import IN_DEGREES
-from blockmech.figures.paper import MOVING, new_figure, scaled_unit, shown_name, styled, suffix_of
+from blockmech.figures.paper import (
+    MOVING,
+    UNBROKEN,
+    amount,
+    new_figure,
+    shown_name,
+    styled,
+    suffix_of,
+)
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath, writing
@@ -65,7 +72,6 @@ class Animation:
         motion: Motion,
         seconds: float = 3.0,
         trace: Iterable[str] | None = None,
-        degrees: bool = IN_DEGREES,
         every: int = 0,
     ) -> None:
         """Lay out the frames of a motion.
@@ -88,7 +94,7 @@ class Animation:
         self.motion = motion = motion.only(good)
         self.seconds = seconds
         self.path: Path | None = None
-        self.captions = [_caption(motion, sketch, k, degrees) for k in range(len(good))]
+        self.captions = [_caption(motion, sketch, k) for k in range(len(good))]
         with styled():
             self.page = page_of(sketch, motion, worded(paths), self.captions)
         self.paths = paths
@@ -165,15 +171,15 @@ class Animation:
 # -- captions ------------------------------------------------------------------------------
 
 
-def _caption(motion: Motion, sketch: Sketch, k: int, degrees: bool) -> str:
+def _caption(motion: Motion, sketch: Sketch, k: int) -> str:
     """Coordinates, time and friction where they are known, and the loads in a second line."""
-    parts, time, run = [caption(motion, [k], degrees)], motion.time, motion.result
+    parts, time, run = [caption(motion, [k])], motion.time, motion.result
     if time is not None and math.isfinite(time[k]):
         parts.append(f"t\u00a0=\u00a0{time[k]:.3f}\u00a0s")
     if FRICTION_POWER in run:
         power = float(run[FRICTION_POWER][motion.samples[k]])
-        factor, unit = scaled_unit("W", abs(power))
-        parts.append(f"friction takes {power * factor:.4g}\u00a0{unit}")
+        loss = amount(power, "W", motion.display).translate(UNBROKEN)
+        parts.append(f"friction takes {loss}")
     if time is not None and rests(run, time[k], [rate[k] for rate in motion.q_rate.values()]):
         parts.append("at rest")
     loads = "; ".join(load_text(motion, load, k) for load in sketch.loads)
@@ -254,16 +260,8 @@ def _film(film: Animation) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         video = Path(folder, "film.mp4")
         raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FPS)]
-        coded = [
-            "-c:v",
-            "libx264",
-            "-pix_fmt",
-            "yuv420p",
-            "-movflags",
-            "+faststart",
-            str(video),
-        ]
-        command = [program, "-v", "error", "-y", *raw, "-i", "-", *coded]
+        coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+        command = [program, "-v", "error", "-y", *raw, "-i", "-", *coded, str(video)]
         completed = subprocess.run(
             command, input=b"".join(frames[k].tobytes() for k in indices), capture_output=True
         )
@@ -308,8 +306,9 @@ def player_data(film: Animation) -> Data:
         "still": [[_style(s), *_numbers(page.points(s.at(0)))] for s in film.shapes if s.still],
         "paths": [_path(page, i, name, path) for i, (name, path) in enumerate(film.paths.items())],
         "ticks": [_ticks(page.axes.xaxis), _ticks(page.axes.yaxis)],
-        "corner": [page.corner.real, page.corner.imag],
-        "unit": page.unit,
+        "corner": [page.scale * page.corner.real, page.scale * page.corner.imag],
+        "unit": page.scale * page.unit,
+        "axes": [axis.get_label_text() for axis in (page.axes.xaxis, page.axes.yaxis)],
         "frames": [frames[k] for k in film.order],
     }
 
@@ -338,6 +337,6 @@ def _path(page: Page, i: int, name: str, path: Vectors) -> Data:
 
 
 def _ticks(axis: XAxis | YAxis) -> list[float]:
-    """Round numbers [m] on an axis."""
+    """Round numbers on an axis."""
     low, high = sorted(axis.get_view_interval())
     return [float(f"{v:.6g}") for v in axis.get_majorticklocs() if low <= v <= high]

@@ -19,8 +19,8 @@ from blockmech.draw.page import Page, Paths, unit_of
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of, user_markers
 from blockmech.figures import palette as ink
-from blockmech.figures.palette import IN_DEGREES, MOST, SIZES
-from blockmech.figures.paper import angle_scale, scaled_unit, shown_name, styled
+from blockmech.figures.palette import MOST, SIZES
+from blockmech.figures.paper import UNBROKEN, amount, shown_name, styled
 from blockmech.ground.errors import among
 from blockmech.model.joints.dimensions import AngleOfLines, Dimension, Length
 from blockmech.model.spots import marker_place
@@ -54,7 +54,7 @@ class Picture:
 
     @property
     def axes(self) -> Any:
-        """Its axes [m]."""
+        """Its axes, in metres or in the unit of length that is displayed."""
         return self.page.axes
 
 
@@ -62,8 +62,9 @@ def draw_mechanism(
     mechanism: Compiled,
     at: Coordinates | None = None,
     trace: Iterable[str] | None = None,
-    degrees: bool = IN_DEGREES,
     curves: Paths | None = None,
+    *,
+    display: Iterable[str] = (),
     named: bool = True,
     sheet: bool = False,
 ) -> Picture:
@@ -75,10 +76,10 @@ def draw_mechanism(
         Driver coordinates; by default four poses over the range of the laws of motion.
     trace : names of markers whose paths are drawn, where the range is known; by
         default the user's markers, or inner joints if there are none
-    degrees : angles in the caption in degrees
     curves : name -> places (n,) [m] to be drawn in place of paths
+    display : units of lengths and angles, see `Result.to`
     named : with names and a caption: the title of the document, poses and gravity
-    sheet : on a sheet that has the title: with lengths of links [mm] in its place
+    sheet : on a sheet that has the title: with lengths of links in its place
 
     Raises `RequestError` where the range is not known and no pose is named, and the
     errors of `Compiled.run` where the first pose cannot be reached.
@@ -86,13 +87,13 @@ def draw_mechanism(
     swept = at is None or all(d in mechanism.scene.drive for d in mechanism.drivers)
     sweep = moves(mechanism, samples=DEFAULT_SAMPLES) if swept else None
     motion = moves(mechanism, at) if at is not None or sweep is None else sweep
-    motion = motion.only(_poses(motion, named=at is not None))
+    motion = motion.only(_poses(motion, named=at is not None)).to(*display)
     sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
     motion = motion if sketch.shows_poses else motion.only([0])
     paths = paths_of(sweep, trace) if sweep is not None and sweep.result.n > 1 else {}
     paths = worded(paths) if curves is None else curves
     title = mechanism.document.title if mechanism.document and not sheet else ""
-    text = _heading(title, motion, sweep if paths else None, degrees) if named else ""
+    text = _heading(title, motion, sweep if paths else None) if named else ""
     with styled():
         page = page_of(sketch, motion, paths, [text] * bool(text))
         stage = Stage(sketch, motion, page.unit)
@@ -109,13 +110,13 @@ def draw_mechanism(
             return picture
         crowd = page.crowd(main_shapes, paths)
         lengths = side_lengths(page, stage) if sheet else ()
-        for position in map(crowd.place, (*_labels(page, stage, degrees), *lengths)):
+        for position in map(crowd.place, (*_labels(page, stage), *lengths)):
             page.draw(page.leader(position))
             picture.labels.append(page.write(position))
     return picture
 
 
-def draw_result(result: Result, degrees: bool = IN_DEGREES, sheet: bool = False) -> Picture:
+def draw_result(result: Result, sheet: bool = False) -> Picture:
     """Draw the mechanism in some poses of a run; ``sheet`` is that of `draw_mechanism`.
 
     Paths of markers are drawn where laws of motion move it. Raises the errors of `draw_mechanism`.
@@ -125,7 +126,7 @@ def draw_result(result: Result, degrees: bool = IN_DEGREES, sheet: bool = False)
     some = good[np.linspace(0, len(good), number, endpoint=False, dtype=int)]
     drivers = enumerate(result.mechanism.drivers)
     at = {driver: result.samples.coordinate(i)[some] for i, driver in drivers}
-    return draw_mechanism(result.mechanism, at, degrees=degrees, sheet=sheet)
+    return draw_mechanism(result.mechanism, at, display=result._display, sheet=sheet)
 
 
 def draw_tile(mechanism: Compiled, at: Coordinates | None = None) -> Any:
@@ -158,7 +159,7 @@ def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str
     arrows = [arrow for load in ways for arrow in load]
     ends = [points, *(z.ravel() for z in (*arrows, *shapes.dimension_lines(stage).values()))]
     z = np.concatenate(ends)
-    return Page(z[np.isfinite(z)], wide, paths, captions)
+    return Page(z[np.isfinite(z)], wide, paths, captions, motion.display)
 
 
 def points_of(sketch: Sketch, motion: Motion, paths: Paths) -> Vectors:
@@ -185,36 +186,35 @@ def _poses(motion: Motion, named: bool) -> list[int]:
 # -- captions ------------------------------------------------------------------------------
 
 
-def _heading(title: str, motion: Motion, traced: Motion | None, degrees: bool) -> str:
+def _heading(title: str, motion: Motion, traced: Motion | None) -> str:
     """A title, the poses, and the turns that traced paths leave out."""
-    poses = caption(motion, range(len(motion.samples)), degrees)
+    poses = caption(motion, range(len(motion.samples)))
     notes = missing_turns(motion.mechanism, traced.result.samples.inputs) if traced else []
     return "\n".join(filter(None, [title, poses, *notes]))
 
 
-def caption(motion: Motion, samples: Sequence[int], degrees: bool = IN_DEGREES) -> str:
+def caption(motion: Motion, samples: Sequence[int]) -> str:
     """Driver coordinates of the poses, the main one first, and gravity."""
     parts = []
     for driver, q in motion.q.items():
         unit = motion.mechanism._coordinate_units[driver]
-        factor, unit = angle_scale(unit, degrees)
-        space = "" if unit == "°" else "\u00a0"
-        values = [f"{factor * q[k]:.4g}{space}{unit}" for k in samples]
+        values = [amount(q[k], unit, motion.display).translate(UNBROKEN) for k in samples]
         faint = f" (faintly at {', '.join(values[1:])})" if len(values) > 1 else ""
         parts.append(f"{shown_name(driver)} at\u00a0{values[0]}{faint}")
     g = motion.mechanism.scene.gravity.z
     if g:
-        parts.append(f"gravity {abs(g):.4g}\u00a0m/s² {_pointing(g, degrees)}")
+        size = amount(abs(g), "m/s2", motion.display).translate(UNBROKEN)
+        parts.append(f"gravity {size} {_pointing(g, motion.display)}")
     return "; ".join(parts)
 
 
-def _pointing(g: complex, degrees: bool) -> str:
+def _pointing(g: complex, display: Iterable[str]) -> str:
     """A direction as an arrow, or as an angle if none fits."""
     angle = cmath.phase(g)
     eighths = math.degrees(angle) / 45
     if math.isclose(eighths, round(eighths)):
         return "→↗↑↖←↙↓↘"[round(eighths) % 8]
-    return f"at {math.degrees(angle):.4g}°" if degrees else f"at {angle:.4g}\u00a0rad"
+    return f"at {amount(angle, 'rad', display)}"
 
 
 # -- paths of markers ----------------------------------------------------------------------
@@ -271,7 +271,7 @@ def joint_labels(page: Page, stage: Stage) -> Iterator[Label]:
         yield Label(text, [page.points(stage.motion.at(*spot))], clearance=clearance)
 
 
-def _labels(page: Page, stage: Stage, degrees: bool) -> Iterator[Label]:
+def _labels(page: Page, stage: Stage) -> Iterator[Label]:
     """Names of joints, drivers and a document's links, names and sizes of loads; pins first."""
     if len(stage.sketch.pins) + len(stage.sketch.sliders) < MOST:
         yield from joint_labels(page, stage)
@@ -282,7 +282,7 @@ def _labels(page: Page, stage: Stage, degrees: bool) -> Iterator[Label]:
     marks = {mark.name: mark.dimension for mark in stage.sketch.dimensions}
     for name, line in shapes.dimension_lines(stage).items():
         if np.isfinite(middle := page.points(line[:, :1].mean(axis=0))).all():
-            yield Label(_dimension_text(marks[name], degrees), [middle], ink.GREY)
+            yield Label(_dimension_text(marks[name], stage.motion.display), [middle], ink.GREY)
     drives = shapes.drive_ways(stage)
     for name, arc in drives.items():
         text = "q" if len(drives) == 1 else f"{shown_name(name)}.q"
@@ -292,33 +292,30 @@ def _labels(page: Page, stage: Stage, degrees: bool) -> Iterator[Label]:
 
 
 def side_lengths(page: Page, stage: Stage) -> Iterator[Label]:
-    """Lengths of bars and of the sides of plates [mm], of sides that have room for them."""
+    """Lengths of bars and of the sides of plates, of sides that have room for them."""
     for body in stage.sketch.bodies:
         corners = [complex(stage.motion.at(body.link, z)[0]) for z in body.outline]
         for a, b in pairwise([*corners, *corners[: len(corners) > 2]]):
             if abs(b - a) > SHORTEST * page.unit:
                 anchors = [page.points(np.array([a + (b - a) * t])) for t in (0.5, 0.35, 0.65)]
-                yield Label(f"{1e3 * abs(b - a):.4g}", anchors, ink.GREY, clearance=SIZES.label_gap)
+                length = f"{page.scale * abs(b - a):.4g}"
+                yield Label(length, anchors, ink.GREY, clearance=SIZES.label_gap)
 
 
-def _dimension_text(dimension: Dimension, degrees: bool) -> str:
+def _dimension_text(dimension: Dimension, display: Iterable[str]) -> str:
     """The sign of a dimension, and its value."""
     if isinstance(dimension, Length):
-        return f"{dimension.value:.4g} m"
+        return amount(dimension.value, "m", display)
     if not isinstance(dimension, AngleOfLines):
         return dimension.sign
-    factor, unit = angle_scale("rad", degrees)
-    return f"{dimension.sign} {factor * dimension.value:.4g} {unit}".replace(" °", "°")
+    return f"{dimension.sign} {amount(dimension.value, 'rad', display)}"
 
 
 def load_text(motion: Motion, load: LoadMark, k: int = 0) -> str:
     """Name and size of a load."""
     values, name = motion.efforts[load.name], shown_name(load.name)
     size = float(abs(values[0][k])) if values is not None else math.nan
-    if not math.isfinite(size):
-        return name
-    factor, unit = scaled_unit(load.unit, size)
-    return f"{name} {size * factor:.4g} {unit}"
+    return f"{name} {amount(size, load.unit, motion.display)}" if math.isfinite(size) else name
 
 
 def _load_label(page: Page, stage: Stage, load: LoadMark) -> Iterator[Label]:

@@ -42,6 +42,11 @@ class Motion:
     quality: Quality
 
     @property
+    def display(self) -> tuple[str, ...]:
+        """Units in which it is shown."""
+        return self.result._display
+
+    @property
     def mechanism(self) -> Compiled:
         """What moves."""
         mechanism: Compiled = self.result.mechanism
@@ -69,6 +74,10 @@ class Motion:
         """The sample that is farthest from all dead centres."""
         margins = [*self.quality.margin.values(), self.feasible]
         return int(np.argmax(np.where(self.feasible, np.min(margins, axis=0), -1.0)))
+
+    def to(self, *units: str) -> Motion:
+        """The same, shown in other units; see `Result.to`."""
+        return replace(self, result=self.result.to(*units))
 
     def only(self, samples: Sequence[int] | Array) -> Motion:
         """Some of the samples, in their order; indices or a mask (n,)."""

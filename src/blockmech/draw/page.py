@@ -1,4 +1,4 @@
-"""The page that shapes are drawn on: axes in metres, and symbols in points."""
+"""The page that shapes are drawn on: places in metres, axes in a unit of choice, and symbols."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from blockmech.draw.labels import Crowd, Place
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
-from blockmech.figures.paper import fitting_columns, new_figure, wrapped
+from blockmech.figures.paper import fitting_columns, new_figure, picture_unit, wrapped
 from blockmech.typing import Arguments, Complex, Vectors
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
@@ -67,13 +67,24 @@ def unit_of(points: Vectors, wide: bool) -> float:
 
 
 class Page:
-    """Axes in metres at equal aspect, with paths of markers, and room for captions above.
+    """Axes at equal aspect, with paths of markers, and room for captions above.
 
     ``width`` and ``height`` of the axes are in points; ``unit`` [m/pt] is what a point is on
-    the ground, and ``corner`` [m] the lower left one of the axes.
+    the ground, and ``corner`` [m] the lower left one of the axes, which show lengths in the
+    first of the units of ``display`` that is one; ``scale`` is how many of it are a metre.
     """
 
-    def __init__(self, points: Vectors, wide: bool, paths: Paths, captions: Iterable[str]) -> None:
+    def __init__(
+        self,
+        points: Vectors,
+        wide: bool,
+        paths: Paths,
+        captions: Iterable[str],
+        display: Iterable[str] = (),
+    ) -> None:
+        from matplotlib.transforms import Affine2D
+
+        self.scale, self.length_unit = picture_unit("m", display)
         columns = columns_of(wide)
         self.wide = wide
         self.width = columns - SIZES.left_margin - SIZES.right
@@ -91,21 +102,24 @@ class Page:
         self.axes = self.figure.add_axes(
             (left_edge, SIZES.bottom / total, self.width / columns, self.height / total)
         )
+        self.ground = Affine2D().scale(self.scale) + self.axes.transData
         self._set_axes(paths)
         style = {"fontsize": ink.SMALL, "va": "top", "label": "caption", "linespacing": 1.35}
         self.caption = self.figure.text(left_edge, 1 - SIZES.top / 2 / total, "", **style)
 
     def _set_axes(self, paths: Paths) -> None:
-        axes, corner = self.axes, self.metres(complex(self.width, self.height))
-        axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", adjustable="box")
-        axes.set(xlim=(self.corner.real, corner.real), ylim=(self.corner.imag, corner.imag))
+        axes, size = self.axes, complex(self.width, self.height)
+        low, high = self.scale * self.corner, self.scale * self.metres(size)
+        names = {f"{name}label": f"{name} [{self.length_unit}]" for name in "xy"}
+        axes.set(**names, aspect="equal", adjustable="box")
+        axes.set(xlim=(low.real, high.real), ylim=(low.imag, high.imag))
         axes.xaxis.labelpad, axes.yaxis.labelpad = 1.5, 1.0
         for axis in (axes.xaxis, axes.yaxis):
             axis.label.set_size(ink.SMALL)  # as all words beside a mechanism
         axes.locator_params(nbins=6)
         axes.grid(True)
         for i, (name, path) in enumerate(paths.items()):
-            look = {"lw": 0.9, "zorder": 4.9, "label": name}
+            look = {"lw": 0.9, "zorder": 4.9, "label": name, "transform": self.ground}
             axes.plot(path.real, path.imag, **ink.curve_style(i), **look)
         if paths:
             axes.legend(ncols=self.legend_columns, bbox_to_anchor=(0.0, 1.0))
@@ -132,7 +146,7 @@ class Page:
         from matplotlib.lines import Line2D
         from matplotlib.patches import Polygon
 
-        look: Arguments = {"zorder": shape.order, "label": shape.what}
+        look: Arguments = {"zorder": shape.order, "label": shape.what, "transform": self.ground}
         if shape.kind == "area":
             look |= {"fc": shape.fill, "ec": shape.stroke, "lw": shape.width}
             artist: Any = Polygon([(0.0, 0.0)], joinstyle="round", **look)
@@ -153,6 +167,7 @@ class Page:
         """Write a label at its place."""
         z = self.metres(position.centre())
         style = {"fontsize": ink.SMALL, "color": position.label.colour, "zorder": 9}
+        style |= {"transform": self.ground}
         middle = {"ha": "center", "va": "center", "linespacing": 1.1}
         return self.axes.text(z.real, z.imag, position.label.text, label="text", **middle, **style)
 

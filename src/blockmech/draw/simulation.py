@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,15 @@ from blockmech.draw.animation import FRICTION_POWER, Animation
 from blockmech.draw.motion import moves_of_result
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.figures import palette as ink
-from blockmech.figures.curves import Panels, by_unit, friction_panels, reaction_panels, values
-from blockmech.figures.palette import IN_DEGREES
+from blockmech.figures.curves import (
+    Panels,
+    abscissa,
+    by_unit,
+    friction_panels,
+    in_units,
+    reaction_panels,
+    values,
+)
 from blockmech.figures.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
 from blockmech.figures.paper import legend_above, panelled, rendered, shown_name, write_figure
 from blockmech.functions.roots import SCANNED
@@ -45,9 +53,7 @@ def motion_svg(result: Result) -> str:
     return rendered(draw_panels(state_panels(fine), over), ".svg").decode()
 
 
-def simulation_pictures(
-    result: Result, folder: AnyPath, *, degrees: bool = IN_DEGREES
-) -> list[Path]:
+def simulation_pictures(result: Result, folder: AnyPath) -> list[Path]:
     """Draw a simulation into a folder.
 
     ``motion.png`` (coordinate, rate and reactions over time), ``energy.png``,
@@ -60,7 +66,6 @@ def simulation_pictures(
     ----------
     result : of `Mechanism.simulate`
     folder : made if it is missing
-    degrees : angles in degrees
 
     Raises `RequestError` where the folder cannot be written.
     """
@@ -71,13 +76,14 @@ def simulation_pictures(
     ends = (".reaction", *ENERGIES, *(".friction_power",) * friction)
     fine, over = _smooth(result, motion, [n for n in mechanism.outputs if n.endswith(ends)])
     panels = {
-        "motion.png": motion_panels(fine, degrees),
+        "motion.png": motion_panels(fine),
         "energy.png": energy_panels(fine),
         "friction_power.png": friction_panels(fine),
     }
-    figures = {name: draw_panels(group, over) for name, group in panels.items() if group}
-    figures |= phase_plots(fine, degrees)
-    film = _film(result, degrees)
+    groups = {name: in_units(group, fine) for name, group in panels.items() if group}
+    figures = {name: draw_panels(group, over) for name, group in groups.items()}
+    figures |= phase_plots(fine)
+    film = _film(result)
     with whole_folder(folder) as home:
         for name, figure in figures.items():
             write_figure(figure, home / name)
@@ -92,20 +98,20 @@ def _smooth(result: Result, motion: Motion, names: Iterable[str]) -> tuple[Resul
     states = [mechanism._of_driver(d, state) for d in mechanism.drivers for state in ("q", "rate")]
     t = motion.curve_times(CURVE)
     marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
-    fine = result_along(mechanism, motion, t, [*states, *names])
-    return fine, Abscissa("time [s]", t, events=marked)
+    fine = result_along(mechanism, motion, t, [*states, *names]).to(*result._display)
+    return fine, replace(abscissa(fine, "time"), events=marked)
 
 
-def motion_panels(result: Result, degrees: bool = IN_DEGREES) -> Panels:
+def motion_panels(result: Result) -> Panels:
     """Coordinate and rate of each driver and the reactions' magnitudes ([D14] Fig. 6)."""
-    return (*state_panels(result, degrees), *reaction_panels(result, None))
+    return (*state_panels(result), *reaction_panels(result, None))
 
 
-def state_panels(result: Result, degrees: bool = IN_DEGREES) -> Panels:
+def state_panels(result: Result) -> Panels:
     """Coordinate and rate of each driver."""
     panels = []
     for state, quantity in (("q", "coordinate"), ("rate", "rate")):
-        for unit, curves in by_unit(result, state, degrees).items():
+        for unit, curves in by_unit(result, state).items():
             (first, y), *rest = curves.items()
             alone = Panel(f"{quantity} of {shown_name(first)}", unit, {"": y})
             panels.append(Panel(quantity, unit, curves) if rest else alone)
@@ -120,13 +126,13 @@ def energy_panels(result: Result) -> Panels:
     return (Panel("energy", "J", {"kinetic": T, "potential": V, "total": T + V}),)
 
 
-def phase_plots(result: Result, degrees: bool = IN_DEGREES) -> Data:
+def phase_plots(result: Result) -> Data:
     """Figures by file: rates over coordinates, start and end marked.
 
     Drivers that turn share one, those that slide another.
     """
     figures: Data = {}
-    alike = by_unit(result, "q", degrees), by_unit(result, "rate", degrees)
+    alike = by_unit(result, "q"), by_unit(result, "rate")
     for (x_unit, over), (y_unit, rates) in zip(*map(dict.items, alike), strict=True):
         with panelled("", BOTTOM + PANEL) as ((axes,),):
             for i, (driver, x) in enumerate(over.items()):
@@ -143,7 +149,7 @@ def phase_plots(result: Result, degrees: bool = IN_DEGREES) -> Data:
     return figures
 
 
-def _film(result: Result, degrees: bool) -> Animation:
+def _film(result: Result) -> Animation:
     """The motion played forward in time."""
     motion = result.motion
     assert motion is not None
@@ -153,8 +159,8 @@ def _film(result: Result, degrees: bool) -> Animation:
     friction = FRICTION_POWER in result.mechanism.outputs and result.settings["friction"] != "none"
     want = [FRICTION_POWER] if friction else []
     times = motion.times((frames - 1) * finer + 1)
-    moving = result_along(result.mechanism, motion, times, want)
-    return Animation(moves_of_result(moving), seconds, degrees=degrees, every=finer)
+    moving = result_along(result.mechanism, motion, times, want).to(*result._display)
+    return Animation(moves_of_result(moving), seconds, every=finer)
 
 
 def screen_time(duration: float) -> float:

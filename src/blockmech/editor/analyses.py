@@ -72,7 +72,7 @@ def _family(ask: Question) -> Data:
         run = variant._answer(samples, (ask.first,), settings)
         (panel,) = chosen_panels(run, (ask.first,))
         family[f"{number} = {x:.4g}"] = next(iter(panel.curves.values()))
-    picture = draw_panels([Panel(panel.quantity, panel.unit, family)], along_of(ask.motion, True))
+    picture = draw_panels([Panel(panel.quantity, panel.unit, family)], along_of(ask.motion))
     return {"text": f"{ask.first} for {CURVES} values of {number}", "picture": svg(picture)}
 
 

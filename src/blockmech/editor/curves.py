@@ -33,7 +33,7 @@ BACK = {"F": "N", "M": "N m", "power": "W"}
 def curves(ask: Question) -> Data:
     """The chosen outputs over the motion by quantity, forces without friction beside them."""
     motion, names = ask.motion, ask.names
-    axis = along_of(motion, ask.degrees)
+    axis = along_of(motion.to(*ask.display))
     events = [[float(x), name] for x, name in axis.events]
     axis_data = {"words": axis.words, "values": numbers(axis.values), "events": events}
     data: Data = {"along": axis_data, "panels": [], "said": "", "margins": []}
@@ -59,6 +59,7 @@ def curves_or_reason(ask: Question) -> Data:
 
 def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
     """The named outputs by quantity and unit, forces without friction beside them."""
+    result = result.to("rad")  # the page turns them into the units that it shows
     bare = without_friction(result)
     panels = () if bare is None else chosen_panels(bare, bare)
     without = {(panel.quantity, panel.unit): panel.curves for panel in panels}

@@ -50,7 +50,7 @@ def exported(kind: str, ask: Question) -> tuple[str, bytes]:
         return f"diagram{suffix}", rendered(draw_diagram(ask.now.blocks).figure, suffix)
     if category == "pose":
         at = {driver: [x] for driver, x in ask.pose.items()}
-        picture = draw_mechanism(ask.mechanism, at, degrees=ask.degrees)
+        picture = draw_mechanism(ask.mechanism, at, display=ask.display)
         return f"mechanism{suffix}", rendered(picture.figure, suffix)
     if category == "motion":
         return f"mechanism{suffix}", _film(ask, suffix)
@@ -63,7 +63,7 @@ def _film(ask: Question, suffix: str) -> bytes:
     every = max(1, round(len(motion.samples) * FRAME / played))
     if simulated_time(motion) is None:
         motion, every = motion.only(np.arange(0, len(motion.samples), every)), 0
-    film = Animation(motion, played, degrees=ask.degrees, every=every)
+    film = Animation(motion.to(*ask.display), played, every=every)
     return film.html.encode() if suffix == ".html" else bytes(getattr(film, suffix[1:]))
 
 

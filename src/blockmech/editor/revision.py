@@ -170,9 +170,9 @@ class Question:
         return float(self.data.get("share", 10.0)) / 100
 
     @property
-    def degrees(self) -> bool:
-        """Whether angles are in degrees."""
-        return "|rad|" not in f"|{self.data.get('units', '')}|"
+    def display(self) -> tuple[str, ...]:
+        """Units in which pictures are shown; angles are in degrees by default."""
+        return ("rad",) * ("|rad|" in f"|{self.data.get('units', '')}|")
 
     @cached_property
     def outcome(self) -> tuple[Motion | None, str]:

@@ -142,9 +142,9 @@ def gaps_of(motion: Motion) -> list[list[int]]:
 # -- as the page gets it ------------------------------------------------------------------
 
 
-def along_of(motion: Motion, degrees: bool) -> Abscissa:
+def along_of(motion: Motion) -> Abscissa:
     """What curves are drawn over, with the dead centres on it."""
-    axis = abscissa(motion.result, degrees=degrees)
+    axis = abscissa(motion.result)
     samples = np.arange(len(motion.samples))
     dead = dead_centres(motion)
     events = [(float(np.interp(k, samples, axis.values)), name) for k, name in dead]

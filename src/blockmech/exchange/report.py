@@ -54,7 +54,7 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
     title = getattr(document, "title", "") or mechanism.name
     numbers = list(parameters_of(sections).values())
     checks = verify(mechanism, result)
-    picture = draw_result(result, sheet=True)
+    picture = draw_result(result.to(*result._display, "mm"), sheet=True)
     lists = ((p.address, f"{p.value:.6g} {p.unit}") for p in numbers)
     parts = {
         "": image(picture.figure, f"{mechanism.name} in some poses, lengths in mm"),

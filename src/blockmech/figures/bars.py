@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import angle_scale, panelled, shown_name
+from blockmech.figures.panels import label_coordinate
+from blockmech.figures.paper import panelled, picture_unit, shown_name
 from blockmech.ground.errors import refused
 
 if TYPE_CHECKING:
@@ -30,12 +31,17 @@ class Bar(NamedTuple):
 
 
 def bars_figure(
-    bars: Sequence[Bar], name: str, unit: str, caption: str, degrees: bool, ax: Axes | None
+    bars: Sequence[Bar],
+    name: str,
+    unit: str,
+    caption: str,
+    display: Iterable[str],
+    ax: Axes | None,
 ) -> Any:
     """Bars over a coordinate, a column wide. Raises `RequestError` where there is none."""
     if not bars:
         raise refused(shown_name(name), "there is no arc to draw", code="nothing-to-draw")
-    scale, unit = angle_scale(unit, degrees)
+    scale, unit = picture_unit(unit, display)
     omitted = len(bars) - ink.MOST
     caption += f" {omitted} more are not drawn." if omitted > 0 else ""
     rows = 3 * len(bars[: ink.MOST]) + 4  # words, bar and air; axis
@@ -47,7 +53,7 @@ def bars_figure(
             _draw(axes, y, bar, (min(ends), max(ends)), scale)
         axes.set_ylim(len(bars[: ink.MOST]) - 1 + THICK, -1.0)
         axes.set_yticks([])
-        axes.set_xlabel(f"{shown_name(name)} [{unit}]", labelpad=1)
+        label_coordinate(axes, f"{shown_name(name)} [{unit}]")
     return axes.figure
 
 

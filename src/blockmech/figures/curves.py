@@ -8,20 +8,18 @@ Sources: [R10] Ruiz, Durango & Calle 2010.
 from __future__ import annotations
 
 import fnmatch
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from blockmech.figures.palette import IN_DEGREES, MOST, PANELS
+from blockmech.figures.palette import MOST, PANELS
 from blockmech.figures.panels import Abscissa, Panel, draw_panels
-from blockmech.figures.paper import angle_scale, shown_name, suffix_of, write_figure
+from blockmech.figures.paper import picture_unit, shown_name, suffix_of, write_figure
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, as_names, refused
 from blockmech.ground.files import AnyPath
-from blockmech.ground.units import shown_in
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.result.columns import without_noise
 from blockmech.result.result import Result
@@ -33,16 +31,15 @@ if TYPE_CHECKING:
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]
 NOTHING: Mapping[str, Floats] = {}
-TURNS = {"°": 360.0, "deg": 360.0, "rad": math.tau}
 
 KINEMATICS = {
     "angle": ("angle", "rad"),
     "omega": ("rate", "rad/s"),
-    "alpha": ("angular acceleration", "rad/s²"),
+    "alpha": ("angular acceleration", "rad/s2"),
 }
 
 
-def pictures_of(result: Result, degrees: bool = False) -> dict[str, Panels]:
+def pictures_of(result: Result) -> dict[str, Panels]:
     """Panels by name of the picture: what the run computed and is not zero everywhere."""
     twin = without_friction(result)
     pictures = {
@@ -51,12 +48,8 @@ def pictures_of(result: Result, degrees: bool = False) -> dict[str, Panels]:
         "reactions": reaction_panels(result, twin),
     }
     if not pictures["drive"] and not pictures["reactions"]:
-        pictures["kinematics"] = kinematic_panels(result, degrees)
-    return {
-        name: tuple(in_units(panel, result._display) for panel in panels)
-        for name, panels in pictures.items()
-        if panels
-    }
+        pictures["kinematics"] = kinematic_panels(result)
+    return {name: in_units(panels, result) for name, panels in pictures.items() if panels}
 
 
 def without_friction(result: Result) -> Result | None:
@@ -117,14 +110,13 @@ def _differences(curves: Mapping[str, Floats], bare: Mapping[str, Floats]) -> di
     }
 
 
-def kinematic_panels(result: Result, degrees: bool = False) -> Panels:
+def kinematic_panels(result: Result) -> Panels:
     """Angles, rates and accelerations of links, for a mechanism without forces."""
     panels: Panels = ()
     for suffix, (quantity, unit) in KINEMATICS.items():
         curves = _curves_of(result, f".{suffix}")
         if suffix == "angle":
-            factor, unit = angle_scale(unit, degrees)
-            curves = {name: factor * _unwrapped(angle) for name, angle in curves.items()}
+            curves = {name: _unwrapped(angle) for name, angle in curves.items()}
         if _nonzero(curves):
             panels += _panels(quantity, unit, curves)
     return panels
@@ -137,12 +129,11 @@ def plot(
     want: Iterable[str] | str | None = None,
     *,
     over: Axis = "auto",
-    degrees: bool = IN_DEGREES,
     components: bool = False,
     label: str = "",
     ax: Axes | None = None,
 ) -> Any:
-    """Draw outputs of a run in one picture, one panel for each quantity.
+    """Draw outputs of a run in one picture, one panel for each quantity, in the units of `to`.
 
     Parameters
     ----------
@@ -150,7 +141,6 @@ def plot(
     want : outputs; by default those requested in the run, or, if it requested all, those of
         `blockmech.draw.run_pictures`
     over : driver coordinate or time; "auto" takes the one by which the samples were requested
-    degrees : angles and driver coordinates in degrees
     components : of vectors x and y with their signs, in place of the magnitude
     label : of the run in the legend, where several runs are drawn in the same axes
     ax : axes to draw in, divided among the panels; one panel goes on with what is drawn in them
@@ -161,13 +151,13 @@ def plot(
     >>> figure = bm.draw.plot(result, want=["crank.drive"])
     """
     suffix = "" if path is None else suffix_of(path)
-    x_axis = abscissa(result, over, degrees)
+    x_axis = abscissa(result, over)
     if want is None and not components and len(result) == len(result.mechanism.outputs):
-        panels = tuple(p for group in pictures_of(result, degrees).values() for p in group)
+        panels = tuple(p for group in pictures_of(result).values() for p in group)
     else:
         names = result if want is None else as_names("want", want)
         outputs = [n for name in names for n in _matches(result, name) or [name]]
-        panels = chosen_panels(result, outputs, degrees, components)
+        panels = chosen_panels(result, outputs, components)
     figure = draw_panels([_labelled(panel, label) for panel in panels], x_axis, ax)
     if path is not None:
         write_figure(figure, path, suffix)
@@ -190,16 +180,18 @@ def _matches(result: Result, pattern: str) -> list[str]:
     return [name for name in result if fnmatch.fnmatchcase(name, pattern)]
 
 
-def in_units(panel: Panel, units: Sequence[str]) -> Panel:
-    """A panel in the units of a result, where they are of its kind."""
-    factor, unit = shown_in(panel.unit, units)
-    curves, without = ({n: factor * y for n, y in x.items()} for x in (panel.curves, panel.without))
-    return replace(panel, unit=unit, curves=curves, without=without)
+def in_units(panels: Panels, result: Result) -> Panels:
+    """Panels in the units of a result, where they are of its kind."""
+    scaled = []
+    for panel in panels:
+        factor, unit = picture_unit(panel.unit, result._display)
+        groups = (panel.curves, panel.without)
+        curves, without = ({name: factor * y for name, y in x.items()} for x in groups)
+        scaled.append(Panel(panel.quantity, unit, curves, without))
+    return tuple(scaled)
 
 
-def chosen_panels(
-    result: Result, names: Iterable[str], degrees: bool = False, components: bool = False
-) -> Panels:
+def chosen_panels(result: Result, names: Iterable[str], components: bool = False) -> Panels:
     """The named outputs, one panel for each quantity and unit; vectors by size or components.
 
     Raises `RequestError` where there are more than a picture can hold.
@@ -209,13 +201,12 @@ def chosen_panels(
         output = result._output(name)
         if output.kind in ("real", "vector"):
             subject, _, quantity = name.rpartition(".")
-            factor, unit = in_shown(result, output.unit, degrees)
+            factor, unit = picture_unit(output.unit, result._display)
             lines = {subject: factor * values(result, name)}
             title = f"|{quantity}|" if output.kind == "vector" else quantity.replace("_", " ")
             if quantity == "p" or (components and output.kind == "vector"):
                 z = factor * np.asarray(result[name])  # of a place both coordinates matter
                 title, lines = quantity, {f"{subject} x": z.real, f"{subject} y": z.imag}
-            unit = unit.replace("s2", "s²").replace("m2", "m²")
             groups.setdefault((title, unit), {}).update(lines)
     count = sum(map(len, groups.values()))
     if not 0 < count <= MOST:
@@ -224,11 +215,6 @@ def chosen_panels(
         code = "too-many-curves" if count else "nothing-to-draw"
         raise refused("want", message, "name the outputs with want=", valid, code)
     return tuple(Panel(title, unit, curves) for (title, unit), curves in groups.items())
-
-
-def in_shown(result: Result, unit: str, degrees: bool) -> tuple[float, str]:
-    """Factor and unit in which a quantity of a run is drawn."""
-    return shown_in(unit, (*result._display, "°") if degrees else result._display)
 
 
 def values(result: Result, name: str) -> Floats:
@@ -297,14 +283,14 @@ def _unwrapped(angle: Floats) -> Floats:
     return smooth
 
 
-def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) -> Abscissa:
+def abscissa(result: Result, over: Axis = "auto") -> Abscissa:
     """What the curves are drawn over: the coordinate of the only driver that moves, or time.
 
     A motion under loads is drawn over time: its driver may come back to the same place.
     Raises `RequestError` where that is not known.
     """
     drivers, laws = result.mechanism.drivers, result.mechanism.scene.drive
-    rows = by_unit(result, "q", degrees)
+    rows = by_unit(result, "q")
     moving = [d for row in rows.values() for d, q in row.items() if np.ptp(q) > 0] or drivers
     time = result.time if result.time is not None and np.isfinite(result.time).all() else None
     among(("auto", "coordinate", "time"), "abscissa", over, "bad-value", "over")
@@ -314,24 +300,24 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) ->
         if time is None:
             message = "the run does not say times"
             raise refused("over", message, "use times= in run", code="no-time")
-        factor, unit = in_shown(result, "s", degrees)
+        factor, unit = picture_unit("s", result._display)
         return Abscissa(f"time [{unit}]", factor * time)
     if len(moving) != 1:
         return Abscissa("sample", np.arange(result.n, dtype=float))
     (driver,) = moving
     unit = next(unit for unit, row in rows.items() if driver in row)
     label = f"{shown_name(result.mechanism._of_driver(driver, 'q'))} [{unit}]"
-    return Abscissa(label, rows[unit][driver], turn=TURNS.get(unit, 0.0))
+    return Abscissa(label, rows[unit][driver])
 
 
-def by_unit(result: Result, state: str, degrees: bool) -> dict[str, dict[str, Floats]]:
+def by_unit(result: Result, state: str) -> dict[str, dict[str, Floats]]:
     """Coordinates ``"q"`` or rates ``"rate"`` of the drivers by their unit: driver -> (n,)."""
     rows: dict[str, dict[str, Floats]] = {}
     for driver in result.mechanism.drivers:
         name = result.mechanism._of_driver(driver, state)
         unit = result.mechanism.structure.driver_joint(driver).coordinate_unit
         row = np.asarray(result.drivers[name] if state == "q" else result[name], dtype=float)
-        factor, unit = in_shown(result, unit if state == "q" else f"{unit}/s", degrees)
+        factor, unit = picture_unit(unit if state == "q" else f"{unit}/s", result._display)
         row = factor * row
         rows.setdefault(unit, {})[driver] = row
     return rows

@@ -27,6 +27,8 @@ BOTTOM = 3.75 * ink.TEXT  # [pt] words below the last
 FEW = 25  # samples up to which they are marked
 TALL = 4  # panels up to which they stand below one another
 USUAL, PEAK = 0.95, 20.0  # peaks are what exceeds 20 times what 95 % of the samples stay below
+TURNS = {"°": 360.0, "rad": math.tau}
+STEPS = [1, 2, 2.5, 5, 10]  # of ticks at round numbers
 DEGREES = (15, 30, 60, 90, 180, 360, 720, 1800, 3600)  # steps of ticks
 WITHOUT = "without friction"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -68,7 +70,6 @@ class Abscissa:
 
     words: str
     values: Floats
-    turn: float = 0.0  # of an angle: a whole turn in its unit
     events: tuple[tuple[float, str], ...] = ()
 
 
@@ -88,7 +89,7 @@ def draw_panels(panels: Sequence[Panel], abscissa: Abscissa, ax: Axes | None = N
             lines[k] = legend_above(axes, ink.COLUMN)
             last = (k + 1) % rows == 0 or k == len(panels) - 1
             axes.tick_params(labelbottom=last)
-            axes.set_xlabel(abscissa.words if last else "", labelpad=2)
+            axes.xaxis.label.set_visible(last)
         grow(every[0], lines.reshape(columns, rows).max(axis=0).sum(), ax)
         for axes in every[len(panels) :]:
             axes.remove()
@@ -103,9 +104,11 @@ def _draw_panel(axes: Axes, panel: Panel, abscissa: Abscissa) -> None:
     order = np.argsort(abscissa.values, kind="stable") if mixed else slice(None)
     x, (low, high) = abscissa.values[order], panel.shown
     factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
+    from matplotlib.ticker import MaxNLocator
+
     first = len(axes.get_legend_handles_labels()[1])  # curves of runs that are there
     if first:
-        factor, unit = shown_in(panel.unit, [axes.get_ylabel().rpartition("[")[2].rstrip("]")])
+        factor, unit = shown_in(panel.unit, [unit_in(axes.get_ylabel())])
     pair = len(panel.curves) == len(panel.without) == 1
     for i, (name, y) in enumerate(panel.curves.items(), first):
         look = {**ink.curve_style(i), "lw": 1.2, "zorder": 2.5, "marker": "o"}
@@ -129,7 +132,8 @@ def _draw_panel(axes: Axes, panel: Panel, abscissa: Abscissa) -> None:
         axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=event)
     axes.set_ylabel(f"{panel.quantity} [{unit or '–'}]", labelpad=3)
     axes.margins(x=0.01 if len(x) > 1 else 0.5)
-    _set_ticks(axes, np.ptp(x) if len(x) else 0.0, abscissa.turn)
+    label_coordinate(axes, abscissa.words)
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=STEPS))
     if panel.peak:
         scale, prefixed = scaled_unit(panel.unit, panel.peak)
         axes.plot([], [], " ", label=f"cut-off peaks up to {panel.peak * scale:.3g} {prefixed}")
@@ -146,19 +150,27 @@ def _line(axes: Axes, x: Floats, y: Floats, **look: Any) -> None:
     axes.plot(x, y, ms=2.4, **look)
 
 
-def _set_ticks(axes: Axes, span: float, turn: float) -> None:
-    """Round numbers; parts of a turn where enough of one is drawn over."""
+def label_coordinate(axes: Axes, label: str) -> None:
+    """Name an x axis; ticks are round numbers, or parts of a turn where enough of one is drawn.
+
+    label : with the unit in brackets at the end
+    """
     from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 
-    steps = [1, 2, 2.5, 5, 10]
-    degrees = 360 * span / turn if turn else 0.0
+    axes.set_xlabel(label, labelpad=1)
+    turn = TURNS.get(unit_in(label), math.inf)
+    degrees = 360 * np.ptp(axes.dataLim.intervalx) / turn
     parts = [step * turn / 360 for step in DEGREES if 90 <= degrees <= 7 * step]
     axes.xaxis.set_major_locator(
-        MultipleLocator(parts[0]) if parts else MaxNLocator(7, steps=steps)
+        MultipleLocator(parts[0]) if parts else MaxNLocator(7, steps=STEPS)
     )
     if parts and turn == math.tau:
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: of_pi(x)))
-    axes.yaxis.set_major_locator(MaxNLocator(6, steps=steps))
+
+
+def unit_in(label: str) -> str:
+    """The unit at the end of an axis' label."""
+    return label.rpartition("[")[2].rstrip("]")
 
 
 def of_pi(x: float) -> str:

@@ -13,7 +13,7 @@ import html
 import io
 import math
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ import numpy as np
 from blockmech.figures.palette import COLUMN, DPI, PALE, ROW, SMALL, STYLE, TEXT
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.files import AnyPath, writing
+from blockmech.ground.units import shown_in
 from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ MOVING = (".gif", ".html", ".mp4")
 
 LEGEND = 3.75 * TEXT  # [pt] beside a word of a legend: its line, and what is between columns
 BESIDE = 4.5 * TEXT  # [pt] left of axes: their words
+UNBROKEN = str.maketrans(" ", "\u00a0")  # spaces at which no line breaks
+TYPESET = str.maketrans("23", "²³")  # powers in units
 PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 
 
@@ -143,9 +146,21 @@ def put_in(figure: Any, ax: Any) -> Any:
     return ax.figure
 
 
-def angle_scale(unit: str, degrees: bool) -> tuple[float, str]:
-    """Factor and unit with which a coordinate or an angle stands on an axis."""
-    return (180.0 / math.pi, "°") if degrees and unit == "rad" else (1.0, unit)
+def picture_unit(unit: str, display: Iterable[str] = (), largest: float = 0.0) -> tuple[float, str]:
+    """Factor and unit in which a quantity is drawn.
+
+    It is the first of the units of its kind that are displayed; else degrees for an angle, and a
+    prefix for a force, power or energy of which the largest is known.
+    """
+    factor, symbol = shown_in(unit, (*display, "deg"))
+    prefix, symbol = scaled_unit(symbol, factor * largest)
+    return prefix * factor, symbol.translate(TYPESET).replace("deg", "°")
+
+
+def amount(x: float, unit: str, display: Iterable[str] = ()) -> str:
+    """A number with its unit as it stands in a picture, to four digits."""
+    factor, unit = picture_unit(unit, display, abs(x))
+    return f"{factor * x:.4g}{'' if unit == '°' else ' '}{unit}"
 
 
 @lru_cache(maxsize=4096)

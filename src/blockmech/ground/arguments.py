@@ -14,7 +14,7 @@ import functools
 import inspect
 import os
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import chain, islice, repeat
 from numbers import Integral, Real
 from traceback import walk_tb
@@ -22,7 +22,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
-from blockmech.ground.errors import Problem, RequestError, close_match, elsewhere, listed
+from blockmech.ground.errors import Problem, RequestError, brief, close_match, elsewhere, listed
 
 F = TypeVar("F", bound=Callable[..., object])
 T = TypeVar("T")
@@ -123,9 +123,12 @@ def _misfit(
 def _problem(name: str, value: object, hint: Any) -> Problem:
     kinds = list(dict.fromkeys(w for part in _parts(hint) if (w := _type_name(part))))
     valid = f"{' or '.join(kinds)} is meant" if kinds else ""
-    message = f"got {value!r:.60}"
+    message = f"got {brief(value)}"
     remedies = (getattr(x, "_remedy", "") for x in _parts(hint) if hasattr(value, "compile"))
     remedy = next(filter(None, remedies), getattr(value, "_instead", ""))
+    items = value.values() if isinstance(value, Mapping) else value
+    if isinstance(items, Collection) and any(_matches(x, hint) for x in items):
+        remedy = next((x._several for x in _parts(hint) if hasattr(x, "_several")), remedy)
     return Problem("wrong-type", name, message, valid, remedy)
 
 

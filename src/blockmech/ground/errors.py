@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from itertools import islice
 from pkgutil import resolve_name
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 Path: TypeAlias = Sequence[str | int]
@@ -133,7 +134,7 @@ def as_names(where: str, raw: Any) -> tuple[str, ...]:
     alone = isinstance(raw, str) or not isinstance(raw, Iterable)
     names: tuple[Any, ...] = (raw,) if alone else tuple(raw)
     if not all(isinstance(name, str) for name in names):
-        raise refused(where, f"got {raw!r:.60}", "give a name, or several")
+        raise refused(where, f"got {brief(raw)}", "give a name, or several")
     return names
 
 
@@ -304,7 +305,7 @@ SYNONYMS = {
         ("damper", ("spring",)),
         ("film movie gif animation animate", ("animate", "draw")),
         ("info show_info describe", ("check",)),
-        ("unit units to degrees", ("deg",)),
+        ("unit units to degrees", ("deg", "to", "unit")),
         ("plot show picture plot_mechanism", ("plot", "draw")),
         ("max min maximum minimum range", ("extremes",)),
         ("dead_centres dead_centers grashof", ("limits",)),
@@ -415,6 +416,12 @@ def shown(raw: object, limit: int = 60) -> str:
     except (TypeError, ValueError):  # not from a file
         text = repr(raw)
     return printable(_cut(text, limit))
+
+
+def brief(value: object) -> str:
+    """A value as Python shows it, cut between words where it is long."""
+    text = repr(value)
+    return shorten(text, 60, placeholder=" ...") if " " in text[:55] else text[:60]
 
 
 def _cut(text: str, limit: int) -> str:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.scan import shown_place
 from blockmech.figures.bars import Bar, bars_figure
-from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.paper import shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import among
@@ -161,12 +160,12 @@ class Modes(Facts, Pictured):
         groups = {modes.group: modes for modes in self.groups}
         return groups[among(groups, "group", group)[0]]
 
-    def figure(self, degrees: bool = IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """The arcs of all groups as bars, those of a circuit in one colour."""
         bars = [bar for group in self.groups for bar in self._bars(group)]
         caption = "Modes of one colour connect through dead centres; the dot: the file's mode."
         unit, name = self.units.get(self.driver, ""), f"{self.prefix}{self.driver}.q"
-        return bars_figure(bars, name, unit, caption, degrees, ax)
+        return bars_figure(bars, name, unit, caption, self._display, ax)
 
     def _bars(self, group: GroupModes) -> Iterator[Bar]:
         at = self.drivers[self.driver] if group.arcs else ()

@@ -60,6 +60,9 @@ class Result(Exported, Generic[M]):
     """
 
     _called = "a result"
+    _several = (
+        'in one picture they are drawn one by one: a.plot(ax=ax, label="a"), b.plot(ax=ax, ...)'
+    )
     _instead = "its plot() draws its outputs; the mechanism is its .mechanism"
     _homes = {"mechanism.{}": "blockmech.mechanism.Mechanism"}
 

@@ -145,7 +145,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     # -- shown ------------------------------------------------------------------------
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """The ranked bars of the first outputs."""
         ranked = {name: self._moving(name) for name in list(self)[: ink.PANELS]}
         heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import axis_label, panelled, scaled_unit, shown_name
+from blockmech.figures.paper import axis_label, panelled, picture_unit, scaled_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, needed, refused
@@ -200,13 +200,13 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
 
     # -- for people -----------------------------------------------------------------
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """Curves over one number, maps over two, a matrix of scatter and histograms over more.
 
         Designs without an answer are marked at the foot of a curve or scatter, and hatched in a
         map. Raises `RequestError` if the study has no numbers.
         """
-        columns = [column.to(["°"] * degrees) for column in self.table()]
+        columns = [c.to([picture_unit(c.unit, self._display)[1]]) for c in self.table()]
         numbers, results = columns[: len(self.vary)], columns[len(self.vary) :][: ink.PANELS]
         if not results:
             message = "poses are arrays, and no other number was kept"

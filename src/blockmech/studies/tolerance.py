@@ -22,8 +22,8 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.figures import palette as ink
 from blockmech.figures.curves import abscissa, values
-from blockmech.figures.panels import Abscissa
-from blockmech.figures.paper import legend_above, panelled, scaled_unit, shown_name
+from blockmech.figures.panels import Abscissa, label_coordinate
+from blockmech.figures.paper import legend_above, panelled, picture_unit, shown_name
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import Problem, RequestError
 from blockmech.ground.progress import with_bar
@@ -95,12 +95,12 @@ class Tolerance(Pictured, Mapping[str, Array]):
 
     # -- shown --------------------------------------------------------------------------
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """The first outputs with their bands and deviations."""
         result = self.sensitivity.result
         curves = [name for name in self if not self.sensitivity.one_number(name)]
         names = (curves or list(self))[: ink.PANELS // 2]
-        across = abscissa(result, degrees=degrees) if curves else Abscissa("", np.zeros(1))
+        across = abscissa(result.to(*self._display)) if curves else Abscissa("", np.zeros(1))
         total = sum(np.nan_to_num(self.shares(name)).sum(axis=1) for name in names)
         colours = len(ink.LINK_FILLS) - 1  # the same in all panels
         order = np.argsort(-np.asarray(total), kind="stable")[:colours]
@@ -116,13 +116,13 @@ class Tolerance(Pictured, Mapping[str, Array]):
                 self._band(panels[2 * k, 0], name, across.values)
                 self._draw_shares(panels[2 * k + 1, 0], name, across.values, order)
             legend_above(panels[1, 0], ink.COLUMN)
-            panels[-1, 0].set_xlabel(across.words, labelpad=1)
+            label_coordinate(panels[-1, 0], across.words)
         return panels[0, 0].figure
 
     def _band(self, axes: Axes, name: str, x: Array) -> None:
         run, deviation = self.sensitivity, self[name]
         y = np.abs(run.value(name)) if name in run.reduced else values(run.result, name)
-        factor, unit = scaled_unit(run.unit_of(name), float(np.nanmax(np.abs(y))))
+        factor, unit = picture_unit(run.unit_of(name), self._display, float(np.nanmax(np.abs(y))))
         y, band = factor * y, factor * ink.BAND * deviation
         if len(x) == 1:
             axes.errorbar(x, y, band, fmt=".", color=ink.FORWARD, capsize=3)
@@ -133,7 +133,8 @@ class Tolerance(Pictured, Mapping[str, Array]):
 
     def _draw_shares(self, axes: Axes, name: str, x: Array, order: Array) -> None:
         deviation, shares = self[name], np.nan_to_num(self.shares(name))
-        factor, unit = scaled_unit(self.sensitivity.unit_of(name), float(np.nanmax(deviation)))
+        largest = float(np.nanmax(deviation))
+        factor, unit = picture_unit(self.sensitivity.unit_of(name), self._display, largest)
         rows = [factor * deviation * shares[j] for j in order]
         addresses = list(self.laws)
         labels = [addresses[j] for j in order]

@@ -126,7 +126,7 @@ class Trade(CsvTable, Facts, Pictured):
         """Points by method, in the order measured."""
         return grouped((p.method, p) for p in self.points)
 
-    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Axes | None = None) -> Any:
+    def figure(self, ax: Axes | None = None) -> Any:
         """The work-precision diagram: error over cost, log-log, one series a method.
 
         The Pareto front is a broad line behind, the floor of the reference hatched. Above the
