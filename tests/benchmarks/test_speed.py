@@ -27,6 +27,7 @@ pytestmark = pytest.mark.benchmark(timer=time.process_time)  # others use the ma
 ROOT = Path(__file__).parents[2]
 RUIZ = json.loads((ROOT / "tests/data/ruiz_fourbar.json").read_text("utf-8"))["rows"]
 POSES = 100_000
+DESIGNS = 10_000
 KINEMATICS = ("*.p", "*.v", "*.a", "*.omega", "*.alpha")
 FORCES = ("*.reaction", "crank.drive")
 
@@ -141,3 +142,24 @@ def test_an_accuracy_against_the_method_that_it_chooses() -> None:
     what = f"a run of 361 samples to an accuracy, the worst of all graphs: {worst[1]}"
     ROWS.append(Row(what, worst[2], worst[3], "the method that it chooses", 1.2))
     assert worst[1]
+
+
+def test_extremes_of_a_study_against_its_poses_alone(mech: Mechanism) -> None:
+    """Designs by machine code: what extremes between the poses cost."""
+    rng = np.random.default_rng(3)
+    vary = {"dyad.l_i": rng.uniform(5.8, 6.2, DESIGNS), "dyad.l_j": rng.uniform(5.9, 6.3, DESIGNS)}
+    settings: dict[str, Any] = {"sampling": "paired", "friction": "newton", "engine": "llvm"}
+    wants = ("max_abs(crank.drive)", "rms(crank.drive)")
+    times: tuple[list[float], list[float]] = ([], [])
+    for _ in range(15):
+        for want, spent in zip(wants, times, strict=True):
+            start = time.process_time()
+            study = mech.study(vary, want=want, samples=72, **settings)
+            spent.append(time.process_time() - start)
+            assert set(study.status) == {"ok"}
+    refined, plain = (min(spent) for spent in times)
+    what = f"a study of {DESIGNS:,} designs, 72 poses with friction, extremes between them"
+    ROWS.append(Row(what, refined, plain, "the same, over the poses alone", 1 / 0.8))
+    few = {address: x[:20] for address, x in vary.items()}
+    coarse, fine = (mech.study(few, want=wants[0], samples=n, **settings) for n in (72, 1441))
+    np.testing.assert_allclose(coarse[wants[0]], fine[wants[0]], rtol=1e-9)

@@ -101,7 +101,7 @@ class Search:
             self.peaks = Peaks(size.max(axis=1), self.s[size.argmax(axis=1)], np.zeros(m))
             row, cell = np.divmod(np.arange(m * (n - 1)), n - 1)
         else:
-            size = np.abs(self.y[:, :: n // 4].T).max(axis=0)
+            size = np.abs(self.y.T[:: n // 4], order="C").max(axis=0)
             self.turn &= bool((np.abs(self.y[:, -1] - self.y[:, 0]) <= EQUAL * size).all())
             row, cell = self._smooth()
         if len(row):
@@ -120,7 +120,7 @@ class Search:
         self.peaks = Peaks(size[row, k], self.s[k], np.zeros(len(y)))
         tops, limit = [(row, k)], self.peaks.limit
         while len(row) and len(tops) <= TOPS:
-            self._leave_out(bound, row, k)
+            bound.put(self._around(row, k, BESIDE), -np.inf)
             k = bound.argmax(axis=1)[row]
             higher = bound[row, k] > limit[row]
             row, k = row[higher], k[higher]
@@ -134,7 +134,7 @@ class Search:
         if not len(rows):
             return rows, rows
         bound[rows] = self._bound(y[rows], size[rows])
-        self._leave_out(bound, row[sure], k[sure])
+        bound.put(self._around(row[sure], k[sure], BESIDE), -np.inf)
         bound[row[~sure], k[~sure]] = np.inf
         high = bound[rows] > self.peaks.limit[rows][:, None]
         high |= False if self.suspects is None else self.suspects[rows]
@@ -154,22 +154,27 @@ class Search:
             bound[:, :2], bound[:, -2:] = bound[:, [2]], bound[:, [-3]]
         np.abs(bound, out=bound)
         bound += size
+        if self.turn:  # which is the first one again
+            bound[:, -1] = -np.inf
         return bound
 
-    def _leave_out(self, bound: Floats, row: Indices, k: Indices) -> None:
-        """Forget bounds beside samples k of functions."""
-        last = bound.shape[1] - 1
-        for cell in k + BESIDE[:, None]:
-            bound[row, cell % last if self.turn else cell.clip(0, last)] = -np.inf
-        if self.turn:
-            bound[:, -1] = bound[:, 0]
+    def _around(self, row: Indices, k: Indices, steps: Indices) -> Indices:
+        """Where in y samples are that lie so many steps behind samples k of functions."""
+        n = self.y.shape[1]
+        index = np.arange(-n, 2 * n)
+        index = index % (n - 1) if self.turn else index.clip(0, n - 1)
+        return np.asarray(n * row + index.take(k + n + steps[:, None]))
 
     def _put_tops(self, row: Indices, k: Indices) -> Truths:
         """Find tops of functions beside samples k; which functions are surely smooth there."""
-        s, n, spacing = self.s, len(self.s), self.s[1] - self.s[0]
+        s, n, spacing, reach = self.s, len(self.s), self.s[1] - self.s[0], AROUND[-1]
         sign = np.sign(self.y[row, k]) if self.absolute else np.ones(len(row))
+        nearest = k if self.turn else k.clip(reach, n - 1 - reach)
+        y = self.y.take(self._around(row, nearest, AROUND)) * sign
+        offset = (k - nearest).astype(float)
+        top = turning(polynomial(tuple(AROUND.tolist())) @ y, offset)
+        predicted = s[k] + spacing * np.clip(top - offset, -1.0, 1.0)
         half = WINDOW * spacing
-        predicted = s[k] + spacing * self._predicted(row, k, sign)
         middle = predicted if self.turn else predicted.clip(s[0] + half, s[-1] - half)
         start = (predicted - middle) / half
         values = self.function(row, middle[:, None] + half * NODES) * sign[:, None]
@@ -182,16 +187,6 @@ class Search:
         risen = sure & inside
         self.peaks.rise(row[risen], top[risen], (middle + half * z)[risen])
         return sure
-
-    def _predicted(self, row: Indices, k: Indices, sign: Floats) -> Floats:
-        """Where the top of a smooth curve is, in spacings behind sample k and at most one."""
-        n, reach = self.y.shape[1], AROUND[-1]
-        middle = k if self.turn else k.clip(reach, n - 1 - reach)
-        index = middle + AROUND[:, None]
-        y = self.y.ravel().take(n * row + (index % (n - 1) if self.turn else index)) * sign
-        offset = (k - middle).astype(float)
-        top = turning(polynomial(tuple(AROUND.tolist())) @ y, offset)
-        return np.asarray(np.clip(top - offset, -1.0, 1.0))
 
     # -- wherever there may be more ------------------------------------------------------
 
@@ -267,6 +262,8 @@ def turning(c: Floats, x: Floats) -> Floats:
 
 def valued(c: Floats, x: Floats) -> Floats:
     """Values (k,) of polynomials with coefficients (n, k)."""
+    if not x.any():
+        c = c[:1]
     y: Floats = c[-1].copy()
     for row in c[-2::-1]:
         y *= x

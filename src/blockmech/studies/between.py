@@ -54,10 +54,11 @@ class Range:
         return None
 
     @cached_property
-    def places(self) -> tuple[Array, Array]:
+    def places(self) -> tuple[Array, Array | slice]:
         """Places (k,) of poses on the range, rising and each once, and the numbers of the poses."""
         assert self.cycle is not None
-        return np.unique(self.cycle.places_of(self.samples), return_index=True)
+        s, order = np.unique(self.cycle.places_of(self.samples), return_index=True)
+        return s, slice(None) if np.array_equal(order, range(self.samples.n)) else order
 
     def output(self, w: Wanted, values: Values, coordinates: Array) -> Array:
         """An output (k, n) of designs with these parameters, at places (k, n) of their own."""
@@ -94,7 +95,7 @@ class Range:
             how = "range" if w.how == STROKE else w.how
             return Peaks(SIMPLE[how](y), np.zeros(len(y)), np.full(len(y), doubt))
         s, order = self.places
-        y = y if len(order) == y.shape[1] and (np.diff(order) > 0).all() else y[:, order]
+        y = y[:, order]
 
         def output(row: Array, coordinates: Array) -> Array:
             x = self.output(w, some_of(values, row), coordinates)
@@ -152,7 +153,7 @@ def some_of(values: Nested, row: Array) -> Nested:
     return each_part(lambda x: x[..., row, :] if np.ndim(x) > 1 else x, values)
 
 
-def near_limits(margins: Mapping[str, Array], order: Array) -> Array | None:
+def near_limits(margins: Mapping[str, Array], order: Array | slice) -> Array | None:
     """Samples (m, k) at which a margin is small, and smaller than beside them; None of none."""
     mask = None
     for m in margins.values():
