@@ -13,6 +13,8 @@ WORDS = """
     bad-teeth coupling-mismatch coupled-twice coupled-driver coupling-loop
     undercut dead-face open-profile no-room
     no-pose no-graph same-link
+    not-a-group unconnected-links over-constrained turning-held-twice too-few-drivers
+    too-many-drivers locked-driver conflicting-drivers loose-links
     algebraic-loop no-sensor unknown-output unknown-parameter
 """
 FILE_CODES = frozenset(WORDS.split())
