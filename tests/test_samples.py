@@ -167,6 +167,48 @@ def test_other_numbers_may_well_be_radians(at):
         assert turning().run(at=at, want=WANT).n == np.size(at)
 
 
+def of_whole_tens():
+    graph = crank(1.0, bm.Link(mass=2.0, inertia=0.1, cm=(0.5, 0.0)), gravity=9.81)
+    graph.drive("crank", bm.motion.ConstantRate(rate=10.0, start=10.0, end=30.0))
+    graph.start("crank", q=20.0)
+    return graph.compile()
+
+
+CHOSEN = {
+    "extremes": lambda m: m.extremes("crank.q"),
+    "stroke": lambda m: m.stroke("crank.crank.omega"),
+    "limits": lambda m: m.limits(),
+    "equilibria": lambda m: m.equilibria(),
+    "simulate": lambda m: m.simulate("time=0.1"),
+    "study": lambda m: m.study({"crank.length": [1.0, 1.1]}, want="max(crank.drive)"),
+    "draw": lambda m: m.draw(),
+}
+
+
+@pytest.mark.parametrize("ask", CHOSEN.values(), ids=list(CHOSEN))
+def test_places_that_an_analysis_chooses_are_no_degrees_of_the_users(ask):
+    mechanism = of_whole_tens()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UnitWarning)
+        ask(mechanism)
+
+
+WRITTEN = {
+    "run": lambda m, at: m.run(at, want="crank.q"),
+    "verify": lambda m, at: m.verify(at=at),
+    "sensitivity": lambda m, at: m.sensitivity("crank.drive", "crank.length", at=at),
+    "balance": lambda m, at: bm.design.balance(m, "crank.links.crank.mass", "crank.drive", at),
+    "study": lambda m, at: m.study({"crank.length": [1.0]}, want="max(crank.drive)", at=at),
+}
+
+
+@pytest.mark.parametrize("ask", WRITTEN.values(), ids=list(WRITTEN))
+def test_places_that_the_user_writes_warn_at_the_line_of_the_call(ask):
+    with pytest.warns(UnitWarning, match="these are radians") as caught:
+        ask(of_whole_tens(), [20, 40])
+    assert {w.filename for w in caught} == {__file__}
+
+
 @pytest.mark.filterwarnings("ignore::blockmech.ground.units.UnitWarning")
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30))
 def test_samples_come_back_as_they_were_given(at):

@@ -235,6 +235,14 @@ def test_what_is_no_block_and_a_taken_name_are_refused(thing):
         fourbar().add("crank", thing)
 
 
+def test_a_block_named_like_the_outputs_of_the_whole_is_refused():
+    graph = fourbar()
+    graph.add("mechanism", bm.Crank(length=1.0))
+    (problem,) = (problem for problem in graph.check() if problem.code == "taken-name")
+    assert problem.where == "mechanism"
+    assert problem.found == 'outputs of the whole begin with "mechanism."'
+
+
 @pytest.mark.parametrize("law", [5, 10.0, "constant_rate", None, bm.motion.ConstantRate])
 def test_what_is_no_law_of_motion_is_refused(law):
     with pytest.raises(bm.GraphError, match=r"\[not-a-law\] scene.drive.crank"):

@@ -8,6 +8,9 @@ from itertools import chain, count
 NAME_RULE = 'a name is not empty and has no "." or "/"'
 """The rule for names of blocks and markers, which stand in addresses."""
 
+MECHANISM = "mechanism"
+"""What names of outputs of the whole begin with, which therefore is no block's name."""
+
 
 def is_name(name: str) -> bool:
     """Whether a name can stand in an address."""

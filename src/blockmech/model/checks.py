@@ -22,7 +22,7 @@ from blockmech.blocks.joints import PAIRS
 from blockmech.blocks.modes import TwoModes
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import GraphError, Problem, listed, unknown_name
-from blockmech.ground.names import NAME_RULE, is_name, split_address
+from blockmech.ground.names import MECHANISM, NAME_RULE, is_name, split_address
 from blockmech.loads.contract import Element, Following
 from blockmech.model.diagram import Ends, UnknownBlock, Wire, driven_joints
 from blockmech.model.flat import Flat
@@ -144,6 +144,9 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
         message = f"a second frame beside {frames[0]}"
         yield Problem("two-frames", name, message, one, f"move its markers to {frames[0]}")
     for name, block in blocks.items():
+        if name == MECHANISM:
+            message = f'outputs of the whole begin with "{MECHANISM}."'
+            yield Problem("taken-name", name, message, "", "choose another name")
         if isinstance(block, UnknownBlock):
             yield REGISTRY.unknown(block.type, name)
 

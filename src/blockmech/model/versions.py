@@ -10,12 +10,12 @@ import copy
 from collections.abc import Iterator
 from typing import Any
 
-from blockmech.ground.names import free_name
+from blockmech.ground.names import MECHANISM, free_name
 from blockmech.typing import Data
 
 VERSION = 2
 """The version of files that this blockmech writes; it reads all up to this one."""
-OWNERS = ("driver", "link", "joint", "mechanism")
+OWNERS = ("driver", "link", "joint", MECHANISM)
 """What outputs of links and joints begin with, beside names of couplings, loads and signals."""
 COUPLING = "coupling."
 """What the names of couplings' outputs began with among links and joints in version 1."""

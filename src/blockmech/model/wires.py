@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 from blockmech.blocks.contract import Block, Moving
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import Problem, close_match, listed, unknown_name
-from blockmech.ground.names import split_address
+from blockmech.ground.names import MECHANISM, split_address
 from blockmech.ground.values import Marker
 from blockmech.loads.contract import LAW, Element, Following
 from blockmech.model.diagram import AnyBlock, Ends, Wire, driven_joints
@@ -79,7 +79,7 @@ def wire_problems(
     if fed is None and _joins(blocks, ends):
         return
     if sensed is not None or signal_wire(blocks, ends):
-        without_block = {"mechanism", *driven_joints(blocks)}  # drivers in groups may have a name
+        without_block = {MECHANISM, *driven_joints(blocks)}  # drivers in groups may have a name
         yield from _local_problems(blocks, wire, fed, sensed or without_block)
         return
     problems = list(_local_problems(blocks, wire, fed))

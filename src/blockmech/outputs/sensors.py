@@ -14,7 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from blockmech.ground.errors import GraphError, Problem
-from blockmech.ground.names import split_address
+from blockmech.ground.names import MECHANISM, split_address
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs.by_owner import unknown_output, vector_sensor
@@ -27,7 +27,6 @@ from blockmech.typing import Data
 if TYPE_CHECKING:
     import networkx as nx
 
-MECHANISM = "mechanism"
 REMEDY = "put a block with a state in it, as a filter (signal.transfer_function) or a sample"
 
 

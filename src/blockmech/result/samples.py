@@ -8,6 +8,10 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from inspect import CO_VARARGS, CO_VARKEYWORDS
+from itertools import takewhile
+from traceback import walk_stack
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -21,6 +25,7 @@ from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, OverRange
 from blockmech.model.scene import Scene
 from blockmech.typing import Coordinates, Floats, Numbers, Record
 
+ANY = CO_VARARGS | CO_VARKEYWORDS  # flags of functions that take any arguments
 DEFAULT_SAMPLES = SCANNED // 2 + 1  # of a turn: every degree, and the end
 
 
@@ -325,23 +330,33 @@ def _column(where: str, raw: Numbers, unit: str) -> Floats:
 
 
 def warn_of_degrees(where: str, low: float, high: float) -> None:
-    """Warn of angles that are surely degrees: they are taken as they are, in radians."""
-    if seem_degrees(low, high):
+    """Warn of angles that are surely degrees: they are taken as they are, in radians.
+
+    Only arguments of the user's call are looked at: other places an analysis has chosen.
+    """
+    if not seem_degrees(low, high):
+        return
+    stack = [*takewhile(_is_ours, (frame for frame, _ in walk_stack(sys._getframe())))]
+    call = next(frame for frame in reversed(stack) if not _hands_on(frame))
+    if call.f_locals.get(where.partition("[")[0]) is not None:
         last = max(low, high, key=abs)
         warnings.warn(
             f"{where}: these are radians, {last:g} rad are {abs(last) / math.tau:.3g} turns; "
             f'degrees are written "{last:g}deg"',
             UnitWarning,
-            stacklevel=_depth(),
+            stacklevel=len(stack) + 1,
         )
 
 
-def _depth() -> int:
-    """How many calls ago the user's line was: the first that is none of this package."""
-    frame, depth = sys._getframe(1), 1
-    while frame.f_back and str(frame.f_globals.get("__name__")).startswith("blockmech."):
-        frame, depth = frame.f_back, depth + 1
-    return depth
+def _is_ours(frame: FrameType) -> bool:
+    """Whether a line is of this package, or between two of it."""
+    return str(frame.f_globals.get("__name__")).startswith("blockmech.") or _hands_on(frame)
+
+
+def _hands_on(frame: FrameType) -> bool:
+    """Whether a call hands on the arguments that the user wrote: of a decorator, or a command."""
+    is_command = str(frame.f_globals.get("__name__")).startswith("blockmech.cli")
+    return is_command or not ANY & ~frame.f_code.co_flags
 
 
 def _stretched(driver: str, column: Floats, n: int) -> Floats:

@@ -251,6 +251,17 @@ def test_an_object_that_is_no_link_is_refused(link):
     assert "rod" not in m.links
 
 
+def test_a_load_named_like_the_outputs_of_the_whole_is_refused_and_a_link_is_not():
+    m = bm.Linkage("swing")
+    m.add_link("mechanism", mass=2.0)
+    m.add_joint("O", "R", ["frame", "mechanism"], point=(0.0, 0.0))
+    m.add_driver("motor", "O")
+    assert {"link.mechanism.p", "mechanism.kinetic_energy"} < {*m.compile().outputs}
+    m.add_load("mechanism", "force", link="mechanism", force=(1.0, 0.0))
+    (problem,) = m.check()
+    assert (problem.code, problem.where) == ("taken-name", "loads.mechanism")
+
+
 def test_names_that_are_taken_are_told_in_the_order_of_the_document():
     data = machines.slider_crank()
     names = ["mechanism", "joint", "driver", "link"]

@@ -20,7 +20,7 @@ from blockmech.blocks.block import REGISTRY, Block, refuse
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import AnyFriction
 from blockmech.ground.errors import Problem, listed, path_text, unknown_name
-from blockmech.ground.names import is_name
+from blockmech.ground.names import MECHANISM, is_name
 from blockmech.ground.validation_errors import mistake
 from blockmech.ground.values import (
     POSE,
@@ -438,9 +438,11 @@ def _wheels(linkage: Any) -> Iterator[Problem]:
 
 
 def _signals(linkage: Any, known: Known) -> Iterator[Problem]:
-    """Couplings and signal blocks named like the owners of other outputs; wires that do not fit."""
-    names = {*OWNERS, *linkage.loads}
-    for section in ("couplings", "signals"):
+    """Loads, couplings, signals named like owners of other outputs; wires that do not fit."""
+    names: set[str] = set()
+    owners = {"loads": (MECHANISM,), "couplings": OWNERS, "signals": OWNERS}
+    for section, reserved in owners.items():
+        names |= {*reserved}
         for name in filter(names.__contains__, getattr(linkage, section)):
             message = f"{name} is what other outputs are named after"
             where, remedy = path_text((section, name)), "choose another name"

@@ -14,7 +14,7 @@ from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
 from blockmech.blocks.block import REGISTRY
 from blockmech.ground.errors import GraphError, Problem, listed, path_text
-from blockmech.ground.names import free_name
+from blockmech.ground.names import MECHANISM, free_name
 from blockmech.ground.plane import dot
 from blockmech.ground.values import Place, xy
 from blockmech.model.diagram import GRAPH_FILE
@@ -90,7 +90,8 @@ class Diagram:
         # place on a link -> the markers there: direction, and whether it stands for a line
         self._marked = defaultdict[tuple[str, complex], list[_Marked]](list)
         self._taken: dict[str, set[str]] = {}  # block -> names of markers
-        self._names = ChainMap[str, Any](self._blocks, linkage.drivers)  # those that are taken
+        reserved = {MECHANISM: ""}
+        self._names = ChainMap[str, Any](self._blocks, linkage.drivers, reserved)  # that are taken
         frame = free_name(FRAME, linkage.drivers)
         self._blocks[frame] = {"type": "frame", "markers": {}}
         self._taken[frame] = {FRAME}
