@@ -11,7 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 from weakref import WeakKeyDictionary
 
 from blockmech.ground.errors import FormatError, GraphError, Problem, in_file
@@ -175,6 +175,15 @@ class Linkage(Uncompiled, linkage.Linkage):
         from blockmech.model.joints.dimensioned import fit_dimensions
 
         return fit_dimensions(self)
+
+    def _fitted(self) -> Self:
+        """The drawing that fulfils its dimensions; itself where it cannot."""
+        from blockmech.model.joints.dimensioned import dimensioned
+
+        try:
+            return dimensioned(self)
+        except GraphError:
+            return self
 
     @uncollected()
     def compile(self) -> Mechanism:

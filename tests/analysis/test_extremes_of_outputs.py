@@ -214,6 +214,15 @@ def test_range_that_ends_early_has_its_extreme_at_the_end():
     assert result.turns == ()
 
 
+def test_a_range_of_too_many_turns_says_how_many_there_may_be():
+    graph = fourbar(3.0, 5.0, 4.0, 1.0)
+    graph.drive("crank", bm.motion.ConstantRate(rate=10.0, start=0.0, end=4000.0))
+    message = r"636\.62 turns take 64 samples each, of 36000 in all\. follow 562 turns at most"
+    for ask in (extremes, stroke):
+        with pytest.raises(bm.RequestError, match=message):
+            ask(graph.compile(), "crank.drive")
+
+
 def test_full_turning_link_has_no_extreme_of_its_angle_inside():
     extremes = fourbar(3.0, 5.0, 4.0, 1.0).compile().extremes("dyad.j.angle")
     assert extremes.turns == ()

@@ -19,6 +19,19 @@ MASS = "crank.links.crank.mass"
 FALL = {"until": "standstill"}
 
 
+@pytest.mark.parametrize("designs", [3, 40])  # each by itself, and side by side
+def test_the_budget_is_that_of_each_design(designs):
+    masses, want = np.linspace(1.0, 2.0, designs), "motion.t_end"
+    long = {"until": "time=20", "method": "dop853"}
+    study = fallen().study({MASS: masses}, want=want, simulate={**long, "budget": 1e-6})
+    assert set(study.status) == {"ended-early"}
+    assert all(why.startswith("budget, after") for why in study.found.place)
+    enough = {**long, "budget": "1 min"}
+    assert set(fallen().study({MASS: masses}, want=want, simulate=enough).status) == {"ok"}
+    with pytest.raises(bm.RequestError, match="budget"):
+        fallen().study({MASS: masses}, want=want, simulate={**long, "budget": -1.0})
+
+
 def test_columns_are_those_of_single_simulations():
     watt, masses = mechanism("watt_sixbar"), [0.5, 1.0, 2.0]
     reductions = ["max_abs(crank.rate)", "final(first.C.p)", "mean(mechanism.kinetic_energy)"]

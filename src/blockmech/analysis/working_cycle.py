@@ -155,7 +155,8 @@ def by_coordinate(
     count = (high - low) / TURN if rotary else 0.0
     turns = round(count) >= 1 and abs(count - round(count)) <= ROUNDING * count
     if NODES * count > MOST:  # less than a panel a turn: what is between samples is not seen
-        raise refused("range", f"it has {count:.3g} turns", f"follow {MOST // NODES} at most")
+        message = f"{count:.6g} turns take {NODES} samples each, of {MOST} in all"
+        raise refused("range", message, f"follow {MOST // NODES} turns at most")
     steps = min(MOST, max(SCANNED, n - 1, math.ceil(SCANNED * count)))
     rate = driver_rates.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
 

@@ -169,14 +169,20 @@ class Moving(Block):
 
     def largest_length(self) -> float:
         """The largest length [m] among the block's parameters and markers."""
-        lengths = (getattr(self, name) for name in self.lengths)
-        sizes = [abs(x) for x in lengths if x is not None]
-        sizes += [abs(m.at.z) for k in self.links.values() for m in k.markers.values()]
-        return largest(sizes)
+        markers = [abs(m.at.z) for k in self.links.values() for m in k.markers.values()]
+        return largest([*self._parameter_lengths, *markers])
+
+    @property
+    def _parameter_lengths(self) -> list[float]:
+        return [abs(x) for name in self.lengths if (x := getattr(self, name)) is not None]
 
     def characteristic_length(self) -> float:
-        """The largest length [m]; 1 m where the block has none."""
-        length = self.largest_length()
+        """The largest length [m] among the parameters, or else the markers; 1 m without any.
+
+        What acts far out on a link does not say how exactly its pairs are placed.
+        """
+        lengths = self._parameter_lengths
+        length = largest(lengths) if lengths else self.largest_length()
         size: float = primitives_of(length)["where"](length > 0.0, length, 1.0)
         return size
 

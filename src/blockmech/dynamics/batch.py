@@ -30,6 +30,7 @@ from blockmech.dynamics.batch_motions import (
     Track,
 )
 from blockmech.dynamics.contacts import SETTLED
+from blockmech.dynamics.ends import BudgetSpent
 from blockmech.dynamics.equation import cached_rates
 from blockmech.dynamics.estimate import (
     FINER,
@@ -287,7 +288,12 @@ class _Run:
     def motions(self) -> Motions:
         """Go on until all are over, or alone."""
         while len(which := np.flatnonzero(~self.over & ~self.alone)):
-            self._round(which)
+            try:
+                self.system.budget.check()
+            except BudgetSpent:
+                self.alone[which] = True
+            else:
+                self._round(which)
         track = Track.of(self.pieces, self.m)
         friction_work = self.y[:, 3] if self.rubs else np.zeros(self.m)
         state = self.end, self.t, self.y[:, 0], self.y[:, 1], self.rest, self.standstills

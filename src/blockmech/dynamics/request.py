@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from blockmech.dynamics.contacts import SETTLED
-from blockmech.dynamics.ends import STANDSTILL, Budget
+from blockmech.dynamics.ends import SECONDS, STANDSTILL
 from blockmech.dynamics.roles import Roles, RolesGiven, located, roles_of
 from blockmech.dynamics.source import Source
 from blockmech.ground.errors import RequestError, among, close_match, listed, refused
@@ -181,6 +181,7 @@ class SimulationRequest:
     roles : of the drivers where the run begins, None where all are free at all times
     switched : [s] an instant at which discrete signal blocks have switched already
     alternatives : goals that are watched, too: the next is that of the run where it never comes
+    seconds : processor time [s] after which the run ends
     why : why this method, recorded in the result
     """
 
@@ -197,6 +198,7 @@ class SimulationRequest:
     switched: float = math.nan
     why: str = ""
     alternatives: tuple[Until, ...] = ()
+    seconds: float = SECONDS
 
     @cached_property
     def standing(self) -> Motion:
@@ -251,6 +253,7 @@ def request_of(
     stops: Pairs | None = None,
     watch: Sequence[Watch] = (),
     roles: RolesGiven | None = None,
+    budget: Quantity | None = None,
     engine: str = "auto",
 ) -> tuple[SimulationRequest, Pairs]:
     """What `simulate` is asked for, read, but for its end stops; and the starts.
@@ -279,8 +282,9 @@ def request_of(
     settings = goal, target, name, step, tuple(output_times.tolist()), events
     if at_start is not None:
         begin = Start(np.atleast_1d(begin.q), np.atleast_1d(begin.rate))
+    seconds = seconds_of(budget)
     return SimulationRequest(
-        begin, *settings, roles=at_start, alternatives=tuple(alternatives)
+        begin, *settings, roles=at_start, alternatives=tuple(alternatives), seconds=seconds
     ), starts
 
 
@@ -430,13 +434,12 @@ def size_of(where: str, value: object) -> float | None:
     return size
 
 
-def budget_of(budget: object) -> Budget:
+def seconds_of(budget: Quantity | None) -> float:
     """Processor time of a request: a number [s] above zero, perhaps infinite."""
-    if budget is None:
-        return Budget()
-    if not (seconds := number_in_si(budget, "s")) > 0:
+    seconds = SECONDS if budget is None else number_in_si(budget, "s")
+    if not seconds > 0:
         raise refused("budget", f"{budget!r} is no time above zero", "give seconds, like 60")
-    return Budget(seconds)
+    return seconds
 
 
 def times_of(times: object) -> Floats | None:

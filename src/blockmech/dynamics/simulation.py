@@ -28,7 +28,6 @@ from blockmech.dynamics.request import (
     SimulationRequest,
     Until,
     Watch,
-    budget_of,
     refuse_no_inertia,
     request_of,
 )
@@ -119,9 +118,9 @@ def simulate(
     >>> swing["crank.q"].round(4)
     array([0.4155, 0.5439])
     """
-    about = until, method, accuracy, times, start, stops, watch, roles, engine
+    about = until, method, accuracy, times, start, stops, watch, roles, budget, engine
     request, starts = request_of(mechanism.scene, mechanism._coordinate_units, *about)
-    report, limit = progress_of(progress), budget_of(budget)
+    report, limit = progress_of(progress), ends.Budget(request.seconds)
     friction_method = friction_asked(friction)
     mechanism._plan_for(want, replace(friction_method, along=friction_method.method != "none"))
     options = {"method": friction_method, "progress": report, "engine": engine, "budget": limit}

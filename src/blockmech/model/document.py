@@ -249,7 +249,11 @@ class Document:
         numbers = named(known, new)
         texts = {p: x for p, x in numbers.items() if isinstance(x, str) and p.path[-1] in PARTS}
         in_si = {p: number_in_si(x, p.unit) for p, x in texts.items()}
-        return self.with_checked({p.path: x for p, x in (numbers | in_si).items()}, parts)
+        return self._fitted().with_checked({p.path: x for p, x in (numbers | in_si).items()}, parts)
+
+    def _fitted(self) -> Self:
+        """The document whose numbers are those of its mechanism."""
+        return self
 
     def with_checked(self, numbers: Mapping[Path, float], parts: Record | None = None) -> Self:
         """A copy with other numbers at some paths, checked like a file; see `replace`.

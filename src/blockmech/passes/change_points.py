@@ -12,7 +12,8 @@ Source: the search is blockmech's own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,13 +24,15 @@ from blockmech.engines.interpreters import NumpyEngine
 from blockmech.functions.roots import SCANNED
 from blockmech.functions.series import GOLDEN, NODES, Series, fit, panels
 from blockmech.ground.errors import GraphError, Problem
+from blockmech.ground.memory import Recent
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.scene import Scene
-from blockmech.model.structure import FollowedBranch, Structure
-from blockmech.passes.forward import position
+from blockmech.model.structure import FollowedBranch, LinkRef, Structure
+from blockmech.passes.forward import Moved, link_position, position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction, Schedule
-from blockmech.typing import Floats
+from blockmech.plan.values import NOUGHT, Value, planar
+from blockmech.typing import Floats, Values
 
 SEAM = -math.pi / 2  # where the scan of a turn begins
 # Spacings on either side that a series covers. From further away larger misses look like rounding:
@@ -53,30 +56,74 @@ class _Search(NamedTuple):
         return (self.high - self.low) / SCANNED
 
 
+class _Chain:
+    """Blocks along a driver, placed one after the other, each once for the same coordinates.
+
+    Change points of dyads in a row stand together, so their searches ask for the same ones.
+
+    structure : with the branches that are known so far
+    """
+
+    def __init__(self, structure: Structure, scene: Scene) -> None:
+        self.structure, self.scene = structure, scene
+        self._engines: dict[str, NumpyEngine] = {}
+        self._poses: defaultdict[str, Recent[bytes, Values]] = defaultdict(Recent)
+
+    def poses(self, block: str, q: Floats) -> Values:
+        """Parts of origin and x axis of each link of a block at coordinates (n,), in a row."""
+        above, question = self.structure.ancestors(block), q.tobytes()
+        for name in self.structure.blocks:
+            if name in above and question not in self._poses[name]:
+                if name not in self._engines:
+                    self._engines[name] = self.engine(name, self._frames)
+                self._poses[name].renew(question, self.run(self._engines[name], name, q))
+        return self._poses[block][question]
+
+    def _frames(self, s: Schedule, block: str) -> Iterator[Value]:
+        for link in self.structure.blocks[block].link_names:
+            for x in s.ask(link_position, LinkRef(block, link)):
+                yield from (x.real, x.imag)
+
+    def engine(self, block: str, ask: Callable[[Schedule, str], Iterable[Value]]) -> NumpyEngine:
+        """What computes a block alone: the poses of the links that it hangs on are inputs."""
+        s = schedule(self.structure, self.scene, Friction("none"))
+        for k, source in enumerate(self._sources(block)):
+            s.settle(NOUGHT, position, source)
+            for n, link in enumerate(self.structure.blocks[source].link_names):
+                x = [s.unknown(f"x_{k}_{i}") for i in range(4 * n, 4 * n + 4)]
+                pose = Moved(planar(*x[:2]), planar(*x[2:]))
+                s.settle(pose, link_position, LinkRef(source, link))
+        return NumpyEngine(s.program(ask(s, block)))
+
+    def run(self, engine: NumpyEngine, block: str, q: Floats) -> Values:
+        """Values (n,) of a block's program at driver coordinates."""
+        inputs = dict.fromkeys(engine.program.inputs, q)
+        for k, source in enumerate(self._sources(block)):
+            inputs |= {f"x_{k}_{i}": x for i, x in enumerate(self.poses(source, q))}
+        return engine.run(inputs, q.size)
+
+    def _sources(self, block: str) -> list[str]:
+        return [x for x in self.structure.sources(block) if x in self.structure.blocks]
+
+
 def with_followed(structure: Structure, scene: Scene) -> Structure:
     """The structure with the change points of its dyads that follow.
 
     Raises `GraphError` where a home cannot be assembled or is itself a change point.
     """
-    followed_structure, problems = structure, list[Problem]()
+    problems, chain = list[Problem](), _Chain(structure, scene)
     wrong: set[str] = set()
-    last, upstream = "", schedule(structure, scene, Friction("none"))
     for name, block in structure.blocks.items():
         if not (isinstance(block, TwoModes) and block.follows and (home := block.home)):
             continue
         if wrong & structure.ancestors(name):
             continue  # nothing is known of what stands on a wrong home
         ((driver, q_home),) = home.drivers.items()
-        shared = {p for x in followed_structure.followed.values() for p in x.points}
-        if last in structure.ancestors(name):  # what moves it goes on from there
-            upstream.structure = followed_structure
-            upstream.ask(position, last)
-        else:
-            upstream = schedule(followed_structure, scene, Friction("none"))
-        last, s = name, upstream.copied()
-        plain = {**followed_structure.followed, name: FollowedBranch(driver)}
-        s.structure = replace(followed_structure, followed=plain)
-        search = _search(s, name, driver, q_home)
+        followed = chain.structure.followed
+        shared = {p for x in followed.values() for p in x.points}
+        plain = {**followed, name: FollowedBranch(driver)}
+        chain.structure = replace(chain.structure, followed=plain)
+        search = _search(chain, name, driver, q_home)
         square, at_home, largest = _squared_determinant(search, q_home)
         if not at_home > AT_HOME * largest:
             problems.append(_no_home(name, driver, q_home, at_home))
@@ -87,25 +134,22 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
         first = home.branch * math.prod(sides)
         scale = 1.0 if search.rotary else (search.high - search.low) / 2
         branch = FollowedBranch(driver, points, first, scale)
-        followed_structure = replace(
-            followed_structure, followed={**followed_structure.followed, name: branch}
-        )
+        chain.structure = replace(chain.structure, followed={**followed, name: branch})
     GraphError.raise_for(problems)
-    return followed_structure
+    return chain.structure
 
 
-def _search(s: Schedule, block: str, driver: str, q_home: float) -> _Search:
-    program = s.program([s.ask(position, block).det])
-    engine = NumpyEngine(program)
+def _search(chain: _Chain, block: str, driver: str, q_home: float) -> _Search:
+    engine, structure = chain.engine(block, lambda s, x: [s.ask(position, x).det]), chain.structure
 
     def size(q: Floats) -> Floats:
-        sizes = engine.run(dict.fromkeys(program.inputs, q), q.size)[0]
+        sizes = chain.run(engine, block, q)[0]
         return np.asarray(np.abs(np.asarray(sizes, dtype=float)))
 
-    if s.structure.driver_joint(driver).rotary:
+    if structure.driver_joint(driver).rotary:
         low = SEAM + GOLDEN * math.tau / SCANNED
         return _Search(size, low, low + math.tau, True)
-    reach = TRAVEL * sum(b.largest_length() for b in s.structure.blocks.values())
+    reach = TRAVEL * sum(b.largest_length() for b in structure.blocks.values())
     return _Search(size, q_home - reach, q_home + reach, False)
 
 

@@ -312,6 +312,7 @@ class Together:
     def into(self, values: dict[str, Array], columns: Mapping[Parameter, Array]) -> Array:
         """Put what is known of designs into their columns; which are to be moved by themselves."""
         runner, m = self.runner, len(next(iter(columns.values())))
+        self.system.budget = ends.Budget(m * self.request.seconds)
         design = runner.family.design({p: x[:, None] for p, x in columns.items()})
         numbers = self.rates.program.values(*design)
         motions = None if self.swings is None else self.swings.moved(numbers, m)

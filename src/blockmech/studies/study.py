@@ -80,7 +80,7 @@ def study(
     workers : number of processes on this machine to use in place of this one; or a
         `dask.distributed.Client`, whose workers must then reach ``out`` as well. The result is
         bitwise the same in all cases.
-    simulate : arguments of `simulate`, e.g. ``{"until": "standstill"}``
+    simulate : arguments of `simulate`, e.g. ``{"until": "standstill", "budget": 5}``
         Each design is simulated, and outputs are reduced over the output times: also ``final``,
         ``settling`` (2 % of the change, or ``settling(crank.q, 0.05)``) and numbers of the
         motion such as ``"motion.t_end"``, ``"motion.fluctuation"``, ``"motion.time_to_rest"``

@@ -226,6 +226,45 @@ def test_places_on_one_link_have_derivatives_with_all_joints_closed(path):
     assert exact == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-6)
 
 
+@pytest.mark.parametrize("k", [0, 1])
+def test_directions_of_guides_have_derivatives_with_all_joints_closed(k):
+    """Where a guide turns on one link, the other link turns with it, and dimensions hold then."""
+    m = slider_crank()
+    guide = m.joints["bore"]
+    m.joints["bore"] = guide.model_copy(update={"dir": None, "angle": [0.0, 0.0]})
+    for name in ("lever", "arm"):
+        m.add_link(name)
+    m.add_joint("E", "R", ["piston", "lever"], point=(0.16, 0.05))
+    m.add_joint("F", "R", ["lever", "arm"], point=(0.2, 0.12))
+    m.add_joint("G", "R", ["frame", "arm"], point=(0.26, 0.1))
+    m.add_dimension("across", "length", ["A", "F"], 0.19)
+    m, want, path, h = m.fit_dimensions().linkage, "joint.A.p", f"joints.bore.angle[{k}]", 1e-5
+    ends = [m.replace({path: s * h}).run(at=[0.7], want=want)[want][0] for s in (1, -1)]
+    exact = m.compile().sensitivity(want, path, at=[0.7])[want][0, 0]
+    assert abs(exact) > 1e-3
+    assert exact == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-6)
+
+
+def test_a_sketch_with_another_dimension_is_the_mechanism_with_that_number():
+    """What counts from the drawing counts from the one that fulfils the dimensions."""
+    m, want, q = sketch(), ["joint.C.p", "link.rod.angle"], [0.0, 0.4]
+    for name, points, value in (("crank", "AB", CRANK), ("rod", "BC", ROD)):
+        m.add_dimension(name, "length", list(points), value)
+    shorter = {"dimensions.crank.value": 0.7}
+    run, same = m.replace(shorter).run(at=q, want=want), m.fit_dimensions().linkage.replace(shorter)
+    for name, values in same.run(at=q, want=want).items():
+        assert np.abs(run[name] - values).max() <= CLOSE
+    study = m.compile().study({"dimensions.crank.value": [0.7]}, want={want[0]: ["poses"]}, at=q)
+    assert np.abs(study["poses(joint.C.p)"][0] - run["joint.C.p"]).max() <= CLOSE
+
+
+def test_contradicting_dimensions_are_mended_by_another_number():
+    m = dimensioned()
+    m.add_dimension("again", "length", ["A", "B"], 2 * CRANK)
+    assert m.check()
+    assert not m.replace({"dimensions.again.value": CRANK}).check()
+
+
 RELATIONS = [
     ("parallel", "ABDC", lambda a, b, d, c: ((b - a) / (c - d)).imag),
     ("perpendicular", "ABAD", lambda a, b, _, d: ((b - a) / (d - a)).real),

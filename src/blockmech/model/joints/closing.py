@@ -29,6 +29,7 @@ from blockmech.ground.plane import dot
 from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT, ROUNDING
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Pose, Poses
+from blockmech.model.joints.varied import phase
 from blockmech.typing import Array, Floats
 
 CLOSED = 100 * ROUNDING  # [-] of the size, rad: gaps that are left to rounding and conditioning
@@ -65,7 +66,7 @@ def _conditions(c: Connection, poses: Poses, size: float) -> tuple[_Condition, .
         return dot(n, d) / size, (-n.real, -n.imag, by_a), (n.real, n.imag, by_b)
 
     u, w = e_a * c.along[0], e_b * c.along[1]
-    return distance_along(1j * u), (cmath.phase(w * u.conjugate()), BACK, FORTH), distance_along(u)
+    return distance_along(1j * u), (phase(w * u.conjugate()), BACK, FORTH), distance_along(u)
 
 
 def coordinate(poses: Poses, c: Connection, size: float = 1.0) -> float:
@@ -82,13 +83,19 @@ class Gap(NamedTuple):
     turn: float
 
 
+def tolerance(poses: Poses, size: float) -> float:
+    """Gaps, over the size, that closed joints may have: places far off are known to rounding."""
+    reach = max(abs(pose.o) for pose in poses.values())
+    return CLOSED + min(ROUNDING * reach / size, BLUR)
+
+
 def gaps(poses: Poses, pairs: Iterable[Connection], size: float) -> list[Gap]:
     """Joints that gape by more than rounding, the widest first."""
-    rows = []
+    rows, limit = [], tolerance(poses, size)
     for c in pairs:
         (first, *_), (second, *_), _ = _conditions(c, poses, size)
         gap = (math.hypot(first, second), 0.0) if c.kind == "R" else (abs(first), abs(second))
-        if not max(gap) <= CLOSED:
+        if not max(gap) <= limit:
             rows.append(Gap(c, *gap))
     rows.sort(key=lambda g: (-max(g[1:]), g.pair.name))
     return [gap._replace(distance=gap.distance * size) for gap in rows]
@@ -156,13 +163,13 @@ class Closing:
         It ends where they gape by no more than is ``enough``, over the size. Where the matrix is
         singular each step is the shortest of those nearest to closing.
         """
-        last, best = math.inf, poses
+        last, best, limit = math.inf, poses, tolerance(poses, self.size)
         for _ in range(NEWTON_STEPS):
             values, matrix = self.conditions(poses)
             gap = float(np.abs(values).max(initial=0.0))
             if gap <= last:
                 best = poses
-            if gap <= enough or not math.isfinite(gap) or (gap < CLOSED and gap >= last / 2):
+            if gap <= enough or not math.isfinite(gap) or (gap < limit and gap >= last / 2):
                 break
             last = gap
             step: Array = np.linalg.lstsq(matrix, -values, rcond=DOUBLE_ROOT)[0]

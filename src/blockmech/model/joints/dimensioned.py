@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from blockmech.ground.errors import GraphError, Problem, listed, path_text
 from blockmech.ground.report import Facts, Report
 from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL
 from blockmech.ground.values import Pair
-from blockmech.model.joints.closing import CLOSED, Closing
+from blockmech.model.joints.closing import Closing, tolerance
 from blockmech.model.joints.contents import FRAME, reference_problems
 from blockmech.model.joints.dimensions import Dimension
 from blockmech.model.joints.layout import Layout, LinkPlacement
@@ -35,6 +35,8 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.varied import Varied, settled, tangents
 from blockmech.model.parameters import Path, value_at
 from blockmech.typing import Complex, Floats, Real
+
+L = TypeVar("L", bound=Linkage)
 
 
 class Side(NamedTuple):
@@ -89,14 +91,16 @@ def fit_dimensions(linkage: Linkage) -> Dimensions:
     left, s, _ = np.linalg.svd(fit.jacobian)
     rank = int((s > EQUAL * s.max(initial=0.0)).sum())
     owners = [name for name, _ in drawing.rows(drawing.start)]
-    if fit.misfit > CLOSED:
-        wrong = {n for n, r in zip(owners, fit.residuals, strict=True) if abs(r) > CLOSED}
+    if fit.misfit > drawing.tolerance:
+        wrong = {
+            n for n, r in zip(owners, fit.residuals, strict=True) if abs(r) > drawing.tolerance
+        }
         raise GraphError(_contradiction(linkage, wrong, fit.misfit, drawing.size))
     tied = np.abs(left[:, rank:]).max(axis=1, initial=0.0) > math.sqrt(EQUAL)
     redundant = dict.fromkeys(n for n, part in zip(owners, tied, strict=True) if part)
     positions = drawing.positions(fit.x)
     away = {n: float(abs(z - drawing.start[n])) for n, z in positions.items()}
-    moved = {name: d for name, d in away.items() if d > CLOSED * drawing.size}
+    moved = {name: d for name, d in away.items() if d > drawing.tolerance * drawing.size}
     _, s, right = np.linalg.svd(fit.jacobian[:, ~drawing.on_frame])
     motions = right[int((s > EQUAL * s.max(initial=0.0)).sum()) :]
     loose = np.abs(motions).max(axis=0, initial=0.0).reshape(-1, 2).max(axis=1, initial=0.0)
@@ -111,16 +115,17 @@ def fit_dimensions(linkage: Linkage) -> Dimensions:
     )
 
 
-def dimensioned(linkage: Linkage) -> Linkage:
+def dimensioned(linkage: L) -> L:
     """The drawing that fulfils its dimensions, with derivatives where its numbers carry some.
 
-    Raises `GraphError` for dimensions that contradict each other.
+    Raises `GraphError` for dimensions that contradict each other, and for unknown names.
     """
     if not linkage.dimensions:
         return linkage
+    GraphError.raise_for(reference_problems(linkage, vars(linkage)))
     drawing = _Drawing(linkage)
     fit = drawing.fit()
-    if fit.misfit > CLOSED:
+    if fit.misfit > drawing.tolerance:
         fit_dimensions(linkage)  # which says why
     positions = drawing.positions(fit.x)
     varied = _Drawing(linkage, plain=False)
@@ -162,6 +167,7 @@ class _Drawing:
 
     points : names of joints and markers
     start : point -> position [m]
+    tolerance : what is left, over the size of the drawing, of what is fulfilled
     frame : those of the points that are on the frame
     on_frame : (2n,) whether a coordinate is that of such a point
     normals : point of a link that slides on the frame -> directions across its guides
@@ -172,6 +178,7 @@ class _Drawing:
         closing = Closing.of(layout)
         self.linkage, self.size = linkage, layout.size
         poses = closing.refine(layout.given)
+        self.tolerance = tolerance(poses, self.size)
         self.frames: dict[str, tuple[Complex, Complex]] = {
             link: (pose.o, pose.direction(1 + 0j)) for link, pose in poses.items()
         }
@@ -258,7 +265,7 @@ class _Drawing:
         """The frame by its own dimensions, then the rest; all points where that leaves a misfit."""
         for frame_first, guided in ((True, True), (True, False), (False, False)):
             fit = self._fit(frame_first, guided)
-            if fit.misfit <= CLOSED:
+            if fit.misfit <= self.tolerance:
                 break
         return fit
 
@@ -272,7 +279,7 @@ class _Drawing:
             x = x + step
             before, (values, matrix) = np.abs(values).max(initial=0.0), self._residuals(x)
             now = np.abs(values).max(initial=0.0)
-            if now == 0 or (np.abs(step).max(initial=0.0) < CLOSED and now >= before / 2):
+            if now == 0 or (np.abs(step).max(initial=0.0) < self.tolerance and now >= before / 2):
                 break
         return _Fit(x, values, matrix, self._inverse(matrix, frame_first, guided), frame_first)
 
@@ -300,7 +307,7 @@ class _Drawing:
         sections = self.linkage.sections()
         for name, sides in self.sides.items():
             step = positions[name] - self.start[name]
-            if not isinstance(step, Varied) and abs(step) <= CLOSED * self.size:
+            if not isinstance(step, Varied) and abs(step) <= self.tolerance * self.size:
                 continue
             for path, e in sides:
                 place = value_at(sections, path)
