@@ -20,8 +20,7 @@ from jsonschema import Draft202012Validator
 import blockmech as bm
 from blockmech.figures.curves import pictures_of
 from blockmech.ground.files import folder, writing
-from blockmech.result.data import json_chunks
-from blockmech.result.exported import result_schema
+from blockmech.result.data import json_chunks, result_schema
 from blockmech.result.motion import fact_unit
 from blockmech.result.spreadsheet import csv_chunks, write_csv
 from blockmech.result.tables import _select, html_table, table

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
-from blockmech.cli.new import gallery
+from blockmech.cli.start import gallery
 from blockmech.testing.graph_files import LEFT_OUT
 
 

@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 
 import blockmech as bm
-from blockmech.result.exported import result_schema
+from blockmech.result.data import result_schema
 from tests.gallery import GRAPHS
 
 WATT = GRAPHS / "watt_sixbar.json"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from blockmech.draw import draw
-from blockmech.draw.centrodes import centrodes
+from blockmech.draw.mechanism import centrodes
 from blockmech.draw.structural import draw_structural_graph, structural_graph
 from blockmech.ground.errors import RequestError
 from tests.gallery import GRAPHS, mechanism

@@ -12,8 +12,7 @@ import pytest
 
 from blockmech.ground.errors import RequestError
 from blockmech.modes.closing import triad_modes
-from blockmech.modes.elimination import eliminant
-from blockmech.modes.triad import Triad, placed
+from blockmech.modes.triad import Triad, eliminant, placed
 from blockmech.typing import Guide
 from tests.modes import chance
 from tests.modes.exact import count_exactly

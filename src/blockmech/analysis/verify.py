@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from blockmech.analysis.blow_checks import blows
 from blockmech.analysis.coupling_checks import derivatives, laws, lines_of_action
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Part, Residual
 from blockmech.analysis.force_checks import (
     blocks,
+    blows,
     couplings,
     frame,
     friction,

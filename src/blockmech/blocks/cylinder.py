@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
-from blockmech.blocks.points import Point
+from blockmech.blocks.motion import Point
 from blockmech.blocks.rrr import bent, pin_forces, rates, transmission, triangle
 from blockmech.ground.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
 from blockmech.ground.values import Branch, Distance, Length, Sign, default

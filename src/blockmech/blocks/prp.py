@@ -19,8 +19,15 @@ from typing import Literal, NamedTuple
 
 from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
 from blockmech.blocks.modes import OneMode
-from blockmech.blocks.motion import DyadAcceleration, acceleration_at, velocity_at
-from blockmech.blocks.points import Point, dead_centre, given_points, unit
+from blockmech.blocks.motion import (
+    DyadAcceleration,
+    Point,
+    acceleration_at,
+    dead_centre,
+    given_points,
+    unit,
+    velocity_at,
+)
 from blockmech.ground.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
 from blockmech.ground.values import Distance, default
 from blockmech.typing import (

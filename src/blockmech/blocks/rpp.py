@@ -24,13 +24,15 @@ from pydantic import field_validator
 
 from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
 from blockmech.blocks.modes import OneMode
-from blockmech.blocks.motion import DyadAcceleration, acceleration_at, velocity_at
-from blockmech.blocks.points import (
+from blockmech.blocks.motion import (
+    DyadAcceleration,
     Point,
+    acceleration_at,
     angle_between,
     dead_centre,
     given_points,
     unit,
+    velocity_at,
 )
 from blockmech.ground.plane import EPS, cross, dot, expi, hyp, imul, maximum, mul
 from blockmech.ground.validation_errors import mistake

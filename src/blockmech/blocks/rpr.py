@@ -23,8 +23,14 @@ from pydantic import Field
 
 from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
-from blockmech.blocks.motion import DyadAcceleration, SlidingVelocity
-from blockmech.blocks.points import Point, branch_of, given_points, unit
+from blockmech.blocks.motion import (
+    DyadAcceleration,
+    Point,
+    SlidingVelocity,
+    branch_of,
+    given_points,
+    unit,
+)
 from blockmech.ground.plane import cross, dot, hyp, imul, mul, sqrt
 from blockmech.ground.values import Distance, default
 from blockmech.typing import (

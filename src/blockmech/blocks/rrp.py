@@ -23,8 +23,16 @@ from pydantic import Field
 
 from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer_joint
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
-from blockmech.blocks.motion import DyadAcceleration, SlidingVelocity, acceleration_at, velocity_at
-from blockmech.blocks.points import Point, branch_of, given_points, unit
+from blockmech.blocks.motion import (
+    DyadAcceleration,
+    Point,
+    SlidingVelocity,
+    acceleration_at,
+    branch_of,
+    given_points,
+    unit,
+    velocity_at,
+)
 from blockmech.ground.plane import cross, dot, imul, mul, sqrt
 from blockmech.ground.values import Distance, Length, default
 from blockmech.typing import (

@@ -19,8 +19,7 @@ from pydantic import Field
 
 from blockmech.blocks.contract import BuiltIn, Kernels, inner_joint, outer_joint
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
-from blockmech.blocks.motion import DyadAcceleration, DyadVelocity
-from blockmech.blocks.points import Point, branch_of, given_points
+from blockmech.blocks.motion import DyadAcceleration, DyadVelocity, Point, branch_of, given_points
 from blockmech.ground.plane import cross, dot, hyp, imul, mul, sqrt
 from blockmech.ground.values import Length
 from blockmech.typing import (

@@ -24,15 +24,13 @@ from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, outputs, schema
 from blockmech.cli.design import balance, equilibria, identify, linearize, solve
 from blockmech.cli.draw import draw
-from blockmech.cli.export import export, page, report
-from blockmech.cli.import_ import import_
-from blockmech.cli.new import new
+from blockmech.cli.export import export, import_, page, report
 from blockmech.cli.options import flat
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
 from blockmech.cli.solutions import solutions
-from blockmech.cli.studio import studio
+from blockmech.cli.start import new, studio
 from blockmech.cli.sweep import sweep
 from blockmech.cli.terminal import (
     DONE,

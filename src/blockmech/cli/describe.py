@@ -18,7 +18,7 @@ from blockmech.cli.terminal import answer, reading, say
 from blockmech.ground.errors import RequestError
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.loads.contract import Element, Following
-from blockmech.result.exported import result_schema
+from blockmech.result.data import result_schema
 from blockmech.result.tables import aligned
 from blockmech.signals.contract import Signal
 from blockmech.typing import Data

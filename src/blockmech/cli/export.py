@@ -1,4 +1,4 @@
-"""``blockmech export``, ``page``, ``report``: a mechanism, or what it computes, as a file."""
+"""``blockmech export``, ``page``, ``report``, ``import``: files for other programs, and of them."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from blockmech.builders import compiled
+from blockmech.builders import compiled, read
 from blockmech.cli.numbers import texts_by_name
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, Want, names_of, option
-from blockmech.cli.terminal import progress_bar, reading, say
+from blockmech.cli.terminal import note, progress_bar, reading, say
 from blockmech.ground.errors import refused
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.typing import Arguments
@@ -105,3 +105,35 @@ def report(
 ) -> None:
     """Write one HTML page to be printed: drawing with dimensions, data, curves, forces."""
     written(file, output, "report", poses, want, friction=friction, static=static or None)
+
+
+def import_(
+    source: Annotated[
+        str, typer.Argument(metavar="FILE|ADDRESS", help="A file, or an address of PMKS+.")
+    ],
+    output: Annotated[
+        str | None,
+        typer.Option("--output", "-o", metavar="DOC", help="Write the links and joints."),
+    ] = None,
+    unit: Annotated[
+        str | None, option("Of lengths, if the file names none: m, cm, mm, in or ft.", "UNIT")
+    ] = None,
+    format: Annotated[
+        str | None, option("pmks+, pmks, pyslvs, linkage, pylinkage ...", "FORMAT")
+    ] = None,
+) -> None:
+    """Read a linkage of PMKS, Linkage, pylinkage, Pyslvs ... as links and joints.
+
+    Without -o the document is printed. Notes list what was not imported.
+    """
+    model = reading(source, lambda text: read(text, unit=unit, format=format))
+    notes = model.extras.get("notes") or []
+    note(*(f"note: {text}" for text in ([notes] if isinstance(notes, str) else notes)))
+    if output is None:
+        say(model.to_json(), end="")
+        return
+    model.save(output)
+    say(f"wrote {output}")
+
+
+import_.__name__ = "import"  # the command's name, which Python keeps for itself

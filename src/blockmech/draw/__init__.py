@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from blockmech.compiled import Compiled
 from blockmech.draw.animation import Animation
 from blockmech.draw.boxes import graph_of
-from blockmech.draw.centrodes import centrodes
 from blockmech.draw.diagram import draw_diagram
-from blockmech.draw.mechanism import draw_mechanism, draw_result, draw_tile
+from blockmech.draw.mechanism import centrodes, draw_mechanism, draw_result, draw_tile
 from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.schedule import draw_schedule
 from blockmech.draw.structural import draw_structural_graph

@@ -1,4 +1,10 @@
-"""The mechanism at poses as a picture: links, joints, loads, names, paths of markers."""
+"""The mechanism at poses as a picture: links, joints, loads, names, paths of markers.
+
+Centrodes are where the instant centre of a link goes, on the frame and on the link itself; the
+moving one, drawn in the first pose, rolls on the fixed one.
+
+Source: Hunt, Kinematic Geometry of Mechanisms, 1978, ch. 2 (centrodes).
+"""
 
 from __future__ import annotations
 
@@ -11,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.analysis.instant_centres import instant_centre
 from blockmech.compiled import Compiled
 from blockmech.draw import shapes
 from blockmech.draw.labels import Label
@@ -19,8 +26,10 @@ from blockmech.draw.page import Page, Paths, unit_of
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of, user_markers
 from blockmech.figures import palette as ink
+from blockmech.figures.curves import reach
 from blockmech.figures.palette import MOST, SIZES
 from blockmech.figures.paper import UNBROKEN, amount, shown_name, styled
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import among
 from blockmech.model.joints.dimensions import AngleOfLines, Dimension, Length
 from blockmech.model.spots import marker_place
@@ -334,3 +343,33 @@ def _load_label(page: Page, stage: Stage, load: LoadMark) -> Iterator[Label]:
         yield Label(text, [end, start], ink.LOAD, cmath.phase(complex((end - start)[0])))
     else:
         yield Label(text, [ways[0].mean(axis=0)], ink.LOAD, clearance=SIZES.couple)
+
+
+WINDOW = 2.0  # sizes of the mechanism, beyond which a centrode is not drawn
+SWEEP = SCANNED + 1  # samples of the range
+
+
+def centrodes(mechanism: Compiled, link: str, at: Any = None) -> Paths:
+    """The fixed and the moving centrode (n,) of a link [m], the latter in the first pose.
+
+    Parameters
+    ----------
+    at : coordinates of the driver [rad or m]; by default the range of its law of motion
+
+    Raises `RequestError` for a link that there is not, or a mechanism of several drivers.
+    """
+    (driver,) = mechanism.drivers if len(mechanism.drivers) == 1 else ("",)
+    if at is None and driver:
+        samples = mechanism.samples(None, SWEEP, None, None, None)
+        at = samples.inputs["q_0"]
+    centre = instant_centre(mechanism, link, at=at)
+    name = link if mechanism.names is None else f"link.{link}"
+    run = mechanism.run(at=at, want=[f"{name}.p", f"{name}.angle"], on_gap="mark")
+    o, e = run[f"{name}.p"], np.exp(1j * run[f"{name}.angle"])
+    with np.errstate(invalid="ignore"):
+        moving = o[0] + e[0] * np.conj(e) * (centre - o)
+        in_window = np.abs(centre - np.nanmean(o)) <= WINDOW * reach(mechanism)
+    return {
+        "fixed centrode": np.where(in_window, centre, np.nan),
+        "moving centrode": np.where(in_window, moving, np.nan),
+    }

@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 import numpy as np
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.chart_outputs import Leg
 from blockmech.dynamics.charts import Chart, home_chart
 from blockmech.dynamics.contacts import SETTLED
-from blockmech.dynamics.ends import RunEnd
+from blockmech.dynamics.ends import RunEnd, TurnsInTime
 from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.layout import until
-from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.pair_stops import HALVED, Counted
 from blockmech.dynamics.request import (
     NO_PAIRS,
@@ -40,7 +40,6 @@ from blockmech.dynamics.request import (
 from blockmech.dynamics.roles import FREE
 from blockmech.dynamics.solvers import STEPPERS
 from blockmech.dynamics.time import TimeIntegration, repeats
-from blockmech.dynamics.turns import TurnsInTime
 from blockmech.ground.errors import BlockmechError, listed
 from blockmech.ground.plane import EPS
 from blockmech.model.scene import Stops

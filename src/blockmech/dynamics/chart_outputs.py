@@ -15,19 +15,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.blocks.joints import Coordinate
+from blockmech.dynamics import events
 from blockmech.dynamics.motion_outputs import (
     STATIC,
     SimulationResult,
     result_in_chart,
     settings_along,
 )
+from blockmech.dynamics.pair_stops import Counted
 from blockmech.ground.plane import within_half_turn
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.structure import COORDINATE
 from blockmech.outputs.by_block import PARTS
 from blockmech.outputs.by_link import readings
 from blockmech.plan.settings import friction_asked
-from blockmech.result.motion import Motion
+from blockmech.result.motion import Motion, State
 from blockmech.result.quality import Flag, Quality
 from blockmech.result.result import FREE
 from blockmech.result.samples import Samples
@@ -36,7 +38,44 @@ from blockmech.typing import Array, Complex, Data, Floats, FrictionMethod, M
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.dynamics.charts import Chart
-    from blockmech.dynamics.legs import Leg
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A motion in one chart, read in the coordinates of the user's drivers.
+
+    chart : a `Chart`
+    motion : in the chart's coordinates
+    counted : those of the user's drivers, from where the leg begins; None where these lead
+    """
+
+    chart: Any
+    motion: Motion
+    counted: Counted | None
+
+    def state(self, t: Floats) -> State:
+        """State of the user's drivers at times (m,) [s] of the leg."""
+        if self.counted is None:
+            return self.motion.at(t)
+        # Between some places over the leg turns are counted.
+        times = np.union1d(t, self.motion.times(events.PARTS + 1))
+        self.counted.again()
+        states = [self.counted.state(*state) for state in zip(*self.motion.at(times), strict=True)]
+        indices = np.searchsorted(times, t)
+        return State(*(np.array(x)[indices] for x in zip(*states, strict=True)))
+
+    def accelerations(self, t: Floats, qdd: Floats) -> Floats:
+        """Those (m, k) of the user's drivers from those (m, k) of the chart's."""
+        if self.counted is None:
+            return qdd
+        q, qd = (x.reshape(qdd.shape) for x in self.motion.at(t))
+        rows = [self.counted.pairs.state(*state)[1:] for state in zip(q, qd, strict=True)]
+        return np.array([R @ a + drift for (R, drift), a in zip(rows, qdd, strict=True)])
+
+    def signal_states(self, t: Floats) -> Floats:
+        """States (m, n) of signal blocks at times (m,) [s]."""
+        return self.motion.signal_states(t)
+
 
 IDLE = ("drive", "drive_by_reduction", "power")  # of a driver that is free
 

@@ -20,6 +20,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.layout import in_numbers
+from blockmech.dynamics.loads import refuse_memory
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.dynamics.request import (
@@ -35,7 +36,6 @@ from blockmech.dynamics.roles import RolesGiven, unused_laws
 from blockmech.dynamics.stops import prepared
 from blockmech.dynamics.system import System
 from blockmech.dynamics.undefined import with_undefined_loads
-from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.engines.llvm import compiled_program
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed, refused

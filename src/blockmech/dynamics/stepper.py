@@ -18,6 +18,7 @@ from blockmech.dynamics.contacts import Constraints
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.layout import StateLayout
+from blockmech.dynamics.loads import refuse_memory
 from blockmech.dynamics.motion_outputs import by_column, friction_along
 from blockmech.dynamics.request import (
     Pairs,
@@ -33,7 +34,6 @@ from blockmech.dynamics.roles import RolesGiven, roles_of
 from blockmech.dynamics.stops import prepared
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
-from blockmech.dynamics.user_functions import refuse_memory
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, as_names, listed, refused
 from blockmech.ground.values import is_count, is_number

@@ -16,7 +16,7 @@ import numpy as np
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.blow import jolt_of
 from blockmech.dynamics.contacts import INSTANT
-from blockmech.dynamics.ends import RunEnd
+from blockmech.dynamics.ends import RunEnd, TurnsInTime
 from blockmech.dynamics.equation import PAST, scales, time_left
 from blockmech.dynamics.estimate import (
     FINER,
@@ -43,7 +43,6 @@ from blockmech.dynamics.layout import TimeTrack
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.solvers import STEPPERS, AcceptedSteps
-from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Impact, Motion, RolesFrom, Still

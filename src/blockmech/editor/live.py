@@ -28,8 +28,7 @@ from blockmech.editor.revision import Revision
 from blockmech.engines.nodes import Node, Untraceable
 from blockmech.engines.numpy import leaves
 from blockmech.exchange.c.statements import Statements
-from blockmech.exchange.page.recorded import Recorded, Tape
-from blockmech.exchange.page.script import SCRIPT, Script, numbers
+from blockmech.exchange.page.script import SCRIPT, Recorded, Script, Tape, numbers
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.memory import Recent
 from blockmech.model.joints.contents import FRAME

@@ -184,8 +184,8 @@ WRITERS: Formats[Writer] = Formats(
         "parquet": "blockmech.exchange.tables:PARQUET",
         "page": "blockmech.exchange.page.files:WRITER",
         "report": "blockmech.exchange.report:WRITER",
-        "picture": "blockmech.exchange.pictures:PICTURE",
-        "film": "blockmech.exchange.pictures:FILM",
+        "picture": "blockmech.exchange.outlines:PICTURE",
+        "film": "blockmech.exchange.outlines:FILM",
     },
 )
 """Formats that are written."""

@@ -1,7 +1,8 @@
-"""The formats ``dxf`` and ``svg``: links as outlines with holes, to scale, at a pose.
+"""Drawings as files: outlines of links in ``dxf`` and ``svg``, pictures and films.
 
-A link is the hull of its pins, wider by half a width, with a hole at each pin; each link has a
-layer of its own, lengths are millimetres. Guides are not outlined, pins of the frame are holes.
+Outlines are to scale, at a pose. A link is the hull of its pins, wider by half a width, with a
+hole at each pin; each link has a layer of its own, lengths are millimetres. Guides are not
+outlined, pins of the frame are holes. Pictures and films are those of `blockmech.draw`.
 
 Source: Autodesk, DXF Reference R12 (LINE, ARC, CIRCLE in text); SVG 1.1.
 """
@@ -12,15 +13,19 @@ import cmath
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
+from blockmech.draw import KINDS, animate, draw
 from blockmech.draw.sketch import hull
 from blockmech.exchange.drawing import UNITS
 from blockmech.exchange.formats import Order, Writer, file_writer
 from blockmech.exchange.standing import Standing
+from blockmech.figures.paper import MOVING, STILL
 from blockmech.ground.errors import printable, refused
 from blockmech.ground.names import numbered_name
+from blockmech.typing import Arguments, Data
 
 MM = 1 / UNITS["mm"]
 OPTIONS = {
@@ -191,3 +196,48 @@ def _writer(about: str, suffix: str, text: Callable[[dict[str, list[Shape]]], st
 
 DXF = _writer("outlines of the links to scale, R12, mm", ".dxf", dxf)
 SVG = _writer("outlines of the links to scale, mm", ".svg", svg)
+
+
+TRACE = {"trace": "markers whose paths are drawn"}
+
+
+def _coordinates(order: Order) -> Data | None:
+    """Coordinates of the drivers at the poses that are asked for."""
+    poses = order.samples()
+    if poses is None:
+        return None
+    return {d: poses.coordinate(i) for i, d in enumerate(order.mechanism.drivers)}
+
+
+def _trace(order: Order) -> Any:
+    names = order.options.get("trace")
+    return names.split(",") if isinstance(names, str) else names
+
+
+def write_picture(order: Order, path: Path) -> list[Path]:
+    """A picture of the kind that is asked for; curves are of the wanted outputs."""
+    kind = order.options.get("kind", "mechanism")
+    if kind == "curves":
+        order.result().plot(path)
+    else:
+        takes = KINDS[kind].takes if kind in KINDS else ()
+        settings: Arguments = {"want": order.want} if "want" in takes else {}
+        at = _coordinates(order) if "at" in takes else None
+        draw(order.mechanism, path, kind, at, trace=_trace(order), **settings)
+    return [path]
+
+
+def write_film(order: Order, path: Path) -> list[Path]:
+    """An animation over the poses, or the range of the laws of motion."""
+    animate(order.mechanism, path, _coordinates(order), trace=_trace(order))
+    return [path]
+
+
+PICTURE = Writer(
+    "picture: the mechanism at poses, or another kind",
+    tuple(s for s in STILL if s != ".svg"),
+    write_picture,
+    {"kind": f"curves, {', '.join(k for k in KINDS if k != 'animation')}; default mechanism"}
+    | TRACE,
+)
+FILM = Writer("animation over poses", tuple(s for s in MOVING if s != ".html"), write_film, TRACE)

@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 from blockmech.functions.roots import LONGEST_STEP
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
-from blockmech.modes.elimination import coefficients, directions, shifts
-from blockmech.modes.triad import Placed, Support, Triad, placed
+from blockmech.modes.triad import Placed, Support, Triad, coefficients, directions, placed, shifts
 from blockmech.typing import Floats
 
 CLOSED = 16 * EPS  # of the size: a pose that misses less has closed

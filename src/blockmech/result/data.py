@@ -1,10 +1,15 @@
-"""A result as data: JSON, NumPy file, pandas."""
+"""How a result leaves: JSON, NumPy file, pandas, xarray, and what `Exported` derives of them.
+
+Every format is derived from the result's own declarations (`Output`), so names and units are the
+same everywhere.
+"""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Iterator, Sequence
+from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,8 +20,10 @@ from blockmech.ground.errors import needed
 from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.report import as_json
 from blockmech.ground.units import shown_in
+from blockmech.result import spreadsheet
 from blockmech.result.columns import Column, Labelled, columns, components
 from blockmech.result.motion import Motion
+from blockmech.result.tables import html_table, table
 from blockmech.typing import Array, Data, Real
 
 if TYPE_CHECKING:
@@ -204,3 +211,23 @@ def _text(value: object) -> str:
     if text.isascii():
         return text
     return re.sub(r"[^\x00-\x7f]", lambda match: json.dumps(match[0])[1:-1], text)
+
+
+class Exported(Labelled):
+    """Export methods of a result; each is the function of that name."""
+
+    to_csv = spreadsheet.to_csv
+    to_dataframe = to_dataframe
+    to_dict = to_dict
+    to_xarray = to_xarray
+    _repr_html_ = html_table
+
+    def __str__(self) -> str:
+        return table(self)
+
+
+def result_schema() -> Data:
+    """JSON Schema (2020-12) of what `to_dict` gives."""
+    text = resources.files("blockmech.result").joinpath("result.schema.json").read_text("utf-8")
+    schema: Data = json.loads(text)
+    return schema

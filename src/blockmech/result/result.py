@@ -18,7 +18,7 @@ from blockmech.ground.report import places
 from blockmech.ground.runnable import LazyMethod
 from blockmech.model.structure import LinkRef
 from blockmech.plan.plan import Output, Plan, Undefined
-from blockmech.result.exported import Exported
+from blockmech.result.data import Exported
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Failures, Flag, Quality, assess, failures
 from blockmech.result.remarks import missing_data, remainder_of_friction
@@ -68,7 +68,7 @@ class Result(Exported, Generic[M]):
 
     plot = LazyMethod("blockmech.figures.curves.plot")
     stroke = LazyMethod("blockmech.analysis.stroke.stroke")
-    _digits_lost = LazyMethod("blockmech.analysis.rounding.digits_lost")
+    _digits_lost = LazyMethod("blockmech.analysis.reference_errors.digits_lost")
     _motion_svg = LazyMethod("blockmech.draw.simulation.motion_svg")
 
     mechanism: M  # a `Compiled`, which makes results

@@ -44,9 +44,9 @@ from blockmech.studies.reductions import (
     WHOLE,
     Wanted,
     is_reduction,
+    rest_slopes,
     wanted,
 )
-from blockmech.studies.rests import rest_slopes
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.variation import GIVEN, Variation, is_sided, moves_drivers

@@ -37,8 +37,16 @@ from blockmech.result.samples import Samples, make_samples
 from blockmech.result.tables import counted
 from blockmech.studies.between import Range, doubt, some_of
 from blockmech.studies.family import Family, document_value, remade
-from blockmech.studies.reductions import EXTREMES, POSES, REST, STROKE, WHOLE, Wanted, wanted
-from blockmech.studies.rests import rest_value
+from blockmech.studies.reductions import (
+    EXTREMES,
+    POSES,
+    REST,
+    STROKE,
+    WHOLE,
+    Wanted,
+    rest_value,
+    wanted,
+)
 from blockmech.studies.rows import COARSE, REASONS, Rows, Span
 from blockmech.studies.sampling import Designs
 from blockmech.typing import Arguments, Array, Data, Values

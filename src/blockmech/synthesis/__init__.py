@@ -16,11 +16,15 @@ from __future__ import annotations
 from blockmech.assur.chains import chains, mechanisms
 from blockmech.synthesis.designs import Design, Synthesis, fourbar, saved
 from blockmech.synthesis.fourbar import coupler_point
-from blockmech.synthesis.function import function_generator
 from blockmech.synthesis.over_structures import Candidate, Candidates, path_over_structures
-from blockmech.synthesis.path import path_generator
-from blockmech.synthesis.positions import body_guidance, burmester_pins, three_positions
 from blockmech.synthesis.structures import Structure, structures
+from blockmech.synthesis.tasks import (
+    body_guidance,
+    burmester_pins,
+    function_generator,
+    path_generator,
+    three_positions,
+)
 
 __all__ = [
     "Candidate",

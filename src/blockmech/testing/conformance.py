@@ -22,11 +22,9 @@ from blockmech.ground.errors import RequestError
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
 from blockmech.testing.block_rules import BlockRules
-from blockmech.testing.coupling_rules import CouplingRules
-from blockmech.testing.element_rules import ElementRules
+from blockmech.testing.element_rules import CouplingRules, ElementRules, SignalRules
 from blockmech.testing.law_rules import LawRules
 from blockmech.testing.rules import Checks, Conformance, ConformanceError
-from blockmech.testing.signal_rules import SignalRules
 from blockmech.typing import Record
 
 __all__ = ["Conformance", "ConformanceError", "conformance"]

@@ -32,8 +32,7 @@ from blockmech.engines.numpy import leaves
 from blockmech.exchange.c.program import identifier, poses
 from blockmech.exchange.c.statements import Statements
 from blockmech.exchange.formats import Order, Writer
-from blockmech.exchange.page.recorded import Recorded, Tape
-from blockmech.exchange.page.script import SCRIPT, WEB, Script, compacted
+from blockmech.exchange.page.script import SCRIPT, WEB, Recorded, Script, Tape, compacted
 from blockmech.figures.curves import abscissa
 from blockmech.figures.palette import LINK_FILLS
 from blockmech.ground.errors import refused

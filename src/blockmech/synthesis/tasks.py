@@ -1,5 +1,15 @@
-r"""Body guidance: four-bars whose coupler passes three to five positions (Burmester).
+"""Tasks of synthesis: four-bars that generate a function or a path, or guide a body.
 
+Function generation: the rocker follows a function of the crank's angle.
+Freudenstein's equation of a four-bar with frame 1 between the fixed pivots,
+
+    K1 cos psi - K2 cos phi + K3 = cos(phi - psi),
+
+is linear in K1 = frame/crank, K2 = frame/rocker, K3; where both angles are counted from is
+sampled, and five positions are met exactly where they can be. The best are refined in what
+counts, the angle of the rocker.
+
+Body guidance: the coupler passes three to five positions (Burmester).
 Position j takes a point w of the body in its first position to z_j = o_j + e_j w (o_1 = 0,
 e_1 = 1). A pin w with the pivot m on the frame keeps its distance, |z_j - m| = |w - m|:
 
@@ -11,7 +21,9 @@ pins of Burmester. Each position less is a condition that can be chosen; a linea
 random, gives points of the circle-point curve (four positions) or of the plane (three) by the
 same algebra.
 
-Sources: Burmester, Lehrbuch der Kinematik, 1888; Sandor & Erdman, Advanced Mechanism Design,
+Sources: Freudenstein, Trans. ASME 77 (1955); Hartenberg & Denavit, Kinematic Synthesis of
+Linkages, 1964, ch. 10;
+Burmester, Lehrbuch der Kinematik, 1888; Sandor & Erdman, Advanced Mechanism Design,
 vol. 2, ch. 3; McCarthy & Soh, Geometric Design of Linkages, 2nd ed., ch. 5.
 """
 
@@ -38,8 +50,8 @@ from blockmech.synthesis.designs import (
     proposed,
 )
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point, coupler_point
-from blockmech.synthesis.search import STARTS, Task, numbers_in_si, points_of
-from blockmech.typing import Array, Floats, Points, Progress, Vectors
+from blockmech.synthesis.search import STARTS, Task, monotonic, numbers_in_si, path_of, points_of
+from blockmech.typing import Array, Floats, Numbers, Points, Progress, Vectors
 
 TRIED = 32  # conditions that are drawn where positions are lacking
 CLOSE = DOUBLE_ROOT  # relative: misfit of a pin's conditions, and two pins that are one
@@ -316,3 +328,95 @@ def _centre(z: Vectors) -> complex | None:
     if abs(area) <= 1e-12 * abs(a) * abs(b):
         return None
     return complex(z[0] + 1j * (abs(b) ** 2 * a - abs(a) ** 2 * b) / area)
+
+
+@with_bar
+@declared
+def function_generator(
+    inputs: Numbers,
+    outputs: Numbers,
+    *,
+    count: int = 5,
+    starts: int = STARTS,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Synthesis:
+    """Four-bars whose rocker has wanted angles at angles of the crank, the best first.
+
+    Parameters
+    ----------
+    inputs : (n,) [rad] of the crank, rising or falling: coordinates of the driver
+    outputs : (n,) [rad] of the rocker: ``dyad.j.angle``. The orientation of the linkage is free,
+        so only their differences count
+    count, starts, seed, progress : as those of `path_generator`
+
+    Returns
+    -------
+    Synthesis of `Design`, whose output is ``dyad.j.angle`` of the graph, errors in rad; the frame
+    is 1 m long, as lengths do not count
+
+    Raises `RequestError` for fewer than three positions, or inputs that do not rise or fall.
+
+    >>> found = function_generator([0.0, 0.4, 0.9, 1.3], [0.0, 0.1, 0.4, 0.8], starts=256)
+    >>> found[0].output
+    'dyad.j.angle'
+    """
+    remedy = "give three angles or more"
+    psi = numbers_in_si("outputs", outputs, remedy, "rad")
+    if psi.ndim != 1 or len(psi) < 3 or not np.ptp(psi) > 0:
+        raise refused("outputs", f"got {outputs!r:.60}", remedy)
+    phi = monotonic("inputs", inputs, len(psi))
+    task = Task(swings=psi, angles=phi)
+    name = "function_generator"
+
+    def made(x: Floats, branch: int, margin: float) -> Design:
+        zero, scale = x[SHAPE + 4], np.exp(-x[0])
+        rocker = angles_and_point(x[:SHAPE], phi, np.asarray(branch))[2] + zero
+        errors = np.abs(np.angle(np.exp(1j * (rocker - psi))))
+        graph = fourbar(x[:4], complex(scale * np.exp(1j * zero)), 0j, branch, name)
+        return Design(graph, phi, "dyad.j.angle", errors, margin)
+
+    return proposed(task, count, starts, seed, progress, made)
+
+
+@with_bar
+@declared
+def path_generator(
+    points: Points,
+    angles: Numbers | None = None,
+    *,
+    count: int = 5,
+    starts: int = STARTS,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Synthesis:
+    """Four-bars whose coupler point passes through points, the best first.
+
+    Parameters
+    ----------
+    points : (n,) complex [m], or (n, 2), numbers or texts such as "80mm", in the order in which
+        they are passed; where the last is the first, the crank makes a full turn
+    angles : (n,) [rad] that the crank turns to at them, counted from any start; by default the
+        timing is free
+    count : designs that are returned
+    starts : shapes that are tried
+    seed : of the shapes
+    progress : called as ``progress(task, completed, total)``
+
+    Returns
+    -------
+    Synthesis of `Design`, whose output is ``dyad.P.p`` of the graph
+
+    Raises `RequestError` for fewer than three points, or angles that do not rise or fall.
+
+    >>> found = path_generator([0.0, 1.0 + 0.2j, 2.0, 3.0 - 0.1j], starts=256)
+    >>> found[0].graph.name
+    'path_generator'
+    """
+    P, theta = path_of(points, angles)
+    closed = theta is None and abs(P[-1] - P[0]) <= 1e-12 * float(np.abs(P).max())
+    task = Task(points=P, angles=theta, closed=bool(closed))
+    name = "path_generator"
+    return proposed(
+        task, count, starts, seed, progress, lambda *row: design_of_path(task, name, *row)
+    )
