@@ -142,8 +142,7 @@ class _Margin:
         self.whole = bool(np.all(series.resolved & ~series.may_vanish() & (series.c[:, 0] > 0)))
         if self.whole:
             return
-        extra = np.concatenate([cuts, series.extrema(at_zero=True)])
-        x = places(series, piece.span, extra)
+        x = places(series, piece.span, np.concatenate([cuts, series.extrema(at_zero=True)]))
         y = self._row(x)
         noise = np.full(len(x), ROUNDED)  # a margin is a share of one
         doubtful = np.flatnonzero(~(np.abs(y) > DOUBLE_ROOT))

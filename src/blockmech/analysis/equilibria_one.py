@@ -217,8 +217,7 @@ def equilibria_of_one(line: Line) -> Equilibria:
         rests += intervals
         at = tangents(mechanism, np.array([*balances, *jumps])[:, None], t=line.t)
         energy = _potentials(spans, works, balances)
-        massless = at.M[:, 0, 0] <= EQUAL**2 * system.typical_inertia(low)
-        at.M[massless] = 0.0
+        at.M[at.M[:, 0, 0] <= EQUAL**2 * system.typical_inertia(low)] = 0.0
         for i, q in enumerate(balances):
             rest = interval_about(q, intervals, closed)
             facts: Arguments = {"potential": energy[i], "interval": rest}

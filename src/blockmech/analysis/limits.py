@@ -227,8 +227,7 @@ def limits(
     if samples < FEWEST:
         raise refused("samples", f"got {samples}", f"give at least {FEWEST}")
     moved = _moved(mechanism, driver)
-    fixed = _held(mechanism, moved, at or {})
-    return limits_of(mechanism, moved, fixed, blocks, {}, samples)
+    return limits_of(mechanism, moved, _held(mechanism, moved, at or {}), blocks, {}, samples)
 
 
 def limits_of(
@@ -246,8 +245,7 @@ def limits_of(
     pieces, nearest = closed_pieces(closure, span, samples, pieces_of_groups)
     why = ""
     if nearest:
-        coordinates = {**fixed, moved: nearest.q}
-        why = shortfall(mechanism, nearest.block, coordinates, nearest.margin)
+        why = shortfall(mechanism, nearest.block, {**fixed, moved: nearest.q}, nearest.margin)
     return Limits(
         driver=moved,
         unit=joint.coordinate_unit,

@@ -125,6 +125,5 @@ def shown_place(q: float) -> float:
 
 def runs(holds: Sequence[bool] | NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last index of every run of True."""
-    padded = np.concatenate([[0], np.asarray(holds).astype(int), [0]])
-    edges = np.flatnonzero(np.diff(padded))
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(holds).astype(int), [0]])))
     return list(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))

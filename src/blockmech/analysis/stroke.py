@@ -179,8 +179,7 @@ def _curve(cycle: Cycle, output: str) -> Turns:
         """Derivative of the place with respect to s: the velocity at unit rate."""
         request = cycle.request(s)
         request |= {"rates": 1.0, "accelerations": 0.0} if cycle.by == "coordinate" else {}
-        run = cycle.mechanism.run(want=rate, on_gap="mark", **request)
-        return np.asarray(run[rate])
+        return np.asarray(cycle.mechanism.run(want=rate, on_gap="mark", **request)[rate])
 
     rate = output.removesuffix("p") + "v"
     ends, *stretches = cycle.stretches(velocity)

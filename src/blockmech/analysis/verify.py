@@ -303,8 +303,7 @@ def _perturbed_run(run: Result, engine_settings: Arguments) -> Result:
     if plan.program.source == run._plan.program.source:
         samples = _stacked(run.samples, samples)
     values, engine = mechanism._evaluate(plan, samples, **engine_settings)
-    settings = run.settings | {"friction": "none"}
-    return Result(mechanism, plan, samples, values, engine, settings)
+    return Result(mechanism, plan, samples, values, engine, run.settings | {"friction": "none"})
 
 
 def _stacked(first: Samples, second: Samples) -> Samples:
@@ -314,8 +313,7 @@ def _stacked(first: Samples, second: Samples) -> Samples:
         name: np.concatenate([np.broadcast_to(column, n), np.broadcast_to(second.inputs[name], n)])
         for name, column in first.inputs.items()
     }
-    time = None if first.time is None else np.tile(first.time, 2)
-    return Samples(2 * n, inputs, time)
+    return Samples(2 * n, inputs, None if first.time is None else np.tile(first.time, 2))
 
 
 def _document_name(mechanism: Compiled, of: Part) -> str:

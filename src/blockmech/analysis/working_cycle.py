@@ -58,8 +58,7 @@ class Cycle:
 
     def run(self, s: Floats, want: str) -> Result:
         """The wanted output at places s (n,); gaps are marked."""
-        arguments = {**self.request(s), **self.settings}
-        return self.mechanism.run(want=want, on_gap="mark", **arguments)
+        return self.mechanism.run(want=want, on_gap="mark", **(self.request(s) | self.settings))
 
     @property
     def panels(self) -> int:
@@ -136,8 +135,7 @@ def cycle_through(mechanism: Compiled, samples: Samples, settings: Arguments) ->
     even = [np.linspace(c[0], c[-1], len(c)) for c in columns]
     if not columns or not all(map(np.allclose, columns, even)):
         raise no_range("samples", "sample the drivers at equal steps, or by time")
-    ranges = [(float(c[0]), float(c[-1])) for c in columns]
-    return by_share(mechanism, settings, ranges, samples.n)
+    return by_share(mechanism, settings, [(float(c[0]), float(c[-1])) for c in columns], samples.n)
 
 
 def by_coordinate(

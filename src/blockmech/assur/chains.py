@@ -67,8 +67,7 @@ def mechanisms(chain: Chain) -> tuple[tuple[int, int], ...]:
     >>> bm.synthesis.mechanisms(chain)
     ((0, 1),)
     """
-    matcher = nx.isomorphism.GraphMatcher(chain, chain)
-    symmetries = [*matcher.isomorphisms_iter()]
+    symmetries = [*nx.isomorphism.GraphMatcher(chain, chain).isomorphisms_iter()]
     equivalent: set[tuple[int, int]] = set()
     choices = []
     for a, b in sorted((u, v) for e in chain.edges for u, v in (e, e[::-1])):

@@ -140,8 +140,7 @@ def _assign_conditions(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
     first = [0, *accumulate([*[1] * n, *map(len, ends), len(edges), 0])]
     # SciPy's flow takes 32-bit indices alone, and before 1.14 does not convert others.
     parts = tuple(np.array(x, np.int32) for x in (capacities, heads, first))
-    network = csr_array(parts, shape=(source + 2, source + 2))
-    flow = maximum_flow(network, source, source + 1).flow
+    flow = maximum_flow(csr_array(parts, shape=(source + 2, source + 2)), source, source + 1).flow
     waits: nx.DiGraph[int] = nx.DiGraph()
     waits.add_nodes_from(range(n))
     takers: list[set[int]] = [set() for _ in edges]

@@ -195,8 +195,7 @@ def classify(links: Iterable[str], pairs: Iterable[Pair], drivers: Collection[st
     )
     if kind in DYADS:
         return Unit(tuple(arranged), inner, tuple(feet[a] for a in arranged), driven, kind, 2)
-    number = _class_number(inner, driven)
-    return Unit(tuple(arranged), inner, outer, driven, kind, number)
+    return Unit(tuple(arranged), inner, outer, driven, kind, _class_number(inner, driven))
 
 
 Kind: TypeAlias = tuple[str, list[str]]

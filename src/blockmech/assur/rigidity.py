@@ -48,14 +48,6 @@ class TooTangledError(ValueError):
     """So many links in loops with each other that the rank would take too long."""
 
 
-def in_bands(nodes: Sequence[str], joined: Iterable[tuple[str, str]]) -> list[str]:
-    """Order of elimination that keeps rows short: neighbours near each other."""
-    graph: nx.Graph[str] = nx.Graph()
-    graph.add_nodes_from(nodes)
-    graph.add_edges_from((a, b) for a, b in joined if a in graph and b in graph)
-    return list(nx.utils.reverse_cuthill_mckee_ordering(graph))
-
-
 class Pivot(NamedTuple):
     """A condition solved for its first column: x[column] = -sum(row * x)."""
 
@@ -68,8 +60,8 @@ class Pivot(NamedTuple):
 class Echelon:
     """Conditions in echelon form modulo the prime.
 
-    Columns are solved for in their order (`in_bands`). Raises `TooTangledError`
-    after `MOST_WORK` steps.
+    Columns are solved for in their order; neighbours near each other keep rows short. Raises
+    `TooTangledError` after `MOST_WORK` steps.
     """
 
     def __init__(self, columns: int, conditions: Sequence[Row]) -> None:
@@ -225,7 +217,11 @@ def rigidity(
     where very many links stand in loops with each other.
     """
     moving, ordered = sorted_parts(links, pairs, earlier, drivers)
-    names = in_bands(moving, (pair.links for pair in ordered))
+    # Order of elimination that keeps rows short: neighbours near each other.
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_nodes_from(moving)
+    graph.add_edges_from(p.links for p in ordered if p.first in graph and p.second in graph)
+    names = list(nx.utils.reverse_cuthill_mckee_ordering(graph))
     column = {a: 3 * k for k, a in enumerate(names)}
     conditions = [c for pair in ordered for c in _conditions(pair, column, pair.name in drivers)]
     system = Echelon(3 * len(names), [c.row for c in conditions])

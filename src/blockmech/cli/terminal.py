@@ -171,8 +171,7 @@ def progress_bar(work: str, still: bool = False) -> Iterator[Callable[..., None]
 
     text = TextColumn("{task.description}", markup=False)
     parts = (text, BarColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    bar = Progress(*parts, console=console, transient=True, auto_refresh=not still)
+    bar = Progress(*parts, console=Console(stderr=True), transient=True, auto_refresh=not still)
     task = bar.add_task(work, total=None)
 
     def tell(text: str, completed: float, total: float | None) -> None:

@@ -151,8 +151,7 @@ def _test(file: str) -> Tested:
         return tested
     for k, expectation in enumerate(expectations):
         try:
-            outcomes = check_expectation(mechanism, expectation, k)
-            tested.entries.append((k, expectation, outcomes))
+            tested.entries.append((k, expectation, check_expectation(mechanism, expectation, k)))
         except BlockmechError as error:
             tested.problems += in_file(error.problems, file)
     return tested

@@ -209,8 +209,7 @@ def balance(
         residual, u, lambda v: evaluated(v)[1], bounds=(ends[:, 0] / sizes, ends[:, 1] / sizes),
         xtol=EPS, ftol=EPS, gtol=EPS, x_scale="jac",
     )  # fmt: skip
-    x = derivatives.x * sizes
-    values = dict(zip(chosen, x.tolist(), strict=True))
+    values = dict(zip(chosen, (derivatives.x * sizes).tolist(), strict=True))
     best = remade(mechanism, values)
     after = best.run(at, want=names, **poses, **how)
     straight = first + J @ (derivatives.x - start / sizes)

@@ -419,8 +419,7 @@ def _only_stable_equilibrium(mechanism: Compiled) -> Equilibrium:
     if len(stable) != 1:
         message = f"there are {len(stable)} stable equilibria"
         remedy = "give at=, a pose or one of equilibria()"
-        valid = listed(e.text() for e in stable) if stable else ""
-        raise refused("at", message, remedy, valid)
+        raise refused("at", message, remedy, listed(e.text() for e in stable) if stable else "")
     only: Equilibrium = stable[0]
     return only
 

@@ -72,8 +72,7 @@ def _of_csv(path: Path) -> dict[str, list[str]]:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise refused(str(path), (error.strerror or "cannot be read").lower()) from None
-    first = text.partition("\n")[0]
-    sign = max(",;\t", key=first.count)
+    sign = max(",;\t", key=text.partition("\n")[0].count)
     rows = [row for row in csv.reader(text.splitlines(), delimiter=sign) if row]
     if len(rows) < 2 or len({len(row) for row in rows}) > 1:
         raise refused(str(path), "not a table with a header and rows of equal length")

@@ -330,8 +330,7 @@ def _of_numbers(
     values_of = dict(zip(of, x.tolist(), strict=True))
     solutions = (Solution(values_of, of, slopes),) if misfit <= CLOSE else ()
     near = f"{places(values_of, of)} misses by {misfit:.3g} of the values"
-    units = {n: _unit(mechanism, n) for n in wanted}
-    return Solutions(dict(wanted), units, solutions, near)
+    return Solutions(dict(wanted), {n: _unit(mechanism, n) for n in wanted}, solutions, near)
 
 
 def _columns(at: Coordinates) -> Iterable[Numbers]:
@@ -374,8 +373,7 @@ def _solved(
         inverse = np.linalg.inv(end.jac)
     except (BlockmechError, ValueError):  # there are no slopes, or they are singular
         return start, np.full((len(start),) * 2, math.nan), math.inf
-    step = inverse @ end.fun
-    x = end.x - step
+    x = end.x - inverse @ end.fun
     fun = misfits(x)
     if not (np.abs(fun) <= np.abs(end.fun)).all():
         x, fun = end.x, end.fun

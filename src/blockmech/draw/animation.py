@@ -296,8 +296,7 @@ def player_data(film: Animation) -> Data:
             for position in film.names
             for line, up in position.lines
         ]
-        caption = "\n".join(page.lines(text))
-        frames.append({"shapes": rows, "texts": names, "caption": caption})
+        frames.append({"shapes": rows, "texts": names, "caption": "\n".join(page.lines(text))})
     return {
         "width": round(page.width, 2),
         "height": round(page.height, 2),

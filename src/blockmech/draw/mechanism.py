@@ -360,8 +360,7 @@ def centrodes(mechanism: Compiled, link: str, at: Any = None) -> Paths:
     """
     (driver,) = mechanism.drivers if len(mechanism.drivers) == 1 else ("",)
     if at is None and driver:
-        samples = mechanism.samples(None, SWEEP, None, None, None)
-        at = samples.inputs["q_0"]
+        at = mechanism.samples(None, SWEEP, None, None, None).inputs["q_0"]
     centre = instant_centre(mechanism, link, at=at)
     name = link if mechanism.names is None else f"link.{link}"
     run = mechanism.run(at=at, want=[f"{name}.p", f"{name}.angle"], on_gap="mark")

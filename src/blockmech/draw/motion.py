@@ -66,8 +66,7 @@ class Motion:
     @property
     def feasible(self) -> NDArray[np.bool_]:
         """(n,) whether the whole mechanism closes."""
-        finite = np.isfinite([*self.origin.values(), *self.axis.values()])
-        return np.asarray(finite.all(axis=0))
+        return np.asarray(np.isfinite([*self.origin.values(), *self.axis.values()]).all(axis=0))
 
     @property
     def clearest(self) -> int:
@@ -150,8 +149,7 @@ def moves(mechanism: Compiled, at: Coordinates | None = None, samples: int | Non
     if at is not None:
         samples = None
         # Laws by time do not say the rate at a coordinate, and a picture needs none.
-        laws = mechanism.scene.drive.items()
-        by_time = [d for d, law in laws if not isinstance(law, OverRange)]
+        by_time = [d for d, law in mechanism.scene.drive.items() if not isinstance(law, OverRange)]
         rates = {d: 0.0 for d in by_time if d in mechanism.drivers} or None
     settings: Arguments = {"want": (), "on_gap": "mark", "friction": "none"}
     return moves_of_result(mechanism.run(at=at, samples=samples, rates=rates, **settings))

@@ -247,20 +247,16 @@ def _load(stage: Stage, load: LoadMark) -> Iterator[Shape]:
         yield from _arrow(arrow, ink.LOAD, f"load:{load.name}", stage.unit)
     if load.is_line:
         a, b = (stage.motion.at(*spot) for spot in load.spots)
-        line = _line_of_load(load, a, b, stage.unit)
+        # The sign (p, n) of a load between two places (n,), of as many turns at every length.
+        unit = stage.unit
+        length = np.abs(b - a)
+        u = np.divide(b - a, length, out=np.zeros_like(a), where=length > 0)
+        point = np.minimum(unit, length / 30.0)  # signs of short loads are shorter
+        turns = int(np.clip(np.nanmean(length - 2 * LEAD * point) / unit / 5.0, 4, 16))
+        share, x, y = load.line(turns).T[:, :, None]
+        line: Vectors = a + (b - a) * share + u * (x * point + 1j * y * unit)
         dash, name = (4.0, 2.0) if load.kind == "strut" else (), f"{load.kind}:{load.name}"
         yield Shape(name, "line", line, 6.5, ink.SPRING, width=1.0, dash=dash)
-
-
-def _line_of_load(load: LoadMark, a: Vectors, b: Vectors, unit: float) -> Vectors:
-    """The sign (p, n) of a load between two places (n,), of as many turns at every length."""
-    length = np.abs(b - a)
-    u = np.divide(b - a, length, out=np.zeros_like(a), where=length > 0)
-    point = np.minimum(unit, length / 30.0)  # signs of short loads are shorter
-    turns = int(np.clip(np.nanmean(length - 2 * LEAD * point) / unit / 5.0, 4, 16))
-    share, x, y = load.line(turns).T[:, :, None]
-    line: Vectors = a + (b - a) * share + u * (x * point + 1j * y * unit)
-    return line
 
 
 def drive_ways(stage: Stage) -> dict[str, Vectors]:
@@ -277,6 +273,5 @@ def drive_ways(stage: Stage) -> dict[str, Vectors]:
             middle, half = z + 1j * e * (SIZES.slider[1] + 4), (SIZES.couple - 1) * sense * e
             ways[name] = np.array([middle - half, middle + half])
         elif spot is not None:
-            arc = _mirrored(_arc(SIZES.couple + 3, 0.45, 1.2), sense)
-            ways[name] = motion.at(*spot) + e * arc
+            ways[name] = motion.at(*spot) + e * _mirrored(_arc(SIZES.couple + 3, 0.45, 1.2), sense)
     return ways

@@ -377,8 +377,7 @@ class _Run:
         row, counts = np.arange(len(which)), steps.number
         reached = (counts > 0) & (steps.t[row, counts] >= bound)
         self.alone[which] |= ~reached
-        series = _series(steps)
-        self._keep(which, steps, series, np.where(reached, counts, 0))
+        self._keep(which, steps, _series(steps), np.where(reached, counts, 0))
         slope = self._rows(which, self.y[which, 0], self.y[which, 1])[:, : self.n]
         goal = np.append(self.request.goals, 0.0)[kind - ARRIVES]
         value = np.where(at_rest, self.y[which, 1], self.y[which, 0] - goal)

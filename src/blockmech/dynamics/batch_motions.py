@@ -46,8 +46,7 @@ class Motions(NamedTuple):
     def merged(self, second: Motions, where: Bools) -> Motions:
         """These, and another's where it says so."""
         rows = zip(self[:-1], second[:-1], strict=True)
-        pieces = self.track.some(~where), second.track.some(where)
-        track = Track.of(pieces, self.track.m)
+        track = Track.of((self.track.some(~where), second.track.some(where)), self.track.m)
         return Motions._make([*(np.where(where, b, a) for a, b in rows), track])
 
 

@@ -178,8 +178,7 @@ def _rubbed(
     loads = friction.pressed(at.q, constraint)
     for _ in range(BALANCED):  # stages, each of which ends with a slip
         w = at.S @ rate
-        now = still._replace(rate=rate, w=w)
-        stage = now.against(constraint, loads, lasting=False)
+        stage = still._replace(rate=rate, w=w).against(constraint, loads, lasting=False)
         settled = friction.settled(stage, zero)
         response = friction.respond(stage, settled.sides)
         if settled.end or not response.solved:

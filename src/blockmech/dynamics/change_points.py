@@ -47,8 +47,7 @@ def pieces_through(compiled: Source) -> tuple[PlaceData, ...]:
     if plain.rotary[0]:
         turns = round((period_through(compiled, plain.period) or math.tau) / math.tau)
         points = [p + math.tau * k for k in range(turns) for p in points]
-    pieces = (_longest(plain, p, points) for p in points)
-    return tuple(s for s in pieces if s is not None)
+    return tuple(s for s in (_longest(plain, p, points) for p in points) if s is not None)
 
 
 def period_through(compiled: Source, period: float | None) -> float | None:

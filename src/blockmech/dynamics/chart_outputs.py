@@ -184,8 +184,7 @@ class ChartedResult(SimulationResult[M]):
     def parts(self) -> list[LegOutputs]:
         """Legs that have samples, each with the result in its chart."""
         legs, t = self.motion.legs, np.asarray(self.samples.time)
-        begins = [leg.motion.t_start for leg in legs]
-        which = np.maximum(np.searchsorted(begins, t, "right") - 1, 0)
+        which = np.maximum(np.searchsorted([leg.motion.t_start for leg in legs], t, "right") - 1, 0)
         some = ((leg, np.flatnonzero(which == i)) for i, leg in enumerate(legs))
         return [self._part(leg, at, t[at]) for leg, at in some if at.size]
 
@@ -270,15 +269,13 @@ def result_along(
     if not motion.legs:
         options = friction, engine, chunk
         return result_in_chart(mechanism, motion, t, want, *options)
-    settings = settings_along(motion, friction) | STATIC
-    return _charted(mechanism, motion, t, want, engine, settings)
+    return _charted(mechanism, motion, t, want, engine, settings_along(motion, friction) | STATIC)
 
 
 def _charted(
     mechanism: Compiled, motion: Motion, t: Floats, want: Any, engine: str, settings: Any
 ) -> ChartedResult[Any]:
-    method = friction_asked(settings["friction"])
-    plan = mechanism._plan_for(want, method)
+    plan = mechanism._plan_for(want, friction_asked(settings["friction"]))
     q, qd = (x.reshape(len(t), -1).T for x in motion.at(t))
     states = {f"q_{i}": x for i, x in enumerate(q)} | {f"qd_{i}": x for i, x in enumerate(qd)}
     return ChartedResult(mechanism, plan, Samples(len(t), states, t), (), engine, settings, motion)

@@ -250,8 +250,7 @@ def refined(
             return missed(stopped(fine, best or coarse), target)
         apart = difference(coarse, fine, system.rotary, requested)
         steps = judged(coarse, fine, apart, requested, remainder)
-        states = fine.cost.states - coarse.cost.states
-        motion = with_rounding(system, steps, None, apart, states)
+        motion = with_rounding(system, steps, None, apart, fine.cost.states - coarse.cost.states)
         if best is None or best.end == ends.UNDECIDED:
             best = motion
         elif apart.agree:

@@ -378,7 +378,6 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     if not (hits and hits[-1].rule.terminal):
         return replace(motion, events=tuple(sorted((*motion.events, *events), key=attrgetter("t"))))
     end = events[-1]
-    earlier = [e for e in motion.events if e.t <= end.t]
-    events = sorted([*earlier, *events], key=attrgetter("t"))
+    events = sorted([*(e for e in motion.events if e.t <= end.t), *events], key=attrgetter("t"))
     reached = {"status": "reached", "end": end.kind, "time_error": motion.time_error}
     return until(motion, end.t).but(events=tuple(events), **reached)

@@ -165,8 +165,7 @@ class Flow:
             raise MotionEnded("a way without end")
         if motion.end not in (ends.STANDSTILL, ends.TURN, ends.REST):
             raise self._interruption(motion)
-        time = motion.t_end - motion.t_start
-        return SectionReturn(motion.end, self.end_of(motion), time)
+        return SectionReturn(motion.end, self.end_of(motion), motion.t_end - motion.t_start)
 
     def _interruption(self, motion: Motion) -> MotionEnded:
         loads = partial(undefined_loads, self.system.compiled, motion)

@@ -276,8 +276,7 @@ class PairFriction:
             columns |= {f"{name}{j}": np.ravel(y) for j, y in enumerate(np.moveaxis(values, -1, 0))}
         n = w.size // len(self.names)
         laws = self._laws.run({name: np.resize(columns[name], n) for name in inputs}, n)
-        terms = np.stack([np.broadcast_to(y, n) for y in laws], axis=-1)
-        return terms.reshape(*w.shape[:-1], -1)
+        return np.stack([np.broadcast_to(y, n) for y in laws], axis=-1).reshape(*w.shape[:-1], -1)
 
     def law(self, w: Floats, x: InnerStates = None, loads: Floats | None = None) -> Floats:
         """Factors and drags (..., 2 m) at relative rates (..., m).
@@ -320,17 +319,6 @@ class PairFriction:
 
     # -- an instant ------------------------------------------------------------
 
-    def _states(
-        self, qd: Floats, t: Times, x: InnerStates, k: int, constraint: Constraints | None
-    ) -> list[State]:
-        """Columns of inputs: loads and rates, a unit of each acceleration, friction and push."""
-        still = State(qd=np.zeros(k), qdd=np.zeros(k))
-        pairs = constraint.pairs if constraint else ()
-        units = [still._replace(qdd=row) for row in np.eye(k)]
-        units += [still._replace(pair=j) for j in range(len(self.names))]
-        units += [still._replace(push=j) for j, _ in pairs if j >= 0]
-        return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units]
-
     def instant(
         self, q: Floats, qd: Floats, t: Times, x: InnerStates, constraint: Constraints | None
     ) -> Instant:
@@ -346,7 +334,13 @@ class PairFriction:
         self, q: Floats, qd: Floats, t: Times, x: InnerStates, constraint: Constraints | None
     ) -> Instant:
         m, k = len(self.names), qd.shape[-1]
-        values = self.values(q, self._states(qd, t, x, k, constraint))
+        # Columns of inputs: loads and rates, a unit of each acceleration, friction and push.
+        still = State(qd=np.zeros(k), qdd=np.zeros(k))
+        pairs = constraint.pairs if constraint else ()
+        units = [still._replace(qdd=row) for row in np.eye(k)]
+        units += [still._replace(pair=j) for j in range(len(self.names))]
+        units += [still._replace(push=j) for j, _ in pairs if j >= 0]
+        values = self.values(q, [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units])
         drives, loads = values[..., :k].real, values[..., k : k + m]
         slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
         w = without_rounding(slips[..., 0, :])

@@ -156,8 +156,7 @@ class Bounces(Run):
         """Place of the stop that ended a motion, and which end; None for no bounce."""
         if not leg.end.startswith(ends.END_STOP):
             return None
-        name = leg.end.partition(" of ")[2] or self.system.drivers[0]
-        i = self.system.stopped.index(name)
+        i = self.system.stopped.index(leg.end.partition(" of ")[2] or self.system.drivers[0])
         low, high = self.system.stops[i]
         coordinate = float(self.system.coordinates(leg.q_end)[i])
         limit = 1 if abs(coordinate - high) < abs(coordinate - low) else -1

@@ -170,8 +170,7 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     if alone and system.contacts and not system.signals.initial:  # no way for a method along a path
         return integrate(system, request, "dop853")
     if request.span == 0:
-        why = request.why or "no time is asked for"
-        return replace(request.standing, method=method, why=why)
+        return replace(request.standing, method=method, why=request.why or "no time is asked for")
     if method in ("none", "energy") or not alone or system.friction is not None:
         return None  # but the path method sees to equilibria itself
     q, rate, _ = request.start

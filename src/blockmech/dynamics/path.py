@@ -294,7 +294,19 @@ class PathRun(Run):
         period = self.system.period
         if self.mark is None or period is None or not self.is_at(self.turned(period)):
             return None
-        return self.repeat_turn(period)
+        # A turn without a standstill: it repeats, with more energy or less each time.
+        if not self.mark.K:  # the next turn tells
+            self.mark = self.at
+            return None
+        turn = self.since_mark(step=self.sign * period, gain=self.K - self.mark.K)
+        lossless = self.system.lossless  # but for rounding of some panels
+        lossless = lossless or abs(turn.gain) <= 16 * self.rounding * turn.panels.size
+        turn = replace(turn, gain=0.0) if lossless and turn.gain else turn
+        pattern = turns(turn, self.request, self.mesh.tolerance, self.report_progress)
+        if pattern is not None:
+            return self.repeat(pattern)
+        self.mark = self.at  # the next turn tells
+        return None
 
     def inertia(self) -> float:
         """[kg m2 or kg] where the motion is."""
@@ -354,22 +366,6 @@ class PathRun(Run):
             run[PLACE] = leg.begin + by.many * by.pattern.step
             run[KINETIC] = leg.energy + by.many * gain
         return by.over
-
-    def repeat_turn(self, period: float) -> RunEnd | None:
-        """A turn without a standstill: it repeats, with more energy or less each time."""
-        assert self.mark is not None
-        if not self.mark.K:  # the next turn tells
-            self.mark = self.at
-            return None
-        turn = self.since_mark(step=self.sign * period, gain=self.K - self.mark.K)
-        lossless = self.system.lossless  # but for rounding of some panels
-        lossless = lossless or abs(turn.gain) <= 16 * self.rounding * turn.panels.size
-        turn = replace(turn, gain=0.0) if lossless and turn.gain else turn
-        pattern = turns(turn, self.request, self.mesh.tolerance, self.report_progress)
-        if pattern is not None:
-            return self.repeat(pattern)
-        self.mark = self.at  # the next turn tells
-        return None
 
     # -- the result ------------------------------------------------------------
 

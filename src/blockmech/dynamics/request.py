@@ -451,8 +451,7 @@ def times_of(times: object) -> Floats | None:
     except (TypeError, ValueError, OverflowError):
         raise refused("times", "not a row of numbers", "give times like 0:2:201") from None
     if column.ndim != 1 or not len(column) or not np.isfinite(column).all() or column.min() < 0:
-        fault = "not a row of finite times from 0 s on"
-        raise refused("times", fault, "give times like 0:2:201")
+        raise refused("times", "not a row of finite times from 0 s on", "give times like 0:2:201")
     return column
 
 

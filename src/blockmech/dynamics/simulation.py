@@ -171,11 +171,8 @@ def explained(
         motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.by_driver()),))
     units = set(mechanism._coordinate_units.values())
     unit = units.pop() if len(units) == 1 else motion.unit
-    return motion.but(unit=unit, notes=(*motion.notes, *_remarks(system, motion, request.until)))
-
-
-def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
-    """What else a reader must know of how a run ended."""
+    # What else a reader must know of how a run ended.
+    goal = request.until
     scene, roles = system.compiled.scene, [x.of for x in motion.roles]
     remarks = [note] if (note := unused_laws(scene, system.drivers, roles)) else []
     if motion.end == ends.TOO_MANY and goal.goal not in ("time", "steady"):
@@ -188,7 +185,7 @@ def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
         if of := [system.pair_name(j) for j, steepest in slopes if steepest]:
             why = f"friction of {listed(of)} is not linear in the load"
             remarks.append(f"{why}: a unique solution may exist but could not be proved")
-    return remarks
+    return motion.but(unit=unit, notes=(*motion.notes, *remarks))
 
 
 def evaluation_cost(mechanism: Compiled, friction: FrictionMethod | None) -> str:

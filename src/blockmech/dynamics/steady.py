@@ -85,8 +85,7 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
     if depends <= {"q"} and system.friction is None and not several:
         if request.method not in ("auto", "energy"):
             raise no_steady(OWN, 'use method "auto" or "energy"')
-        why = "all loads depend on the driver's coordinate alone"
-        explained = replace(request, why=why)
+        explained = replace(request, why="all loads depend on the driver's coordinate alone")
         motion = failed_start(system, explained) or integrate_by_quadrature(system, explained)
         return watched(_conserved(motion, request), request.watch)
     follow = sorted(depends - {"q"}) or ["joint friction"]
@@ -114,8 +113,7 @@ def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
         once = replace(motion, t_end=last, q_end=q, qd_end=qd)
         point = FixedPoint(np.array([q - turned, qd]), np.ones(1), 1.0)
         notes, facts = (*motion.notes, FAMILY), motion.facts
-        shift = np.array([turned])
-        steady = repeated(point, once, shift, request, motion.method, notes, **facts)
+        steady = repeated(point, once, np.array([turned]), request, motion.method, notes, **facts)
         events = tuple(e for e in motion.events if e.t <= last)
         return replace(steady, why=motion.why, regime=motion.regime, events=events)
     work = motion.facts.get("work_per_period")

@@ -322,7 +322,10 @@ class TimeIntegration(Integration):
         if kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
             return self.short_of(kind, time_left(self.system, kind, *map(float, self.y[:2])))
         if kind == ends.LEAVES_STOP:
-            self._past_contact(rule)
+            # Go on to where a stop would have to pull: the root is on either side of it.
+            slope, late = np.asarray(self.equation(self.t, self.y)), math.ulp(self.t)
+            while not rule.value(self.t, self.y) < 0 and late < self.t_max - self.t:
+                self.t, self.y, late = self.t + late, self.y + late * slope, 2 * late
         if kind == ends.GOAL:
             return RunEnd(request.until.goal, "reached")
         by_user = any(kind == w.name and w.terminal for w in request.watch)
@@ -369,12 +372,6 @@ class TimeIntegration(Integration):
             return None
         self.note(same[:1], lambda t: self.y)
         return self._met(same[0])
-
-    def _past_contact(self, rule: EventFunction) -> None:
-        """Go on to where a stop would have to pull: the root is on either side of it."""
-        slope, late = np.asarray(self.equation(self.t, self.y)), math.ulp(self.t)
-        while not rule.value(self.t, self.y) < 0 and late < self.t_max - self.t:
-            self.t, self.y, late = self.t + late, self.y + late * slope, 2 * late
 
 
 def integrate(

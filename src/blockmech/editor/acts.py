@@ -236,8 +236,7 @@ def _typed(now: Revision, request: Request) -> Step:
     units = Units.of(request.get("units", ""))
     for path, text in request["edits"]:
         form = typed(now.document, form, part, tuple(path), text, units)
-    latest = request["edits"][-1][0]
-    return Step(form, " ".join([*part[1:], *latest]))
+    return Step(form, " ".join([*part[1:], *request["edits"][-1][0]]))
 
 
 def _remove(now: Revision, request: Request) -> Step:
@@ -296,8 +295,7 @@ def _wire(now: Revision, request: Request) -> Step:
     wire = Wire(request["from"], request["to"])
     form = _blocks(now)
     document: Any = now.document
-    problems = document.problems_of(wire)
-    GraphError.raise_for(problems)
+    GraphError.raise_for(document.problems_of(wire))
     return Step(edits.wired(form, *wire.ends), str(wire))
 
 
@@ -318,8 +316,7 @@ def _cut(now: Revision, request: Request) -> Step:
 def _duplicate(now: Revision, request: Request) -> Step:
     form = _blocks(now)
     names = [name for name in _names(now, request) if name in form["blocks"]]
-    changed = edits.duplicated(form, names, request["places"])
-    return Step(changed, f"{', '.join(names)} duplicated")
+    return Step(edits.duplicated(form, names, request["places"]), f"{', '.join(names)} duplicated")
 
 
 def _rename(now: Revision, request: Request) -> Step:

@@ -69,8 +69,7 @@ def _family(ask: Question) -> Data:
     settings = {"friction": ask.friction, "static": False}
     for x in value * (1 + ask.share * np.linspace(-1, 1, CURVES)):
         variant: Any = remade(ask.mechanism, {number: float(x)})
-        run = variant._answer(samples, (ask.first,), settings)
-        (panel,) = chosen_panels(run, (ask.first,))
+        (panel,) = chosen_panels(variant._answer(samples, (ask.first,), settings), (ask.first,))
         family[f"{number} = {x:.4g}"] = next(iter(panel.curves.values()))
     picture = draw_panels([Panel(panel.quantity, panel.unit, family)], along_of(ask.motion))
     return {"text": f"{ask.first} for {CURVES} values of {number}", "picture": svg(picture)}

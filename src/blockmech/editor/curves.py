@@ -106,8 +106,7 @@ def simulation(ask: Question) -> tuple[Motion, Data]:
     settings: Arguments = {"want": (), "friction": ask.friction}
     until = str(ask.data.get("until") or "time=2")
     run = simulate(mechanism, until, start=start, progress=ask.report, **settings)
-    times = run.motion.times(DEFAULT_SAMPLES)
-    result = result_along(mechanism, run.motion, times, **settings)
+    result = result_along(mechanism, run.motion, run.motion.times(DEFAULT_SAMPLES), **settings)
     motion = moves_of_result(result)
     return motion, {
         "motion": {**motion_data(motion, {}), "poses": poses_of(motion)},

@@ -279,5 +279,4 @@ def status_of(now: Revision) -> str:
 def drives_of(motion: Motion) -> list[str]:
     """What moves the drivers: the outputs that are shown where none are chosen."""
     m = motion.mechanism
-    drives = (m._of_driver(d, "drive") for d in m.drivers)
-    return [name for name in drives if name in m.outputs]
+    return [name for name in (m._of_driver(d, "drive") for d in m.drivers) if name in m.outputs]

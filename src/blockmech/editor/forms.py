@@ -116,11 +116,6 @@ def _fields(document: Opened, form: Form, part: Path) -> Iterator[Field]:
                 for k, entry in enumerate(field.entries)
             )
             yield field._replace(unit=units.get(field.path, field.unit), entries=entries)
-    yield from _wires(document, part)
-
-
-def _wires(document: Opened, part: Path) -> Iterator[Field]:
-    """A field for each joint of a block; the empty choice: not wired."""
     if isinstance(document, Graph) and part[:1] == ("blocks",):
         blocks = document.blocks
         markers = (f"{name}.{m}" for name, b in blocks.items() for m in markers_of(b))

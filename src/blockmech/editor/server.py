@@ -114,23 +114,20 @@ def functions(sheet: Sheet, body: Record) -> Data | None:
 def fields(sheet: Sheet, body: Record) -> Data:
     """The form of a part."""
     now, part = sheet.now, tuple(map(str, body.get("part", ())))
-    units = Units.of(str(body.get("units", "")))
-    return form_of(now.document, now.form, part, units, now.problems)
+    return form_of(now.document, now.form, part, Units.of(str(body.get("units", ""))), now.problems)
 
 
 def wire(sheet: Sheet, body: Record) -> Data:
     """What travels on a wire in the shown pose; with ``may`` why it may not be, or ""."""
     if body.get("may"):
         document: Any = sheet.now.document
-        problems = document.problems_of(Wire(body["from"], body["to"]))
-        return {"said": " ".join(map(str, problems))}
+        return {"said": " ".join(map(str, document.problems_of(Wire(body["from"], body["to"]))))}
     return {"said": wire_text(Question(sheet.now, body), f"{body['from']} -> {body['to']}")}
 
 
 def link(sheet: Sheet, body: Record) -> Data:
     """The document, with what moves it, as what stands behind an address."""
-    names = tuple(map(str, body.get("names", ())))
-    return {"link": packed(link_of(sheet.now, names))}
+    return {"link": packed(link_of(sheet.now, tuple(map(str, body.get("names", ())))))}
 
 
 QUESTIONS: Mapping[str, Callable[[Sheet, Record], Any]] = {
@@ -420,6 +417,5 @@ def in_notebook(document: Any) -> str:
     """The address of a copy of a document; its server ends with the program."""
     addresses: list[str] = []
     copy = Linkage() if document is None else document.snapshot()
-    run = started(Path.cwd(), copy, 0, addresses.append, framed=True)
-    Thread(target=run, daemon=True).start()
+    Thread(target=started(Path.cwd(), copy, 0, addresses.append, framed=True), daemon=True).start()
     return addresses[0]

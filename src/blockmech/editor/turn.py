@@ -135,8 +135,7 @@ def gaps_of(motion: Motion) -> list[list[int]]:
     """Runs of samples without an answer, from the first to the last."""
     bad = np.zeros(motion.result.n + 2, int)
     bad[[k + 1 for k in motion.quality.gaps]] = 1
-    edges = np.flatnonzero(np.diff(bad)).reshape(-1, 2)
-    return [[int(a), int(b) - 1] for a, b in edges]
+    return [[int(a), int(b) - 1] for a, b in np.flatnonzero(np.diff(bad)).reshape(-1, 2)]
 
 
 # -- as the page gets it ------------------------------------------------------------------
@@ -146,8 +145,7 @@ def along_of(motion: Motion) -> Abscissa:
     """What curves are drawn over, with the dead centres on it."""
     axis = abscissa(motion.result)
     samples = np.arange(len(motion.samples))
-    dead = dead_centres(motion)
-    events = [(float(np.interp(k, samples, axis.values)), name) for k, name in dead]
+    events = [(float(np.interp(k, samples, axis.values)), name) for k, name in dead_centres(motion)]
     return replace(axis, events=tuple(events))
 
 
@@ -200,5 +198,4 @@ def poses_of(motion: Motion) -> dict[str, list[list[float | None]]]:
 
 def numbers(x: Array) -> list[float | None]:
     """Numbers as JSON has them: none for what is not there."""
-    row = np.asarray(x, float)
-    return [v if math.isfinite(v) else None for v in row.tolist()]
+    return [v if math.isfinite(v) else None for v in np.asarray(x, float).tolist()]

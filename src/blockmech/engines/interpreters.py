@@ -34,7 +34,10 @@ class ScalarEngine:
         try:
             return self._fast(*inputs, self.parameters)
         except (ArithmeticError, ValueError):
-            return self._on_arrays(inputs)
+            if self._arrays is None:
+                self._arrays = NumpyEngine(self.program)
+            columns = {n: np.array([x]) for n, x in zip(self.program.inputs, inputs, strict=True)}
+            return tuple(_number(value) for value in self._arrays.run(columns, 1))
 
     def run(self, inputs: Record, n: int) -> Values:
         """Values of n samples: Python numbers for one, lists of them for more."""
@@ -43,12 +46,6 @@ class ScalarEngine:
             return self.one([float(c[0]) for c in columns])
         rows = [self.one([float(c[i]) for c in columns]) for i in range(n)]
         return tuple([row[k] for row in rows] for k in range(len(self.program.outputs)))
-
-    def _on_arrays(self, inputs: Sequence[float]) -> Values:
-        if self._arrays is None:
-            self._arrays = NumpyEngine(self.program)
-        columns = {n: np.array([x]) for n, x in zip(self.program.inputs, inputs, strict=True)}
-        return tuple(_number(value) for value in self._arrays.run(columns, 1))
 
 
 class NumpyEngine:

@@ -329,19 +329,15 @@ def _solved(a: Array, b: Array) -> Array:
     try:
         return np.asarray(np.linalg.solve(a, b[..., None])[..., 0])
     except np.linalg.LinAlgError:
-        return _solve_apart(a, b)
-
-
-def _solve_apart(a: Array, b: Array) -> Array:
-    """The rare batch with a singular matrix in it."""
-    solutions = np.full(b.shape, np.nan, a.dtype)
-    matrices = np.broadcast_to(a, (*b.shape, b.shape[-1]))
-    for index in np.ndindex(b.shape[:-1]):
-        try:
-            solutions[index] = np.linalg.solve(matrices[index], b[index])
-        except np.linalg.LinAlgError:
-            continue
-    return solutions
+        # The rare batch with a singular matrix in it.
+        solutions = np.full(b.shape, np.nan, a.dtype)
+        matrices = np.broadcast_to(a, (*b.shape, b.shape[-1]))
+        for index in np.ndindex(b.shape[:-1]):
+            try:
+                solutions[index] = np.linalg.solve(matrices[index], b[index])
+            except np.linalg.LinAlgError:
+                continue
+        return solutions
 
 
 def _eliminated(a: Array, b: Array) -> Array:

@@ -355,8 +355,7 @@ class _Reading:
             law = self._law(record, record.get(f"rIJI{axes[2] + 1}"), False)
             start, end = Pose(origin, basis), Pose(origin + offset[axes[2]] * basis[:, 2], basis)
             assembly.masses[slider] = []
-            slide = Joint(slider, "slide", body, slider, start, end, law=law)
-            assembly.join(slide)
+            assembly.join(Joint(slider, "slide", body, slider, start, end, law=law))
             body, origin = slider, end.origin
         start, end = (Pose(marker.origin, x.axes[:, order]) for x in (base, marker))
         law = self._law(record, record.get(f"angIJJ{turning + 1}"), True)

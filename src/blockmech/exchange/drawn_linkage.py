@@ -100,8 +100,7 @@ class _DrawnDocument:
         self._couple()
         self._markers()
         if not self._movable():
-            message = "it has no links that a joint joins"
-            raise wrong(drawing.name, message, "", "draw the linkage")
+            raise wrong(drawing.name, "it has no links that a joint joins", "", "draw the linkage")
         self._loads()
         stops = self._stops()
         document: Data = {

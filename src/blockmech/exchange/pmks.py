@@ -160,8 +160,7 @@ def read_expression(text: str, where: str) -> Drawing:
         links = [w.strip() for w in match["links"].split(",") if w.strip()]
         position = complex(number(match["x"].strip(), at), number(match["y"].strip(), at))
         angle = math.radians(number((match["angle"] or "").strip(), at, 0.0))
-        kind = _kind(match["type"], at)
-        rows.append(Row(links, kind, position, angle, False, _name(len(rows))))
+        rows.append(Row(links, _kind(match["type"], at), position, angle, False, _name(len(rows))))
     if text.count("J[") != len(rows) or text[end:].strip() != "]":
         raise wrong(where, f"joint {len(rows)} cannot be read", "J[type, P[x, y], L[links]]")
     return drawing_of(rows, where)

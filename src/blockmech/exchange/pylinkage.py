@@ -184,8 +184,7 @@ class _Components:
         elif kind in CAMS:
             self._cam(part, name)
         elif kind in RIGID:
-            anchors = [self._of(part.anchor1), self._of(part.anchor2)]
-            _rigid(self.drawing, name, anchors, self.where)
+            _rigid(self.drawing, name, [self._of(part.anchor1), self._of(part.anchor2)], self.where)
         else:
             bars, lines = DYADS[kind]
             for anchor in bars:
@@ -214,8 +213,7 @@ class _Components:
         self.drawing.links[slider] = [name]
         drive = Drive(number(part.speed, name), 0.0, number(part.stroke, name))
         angle = number(part.angle, name)
-        position = self.drawing.points[name]
-        self.drawing.pairs.append(Pair(FRAME, slider, at, angle, drive, position))
+        self.drawing.pairs.append(Pair(FRAME, slider, at, angle, drive, self.drawing.points[name]))
 
     def _cam(self, part: Any, name: str) -> None:
         """A follower that slides from a point of the frame, or swings about one."""

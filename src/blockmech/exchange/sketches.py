@@ -210,8 +210,7 @@ def _group(element: Record, m: Affine, name: str, layers: dict[str, Layer], wher
     elif element.tag in ("circle", "ellipse") and name:
         layers.setdefault(name, Layer()).circles.append(point("cx", "cy"))
     elif element.tag == "line" and name:
-        ends = point("x1", "y1"), point("x2", "y2")
-        layers.setdefault(name, Layer()).lines.append(ends)
+        layers.setdefault(name, Layer()).lines.append((point("x1", "y1"), point("x2", "y2")))
     if element.tag != "defs":
         for inner in element.inner:
             _group(inner, m, name, layers, where)

@@ -77,8 +77,7 @@ def unit(axis: Sequence[float] | Floats, where: str) -> Floats:
 
 def axes_along(axis: Floats) -> Floats:
     """Axes whose z is along a direction."""
-    z = np.array([0.0, 0.0, 1.0])
-    across = np.cross(z, axis)
+    across = np.cross(np.array([0.0, 0.0, 1.0]), axis)
     size = float(np.linalg.norm(across))
     if size < 1e-12:
         return np.eye(3) if axis[2] > 0 else np.diag([1.0, -1.0, -1.0])
@@ -288,8 +287,7 @@ class Assembly:
         drive = None
         if joint.law is not None:
             drive = Drive(law=_counted(joint.law, joint.zero, sense))
-        limits = (min(low, high), max(low, high))
-        return pair._replace(drive=drive, limits=limits, rest=rest)
+        return pair._replace(drive=drive, limits=(min(low, high), max(low, high)), rest=rest)
 
     def _tidy(self) -> None:
         """Leave out joints that two links have twice, and links that no joint holds."""

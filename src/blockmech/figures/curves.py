@@ -298,8 +298,7 @@ def abscissa(result: Result, over: Axis = "auto") -> Abscissa:
     by_time |= any(d in laws and not isinstance(laws[d], OverRange) for d in drivers)
     if over == "time" or (over == "auto" and by_time and time is not None):
         if time is None:
-            message = "the run does not say times"
-            raise refused("over", message, "use times= in run", code="no-time")
+            raise refused("over", "the run does not say times", "use times= in run", code="no-time")
         factor, unit = picture_unit("s", result._display)
         return Abscissa(f"time [{unit}]", factor * time)
     if len(moving) != 1:

@@ -211,8 +211,7 @@ def successive(
         return solution
     unproved = _is_unproved(P, g)
     course = _course(unproved, near, k, edges, base, rows, solvable)
-    change = enough(last.g, tolerance)
-    checks = course, near, k, edges, base, rows, change
+    checks = course, near, k, edges, base, rows, enough(last.g, tolerance)
     confirmed_, _ = repeat(confirmed, (solution, unproved), 1, *checks)
     return differentiable(confirmed_, k, edges, base, rows)
 
@@ -306,8 +305,7 @@ def differentiable(
     solution: Solution, k: Reals, edges: Edges, base: Planars, rows: Influences
 ) -> Solution:
     """A solution of the friction equations, which say its derivatives."""
-    start = (solution.t, solution.iterations, True)
-    t, _, _ = implicit(newton_step, start, k, edges, base, rows)
+    t, _, _ = implicit(newton_step, (solution.t, solution.iterations, True), k, edges, base, rows)
     return solution._replace(t=t, g=norms(loads(t, base, rows), edges))
 
 
@@ -340,8 +338,7 @@ def replaced(
 ) -> tuple[Solution, bool]:
     """Uncertified samples of Newton's method: continuation's answer in their place."""
     certified, _ = state
-    end = _end(course, near, k, edges, base, rows)
-    t, g, residual, outcome, limit, count = end
+    t, g, residual, outcome, limit, count = _end(course, near, k, edges, base, rows)
     fields = {"residual": residual, "outcome": outcome, "limit": limit}
     return certified._replace(t=t, g=g, iterations=count, **fields), False
 

@@ -120,8 +120,7 @@ class Series:
 
     def derivative(self) -> Series:
         """The derivative, panel by panel."""
-        slope = chebyshev.chebder(self.c, axis=1) / self._half[:, None]
-        return replace(self, c=np.asarray(slope))
+        return replace(self, c=np.asarray(chebyshev.chebder(self.c, axis=1) / self._half[:, None]))
 
     def integral(self) -> Series:
         """The integral from the first edge."""

@@ -55,8 +55,7 @@ class Document:
     def __init__(self, name: str = "mechanism", *, title: str = "") -> None:
         self.name, self.title, self.file, self.extras = name, title, "", {}
         for section, field in self.form.sections.items():
-            empty = {} if field.is_required() else copy.copy(field.default)
-            setattr(self, section, empty)
+            setattr(self, section, {} if field.is_required() else copy.copy(field.default))
 
     # -- files ------------------------------------------------------------
 
@@ -125,8 +124,7 @@ class Document:
         where = os.fspath(path)
         if os.path.splitext(where)[1].lower() not in ("", ".json"):
             message = "a mechanism is saved as JSON"
-            remedy = "name it .json, or use blockmech.write"
-            raise cannot_write(where, message, remedy)
+            raise cannot_write(where, message, "name it .json, or use blockmech.write")
         text = self.in_folder(os.path.dirname(where)).to_json()
         self.from_data(*data_of(text), where)  # what a file does not hold is not written
         with writing(path) as stream:

@@ -90,8 +90,7 @@ class Graph(Document):
                     unread.add(name)
                 self.blocks[name] = block or UnknownBlock("")
         if not (draft.wrong & {"blocks", "wires"} or draft.doubled):
-            wiring = self._wiring_problems(unread, bool(draft.content))
-            draft.fit += islice(wiring, MOST + 1)
+            draft.fit += islice(self._wiring_problems(unread, bool(draft.content)), MOST + 1)
 
     def _wiring_problems(self, unread: set[str], wrong: bool) -> Iterator[Problem]:
         """All that is wrong with the graph of a file, where its wires or else ``wrong`` are.

@@ -56,8 +56,7 @@ def _changing_distance(s: Structure, name: str) -> Iterator[Problem]:
 
 def coupling_numbers(s: Structure, name: str) -> Parameters:
     """What a coupling's kernels read as ``p``."""
-    pair = s.coupled_pair(name)
-    return s.couplings[name].numbers(pair, lambda: _meshing(s, name, 0.0, STILL))
+    return s.couplings[name].numbers(s.coupled_pair(name), lambda: _meshing(s, name, 0.0, STILL))
 
 
 def sides(s: Structure, name: str) -> Where:

@@ -284,5 +284,4 @@ def _sorted(modes: list[_Known]) -> Poses:
     for k in modes:
         k.x[2] = math.atan2(math.sin(k.x[2]), math.cos(k.x[2]))
     modes = sorted(modes, key=lambda k: (k.x[2], k.x[0], k.x[1]))
-    x = np.array([k.x for k in modes]).reshape(-1, 3)
-    return Poses(x, [k.double for k in modes])
+    return Poses(np.array([k.x for k in modes]).reshape(-1, 3), [k.double for k in modes])

@@ -129,8 +129,7 @@ class _Lister:
         try:
             triad = outline(block) if isinstance(block, GeneralGroup) else None
             outer = [joint.name for joint in block.joints.values() if joint.outer]
-            joints = triad.joints if triad else outer
-            every = self._modes(name, triad, joints)
+            every = self._modes(name, triad, triad.joints if triad else outer)
             if isinstance(block, GeneralGroup) and triad is None:
                 note = NOTE
             elif self.driver in self.mechanism.structure.upstream[name]:
@@ -254,8 +253,7 @@ class _Lister:
 
     def _limits(self, blocks: Sequence[str]) -> Limits:
         """Where some groups, and those on which they stand, close."""
-        mechanism = self.mechanism._of_blocks
-        return limits_of(mechanism, self.driver, self._fixed(), blocks, self.known)
+        return limits_of(self.mechanism._of_blocks, self.driver, self._fixed(), blocks, self.known)
 
     def _stretches(self, around: Limits) -> list[tuple[float, float, str]]:
         """Where the groups that hold a triad close: low, high, and what ends it."""
@@ -294,8 +292,7 @@ class _Lister:
     def _driven(self, name: str, drivers: Record) -> list[Real]:
         """Coordinates of the driven joints inside a group."""
         structure = self.mechanism.structure
-        drivers_inside = structure.drivers_of(name)
-        return [structure.coordinate(d).of_joint(drivers[d]) for d in drivers_inside]
+        return [structure.coordinate(d).of_joint(drivers[d]) for d in structure.drivers_of(name)]
 
 
 def _reported(

@@ -51,8 +51,7 @@ def searched(
     every: list[Poses] = []
     for k in range(STARTS):
         spot = size * chance.normal(size=(len(names), 2)) @ (1, 1j)
-        angles = chance.uniform(-math.pi, math.pi, len(names))
-        chosen = zip(names, spot, angles, strict=True)
+        chosen = zip(names, spot, chance.uniform(-math.pi, math.pi, len(names)), strict=True)
         start = {name: Pose(complex(middle + o), float(angle)) for name, o, angle in chosen}
         start = (
             dict(first) if k == 0 and all(cmath.isfinite(x.o) for x in first.values()) else start

@@ -214,8 +214,7 @@ def coefficients(placed: Placed) -> Vectors:
     Raises `RequestError` if F is zero everywhere: the platform can stand at any direction.
     """
     f, terms = eliminant(placed, np.broadcast_to(CIRCLE, (len(placed.pins), len(CIRCLE))))
-    spectrum = np.fft.fft(f) / len(CIRCLE)
-    coefficients_ = spectrum[:, np.arange(-3, 4)]
+    coefficients_ = (np.fft.fft(f) / len(CIRCLE))[:, np.arange(-3, 4)]
     if np.any(np.abs(coefficients_).max(axis=1) <= NEGLIGIBLE * terms.max(axis=1)):
         reason = "the platform can move although its supports stand"
         valid = "three legs hold it if none is the same as another or all are parallel guides"

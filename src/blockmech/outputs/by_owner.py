@@ -98,8 +98,7 @@ def unknown_output(pattern: str, names: Iterable[str], candidates: Iterable[str]
     head, every = pattern.split(".")[0] + ".", list(names)
     siblings = [n for n in every if n.startswith(head)] or every
     valid = f"outputs there: {listed(siblings, 16)}"
-    vector = pattern.removesuffix(".x").removesuffix(".y")
-    remedy = close_match(vector, candidates or siblings)
+    remedy = close_match(pattern.removesuffix(".x").removesuffix(".y"), candidates or siblings)
     return Problem("unknown-output", pattern, "no output has that name", valid, remedy)
 
 

@@ -53,8 +53,7 @@ def with_sensors(
         else:
             sensors[address] = sensor
     GraphError.raise_for(problems)
-    order = _ordered(structure, scene, sensors)
-    signals = {name: structure.signals[name] for name in order}
+    signals = {name: structure.signals[name] for name in _ordered(structure, scene, sensors)}
     return replace(structure, sensors=sensors, signals=signals)
 
 
@@ -117,7 +116,9 @@ def _edges(structure: Structure, scene: Scene, sensors: Data) -> Iterator[tuple[
         if source and (ref.block in loads or ref.name in structure.signals[ref.block].feedthrough):
             yield source, ref.block
     for address, rule in sensors.items():
-        needs = _needs(structure, scene, rule)
+        # Inputs of the program of a sensor where every signal is one.
+        s = schedule(replace(structure, signals={}, sensors={}), scene, Friction("none"))
+        needs = s.program([rule(s)]).inputs
         if any(name.startswith("qdd") for name in needs):
             yield MECHANISM, address
         writers = {
@@ -128,10 +129,3 @@ def _edges(structure: Structure, scene: Scene, sensors: Data) -> Iterator[tuple[
                 yield writers[name], address
     for name in loads:
         yield name, MECHANISM
-
-
-def _needs(structure: Structure, scene: Scene, rule: Callable[[Schedule], Value]) -> set[str]:
-    """Inputs of the program of a sensor where every signal is one."""
-    unknown = replace(structure, signals={}, sensors={})
-    s = schedule(unknown, scene, Friction("none"))
-    return set(s.program([rule(s)]).inputs)

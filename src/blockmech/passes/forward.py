@@ -68,8 +68,7 @@ def coordinate_of(s: Schedule, driver: str) -> Value:
     """Coordinate of a driver."""
     if driver not in s.structure.followers:
         return s.input("q", driver)
-    q = s.ask(transmission, driver).q
-    return _counted(s, driver, q, coordinate_of)
+    return _counted(s, driver, s.ask(transmission, driver).q, coordinate_of)
 
 
 def rate_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
@@ -100,8 +99,7 @@ def transmission(s: Schedule, driver: str) -> Value:
     """The coupling's kernel at its argument: coordinate, slope and curve."""
     name = s.structure.followers[driver].coupling
     kernel = s.structure.couplings[name].transmission(s.structure.coupled_pair(name))
-    x = s.ask(argument, driver)
-    return s.emit(kernel, x, s.ask(numbers, name), name=f"{name}_F")
+    return s.emit(kernel, s.ask(argument, driver), s.ask(numbers, name), name=f"{name}_F")
 
 
 def argument(

@@ -312,8 +312,7 @@ def rest(s: Schedule, ref: JointRef) -> Value:
     top = s.ask(top_speed, ref.block)
     if s.structure.friction_law(ref).remembers:
         return s.emit(at_rest, top, NOUGHT, REST, name=f"{ref}_rest")
-    speed = s.ask(slip_speed, ref)
-    value = s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
+    value = s.emit(at_rest, s.ask(slip_speed, ref), top, REST, name=f"{ref}_rest")
     if not may_stick(s):
         return value
     return s.line(values.maximum(value, s.ask(sticks, ref)), f"{ref}_rests")

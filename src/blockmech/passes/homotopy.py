@@ -68,8 +68,7 @@ def schedule(
 def guess(s: Schedule, block: str) -> Value:
     """The guess of a general group's pose: links' places, and the share of the path."""
     path = path_of(s.structure, block)
-    q = tuple_of(s.input("q", d) for d in path.drivers)
-    return s.emit(path, q, name=f"{block}_guess")
+    return s.emit(path, tuple_of(s.input("q", d) for d in path.drivers), name=f"{block}_guess")
 
 
 def path_of(structure: Structure, block: str) -> Path:

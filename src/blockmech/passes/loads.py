@@ -151,8 +151,7 @@ def terminal_reading(s: Schedule, terminal: JointRef, quantity: str) -> Value:
         return s.ask(marker_place, marker)
     if quantity == "v":
         return s.ask(marker_velocity, marker, ACTUAL)
-    rule = {"e": link_position, "om": link_velocity}[quantity]
-    return s.ask(rule, marker.on).scalar
+    return s.ask({"e": link_position, "om": link_velocity}[quantity], marker.on).scalar
 
 
 def terminal_term(s: Schedule, terminal: JointRef) -> Value:

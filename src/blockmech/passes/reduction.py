@@ -53,16 +53,14 @@ def share_of_inertia(s: Schedule, block: str, k: str, m: str) -> Value:
     """A block's share of M_km."""
     if not (moves(s, block, k) and moves(s, block, m)):
         return NOUGHT
-    terms = _products(s, block, k, VELOCITY, m)
-    return _share(s, block, k, terms, "J_red")
+    return _share(s, block, k, _products(s, block, k, VELOCITY, m), "J_red")
 
 
 def share_of_bias(s: Schedule, block: str, k: str, mode: str) -> Value:
     """A block's share of sum m v_k'.a + J om_k' al, accelerations in a mode."""
     if not moves(s, block, k):
         return NOUGHT
-    terms = _products(s, block, k, ACCELERATION, mode)
-    return s.sum(terms, f"{block}_bias")
+    return s.sum(_products(s, block, k, ACCELERATION, mode), f"{block}_bias")
 
 
 def share_of_load(s: Schedule, block: str, k: str) -> Value:

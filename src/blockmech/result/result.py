@@ -462,8 +462,7 @@ class Result(Exported, Generic[M]):
                 mine, theirs = np.atleast_1d(self[name]), np.atleast_1d(reference[name])
                 if mine.shape != theirs.shape:
                     message = f"has shape {mine.shape} here and {theirs.shape} there"
-                    remedy = "compare runs of the same samples"
-                    raise refused(name, message, remedy)
+                    raise refused(name, message, "compare runs of the same samples")
                 scale = float(np.nanmax(np.abs(mine), initial=0.0)) or 1.0
                 off = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
                 differ = (np.isnan(mine) != np.isnan(theirs)).any()

@@ -231,8 +231,7 @@ def _extremes(run: Result, w: Wanted) -> tuple[Array, Data] | None:
         some |= np.isclose(size, sign * (sign * size).max(), rtol=REST_SHARE, atol=0.0)
     if not np.isfinite(y[some]).all():
         raise refused(w.label, "it grows without bound", "study it away from the pole")
-    coordinates = np.array([turn.s for turn in every])
-    return y[some], cycle.request(coordinates[some])
+    return y[some], cycle.request(np.array([turn.s for turn in every])[some])
 
 
 def _stroke_slopes(

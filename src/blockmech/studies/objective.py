@@ -64,8 +64,7 @@ class Objective:
         derivatives = sensitivity(
             design, labels, self.addresses, **self._over, **self._runner.settings
         )
-        rows = [real_parts(derivatives[label]).T for label in labels]
-        jacobian = np.concatenate(rows)
+        jacobian = np.concatenate([real_parts(derivatives[label]).T for label in labels])
         return jacobian[0] if len(jacobian) == 1 else jacobian
 
     def numbers(self, x: Floats) -> dict[str, float]:
@@ -98,8 +97,7 @@ class MotionObjective(Objective):
         `BlockmechError` if neither side has one.
         """
         at = np.array([*self.numbers(x).values()])
-        slopes = [self._slope(at, k) for k in range(len(at))]
-        jacobian = np.stack(slopes, axis=-1)
+        jacobian = np.stack([self._slope(at, k) for k in range(len(at))], axis=-1)
         return jacobian[0] if len(jacobian) == 1 else jacobian
 
     def _slope(self, at: Array, k: int) -> Array:

@@ -64,8 +64,7 @@ class Rows(NamedTuple):
         """All their designs, one after the other."""
         labels = blocks[0].values
         values = {label: np.concatenate([b.values[label] for b in blocks]) for label in labels}
-        rest = zip(*(b[1:] for b in blocks), strict=True)
-        return Rows(values, *map(np.concatenate, rest))
+        return Rows(values, *map(np.concatenate, zip(*(b[1:] for b in blocks), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -182,8 +181,7 @@ class Parts:
 
 def _names_of(w: Wanted) -> list[str]:
     """Names of the columns of what is kept: two of a vector."""
-    kind = complex if w.kind == "vector" else float
-    return list(components(w.label, np.empty(0, kind)))
+    return list(components(w.label, np.empty(0, complex if w.kind == "vector" else float)))
 
 
 def write_parquet(

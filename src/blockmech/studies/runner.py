@@ -167,7 +167,11 @@ class Runner:
         try:
             return self.design(remade(self.family.mechanism, numbers), columns)
         except BlockmechError as error:
-            return self._without(planned.samples.n, error)
+            n = planned.samples.n
+            values = {w.label: np.array([w.nothing(n)]) for w in self.want}
+            reason = f"{error.problems[0].where} ({error.problems[0].found})"
+            word = np.array([REASONS.index(NO_ASSEMBLY)], np.int8)
+            return Rows(values, word, np.array([reason], object), np.array([0]), np.array([n]))
 
     def design(self, mechanism: Compiled, columns: Mapping[Parameter, Array]) -> Rows:
         """One design, made already."""
@@ -193,12 +197,6 @@ class Runner:
                     run = design.run(want=w.output, **self.over, **self.settings)
                     values[w.label][i] = run.stroke(w.output).length
         return block._replace(values=values).without_numbers()
-
-    def _without(self, n: int, error: BlockmechError) -> Rows:
-        values = {w.label: np.array([w.nothing(n)]) for w in self.want}
-        reason = f"{error.problems[0].where} ({error.problems[0].found})"
-        word = np.array([REASONS.index(NO_ASSEMBLY)], np.int8)
-        return Rows(values, word, np.array([reason], object), np.array([0]), np.array([n]))
 
 
 def summary(x: object) -> str:

@@ -222,8 +222,7 @@ class SignalRules(Checks):
         chance = np.random.default_rng(1)
         inputs = {name: chance.uniform(0.1, 0.9, SAMPLES) for name in program.inputs}
         batch, scalar = (e(program).run(inputs, SAMPLES) for e in (NumpyEngine, ScalarEngine))
-        single = {name: x[4:5] for name, x in inputs.items()}
-        alone = NumpyEngine(program).run(single, 1)
+        alone = NumpyEngine(program).run({name: x[4:5] for name, x in inputs.items()}, 1)
         for label, b, c, a in zip(values, batch, scalar, alone, strict=True):
             wide = np.broadcast_to(np.asarray(b, dtype=float), SAMPLES)
             yield from self.alike(label, c, wide, a)

@@ -40,7 +40,7 @@ def join(config: pytest.Config) -> None:
     for folder in _folders(config):
         if not folder.is_dir():
             raise pytest.UsageError(f"{FOLDERS} names {folder}, which is not a folder")
-        if _runs_all(config) and not _is_named(config, folder):
+        if _runs_all(config) and not any(folder.is_relative_to(path) for path in _named(config)):
             config.args.append(str(folder))
 
 
@@ -54,10 +54,6 @@ def _runs_all(config: pytest.Config) -> bool:
         return True
     suite = {_absolute(config.rootpath / p) for p in config.getini("testpaths")}
     return (suite or {_absolute(config.rootpath)}) <= set(_named(config))
-
-
-def _is_named(config: pytest.Config, folder: Path) -> bool:
-    return any(folder.is_relative_to(path) for path in _named(config))
 
 
 def _named(config: pytest.Config) -> Iterator[str]:

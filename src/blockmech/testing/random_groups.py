@@ -99,8 +99,7 @@ def _prp(chance: Random, min_margin: float, S1: Spot, S2: Spot) -> Placed | None
     c = base1 + x * u1
     if abs(c) > 20:
         return None
-    numbers = {"h1": h1, "h2": h2} | _sliders(chance, "S1", "S2")
-    return Placed(numbers, {"i": (c, u1), "j": (c, u2)})
+    return Placed({"h1": h1, "h2": h2} | _sliders(chance, "S1", "S2"), {"i": (c, u1), "j": (c, u2)})
 
 
 def _rpp(chance: Random, min_margin: float, B: Spot, S: Spot) -> Placed | None:
@@ -172,8 +171,7 @@ def random_shape(chance: Random, sizes: Sequence[tuple[int, int]] = SIZES) -> Sh
 def is_determinate(links: Sequence[str], shape: Shape) -> bool:
     """Whether nothing moves and nothing is held twice, for generic lengths."""
     pairs = [Pair(n, t.first or " ", t.second, t.kind) for n, t in shape.items()]  # type: ignore[arg-type]
-    driven = [n for n, t in shape.items() if t.driven]
-    return rigidity(links, pairs, [" "], driven).determinate
+    return rigidity(links, pairs, [" "], [n for n, t in shape.items() if t.driven]).determinate
 
 
 def random_group(

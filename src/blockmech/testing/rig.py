@@ -174,8 +174,7 @@ class Subject:
 
 def random_loads(block: Moving, n: int, size: float, seed: int) -> list[Load]:
     """Random forces and moments (n,) on each link."""
-    chance = np.random.default_rng(seed)
-    rows = chance.normal(size=(len(block.link_names), 3, n))
+    rows = np.random.default_rng(seed).normal(size=(len(block.link_names), 3, n))
     return [Load(planar(x + 1j * y), size * m) for x, y, m in rows]
 
 

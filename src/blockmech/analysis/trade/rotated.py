@@ -97,8 +97,7 @@ def _home(block: Moving) -> Moving:
     for name, (x, y, angle) in block.home.poses.items():
         z = E * complex(x, y)
         poses[name] = (z.real, z.imag, angle + ANGLE)
-    home = block.home.model_copy(update={"poses": poses})
-    return block.model_copy(update={"home": home})
+    return block.model_copy(update={"home": block.home.model_copy(update={"poses": poses})})
 
 
 def _in_precision(engine: NumpyEngine, plain: Any, rough: Any, e: Planar) -> Any:

@@ -222,8 +222,7 @@ class CProgram:
             expressions += [f"table{k}[{i}]" for i in range(len(table))]
         inputs = [f"in->{member.name}" for member in self.inputs]
         statements = Statements(inputs, expressions, tables, language_c(self.real))
-        text = statements.text([*self._results.values(), self._status])
-        return statements, text
+        return statements, statements.text([*self._results.values(), self._status])
 
     @property
     def header(self) -> str:

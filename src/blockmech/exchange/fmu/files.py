@@ -329,8 +329,7 @@ class Unit:
             if not two:
                 lines.append(_open("Float64", variable, "/>"))
                 continue
-            moved = [x for x in ATTRIBUTES if x in variable]
-            real = {x: variable.pop(x) for x in moved}
+            real = {x: variable.pop(x) for x in ATTRIBUTES if x in variable}
             if "derivative" in real:
                 real["derivative"] = str(int(real["derivative"]) + 1)  # counts from 1
             inner = _open("Real", real, "/>")

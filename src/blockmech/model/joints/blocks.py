@@ -159,8 +159,7 @@ class SaidByLinks:
     @cached_property
     def centres(self) -> dict[str, MarkerRef]:
         """Couplings whose leading wheel or cam is fixed to a link -> its centre."""
-        followers = self.s.followers.values()
-        return {f.coupling: f.centre for f in followers if f.leader is None}
+        return {f.coupling: f.centre for f in self.s.followers.values() if f.leader is None}
 
     @cached_property
     def markers(self) -> dict[MarkerRef, str]:

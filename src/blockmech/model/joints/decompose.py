@@ -67,8 +67,7 @@ def decompose(linkage: Linkage, general: General = "") -> Parts:
         problems = reference_problems(linkage, vars(linkage))
         GraphError.raise_for([*problems, *wrong_units(linkage.sections())])
         linkage = dimensioned(linkage)
-        order = sequence(linkage)
-        return _as_blocks(linkage, order, general)
+        return _as_blocks(linkage, sequence(linkage), general)
     except GraphError as error:
         raise GraphError(in_file(error.problems, linkage.file)) from None
 

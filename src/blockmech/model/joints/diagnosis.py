@@ -39,8 +39,7 @@ REMEDIES: Mapping[str, tuple[str, str]] = {
 def why_not(layout: Layout, unplaced: Iterable[str]) -> list[Problem]:
     """The reasons why a structure cannot be put in a formation sequence, one for each."""
     if not layout.links:
-        remedy = "add links and joints"
-        return [Problem("no-links", "links", "there is no moving link", "", remedy)]
+        return [Problem("no-links", "links", "there is no moving link", "", "add links and joints")]
     try:
         together = _coincident(layout)
         if together:
@@ -48,7 +47,12 @@ def why_not(layout: Layout, unplaced: Iterable[str]) -> list[Problem]:
         findings = diagnose(layout.links, layout.pairs.values(), (FRAME,), layout.drivers)
         return _special(layout) or _problems(layout, findings, _undriven(layout))
     except TooTangledError:
-        return [_by_count(layout, unplaced)]
+        # What can be said of very many links in loops: which of them cannot be placed.
+        links, pairs = len(layout.links), len(layout.pairs)
+        message = f"{links} links and {pairs} pairs, 3n - 2p is {3 * links - 2 * pairs}, drivers "
+        message += f"{len(layout.drivers)}; {listed(unplaced) or 'some of them'} cannot be placed"
+        remedy = "take the mechanism apart, and check the parts"
+        return [Problem("too-tangled", "joints", message, EACH, remedy)]
 
 
 def why_stuck(layout: Layout, stuck: Iterable[Unit]) -> list[Problem]:
@@ -70,15 +74,6 @@ def _redundant(unit: Unit) -> Problem:
 
 def _undriven(layout: Layout) -> Rigidity:
     return rigidity(layout.links, layout.pairs.values(), (FRAME,))
-
-
-def _by_count(layout: Layout, unplaced: Iterable[str]) -> Problem:
-    """What can be said of very many links in loops: which of them cannot be placed."""
-    links, pairs = len(layout.links), len(layout.pairs)
-    message = f"{links} links and {pairs} pairs, 3n - 2p is {3 * links - 2 * pairs}, drivers "
-    message += f"{len(layout.drivers)}; {listed(unplaced) or 'some of them'} cannot be placed"
-    remedy = "take the mechanism apart, and check the parts"
-    return Problem("too-tangled", "joints", message, EACH, remedy)
 
 
 def _coincident(layout: Layout) -> list[Problem]:
@@ -168,8 +163,7 @@ def _special(layout: Layout) -> list[Problem]:
         few = Finding("too-few-drivers", (), driven, lacking)
         problems.append(_missing(layout, few, (), special.freedom))
     elif lacking < 0:
-        many = Finding("too-many-drivers", (), driven, -lacking)
-        problems.append(_problem(layout, many, state))
+        problems.append(_problem(layout, Finding("too-many-drivers", (), driven, -lacking), state))
     return problems
 
 

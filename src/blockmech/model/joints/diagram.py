@@ -20,7 +20,7 @@ from blockmech.ground.values import Place, xy
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.form import plain
 from blockmech.model.joints.closing import coordinate
-from blockmech.model.joints.contents import FRAME, LinkGiven, coordinate_of
+from blockmech.model.joints.contents import FRAME, coordinate_of
 from blockmech.model.joints.drafts import GENERAL, BlockDraft, End
 from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import (
@@ -108,7 +108,26 @@ class Diagram:
     def _mass(self, carrier: str) -> Data:
         """Mass properties of a link of the graph: of all that are welded to it."""
         links = self._carried[carrier]
-        return _mass_of([(self.linkage.links[link], self._seats[link]) for link in links])
+        # Mass properties of links that are one, in the frame of their block.
+        bodies = [(self.linkage.links[link], self._seats[link]) for link in links]
+        if len(bodies) > 1:
+            mass = sum(link.mass for link, _ in bodies)
+            centres = [seat.place(link.cm.z) for link, seat in bodies]
+            moment = sum(link.mass * z for (link, _), z in zip(bodies, centres, strict=True))
+            if mass and not complex(mass):  # it varies, from nothing on
+                raise GraphError(Problem("wrong-value", "links", NO_CENTRE))
+            cm = moment / mass if mass else 0j
+            inertia = sum(
+                link.inertia + link.mass * dot(z - cm, z - cm)
+                for (link, _), z in zip(bodies, centres, strict=True)
+            )
+            return {"mass": mass, "inertia": inertia, "cm": xy(cm)} if mass or inertia else {}
+        ((body, seat),) = bodies
+        fields, moved = body.model_fields_set, seat.o != 0 or seat.e != 1
+        data: Data = {k: getattr(body, k) for k in ("mass", "inertia") if k in fields}
+        if "cm" in fields or (moved and body.mass):
+            data["cm"] = xy(seat.place(body.cm.z)) if moved else body.cm.written
+        return data
 
     def add(self, unit: Unit, draft: BlockDraft) -> None:
         """Add the block of a unit and wire its outer joints."""
@@ -264,8 +283,7 @@ class Diagram:
     def add_signals(self) -> None:
         """Add the signal blocks and their wires; sensors have the document's names still."""
         for name, signal in self.linkage.signals.items():
-            data = {"type": signal.type_name, **plain(signal)}
-            self._signals[name] = self._block(name, data)
+            self._signals[name] = self._block(name, {"type": signal.type_name, **plain(signal)})
         for wire in self.linkage.wires:
             source, _, port = wire.source.partition(".")
             target, _, end = wire.target.partition(".")
@@ -280,21 +298,6 @@ class Diagram:
             return driver.partition(".")[0]
         c = self.found.layout.pairs[pair]
         return c.ends[c.links.index(self._ends[pair][1].later)]
-
-    def _scene(self) -> Data:
-        drive = {
-            name: {key: value for key, value in plain(law).items() if key != "joint"}
-            for name, law in self.linkage.drivers.items()
-            if isinstance(law, LawOfMotion)
-        }
-        scene: Data = {
-            "gravity": self.linkage.gravity.written if self.linkage.gravity.z else None,
-            "drive": drive,
-            "initial": plain(self.linkage.initial),
-            "stops": dict(self._stops(n, plain(item)) for n, item in self.linkage.stops.items()),
-            "motion": plain(self.linkage.motion),
-        }
-        return {key: item for key, item in scene.items() if item}
 
     def _stops(self, name: str, stops: Arguments) -> tuple[str, Data]:
         """Stops by a driver, or by the coordinate of a pair as its block counts it.
@@ -329,10 +332,22 @@ class Diagram:
 
     def data(self) -> Data:
         """The graph as it would stand in a file."""
+        drive = {
+            name: {key: value for key, value in plain(law).items() if key != "joint"}
+            for name, law in self.linkage.drivers.items()
+            if isinstance(law, LawOfMotion)
+        }
+        scene: Data = {
+            "gravity": self.linkage.gravity.written if self.linkage.gravity.z else None,
+            "drive": drive,
+            "initial": plain(self.linkage.initial),
+            "stops": dict(self._stops(n, plain(item)) for n, item in self.linkage.stops.items()),
+            "motion": plain(self.linkage.motion),
+        }
         sections = {
             "name": self.linkage.name,
             "title": self.linkage.title,
-            "scene": self._scene(),
+            "scene": {key: item for key, item in scene.items() if item},
             **{key: self.linkage.extras.get(key) for key in ("source", "notes")},
         }
         wires = [{"from": str(source), "to": str(end)} for source, end in self._wires]
@@ -382,28 +397,6 @@ def _seated(value: Any, seat: LinkPlacement) -> Any:
     if isinstance(value, list):
         return [_seated(x, seat) for x in value]
     return xy(seat.place(Place.parse(value).z))  # as a file may have it
-
-
-def _mass_of(bodies: list[tuple[LinkGiven, LinkPlacement]]) -> Data:
-    """Mass properties of links that are one, in the frame of their block."""
-    if len(bodies) > 1:
-        mass = sum(link.mass for link, _ in bodies)
-        centres = [seat.place(link.cm.z) for link, seat in bodies]
-        moment = sum(link.mass * z for (link, _), z in zip(bodies, centres, strict=True))
-        if mass and not complex(mass):  # it varies, from nothing on
-            raise GraphError(Problem("wrong-value", "links", NO_CENTRE))
-        cm = moment / mass if mass else 0j
-        inertia = sum(
-            link.inertia + link.mass * dot(z - cm, z - cm)
-            for (link, _), z in zip(bodies, centres, strict=True)
-        )
-        return {"mass": mass, "inertia": inertia, "cm": xy(cm)} if mass or inertia else {}
-    ((body, seat),) = bodies
-    fields, moved = body.model_fields_set, seat.o != 0 or seat.e != 1
-    data: Data = {k: getattr(body, k) for k in ("mass", "inertia") if k in fields}
-    if "cm" in fields or (moved and body.mass):
-        data["cm"] = xy(seat.place(body.cm.z)) if moved else body.cm.written
-    return data
 
 
 def _reserved(draft: BlockDraft) -> set[str]:
