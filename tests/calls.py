@@ -28,7 +28,7 @@ from blockmech.builders import opened
 from blockmech.draw import KINDS, animate, diagram_svg, draw, mechanism_svg, plot, run_pictures
 from blockmech.draw.simulation import motion_svg
 from blockmech.exchange.formats import WRITERS
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured
 from blockmech.ground.report import Facts, Report
 from blockmech.result.quality import OK
 from blockmech.result.result import Result

@@ -10,8 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import blockmech as bm
-from blockmech.figures.paper import panelled
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured, panelled
 from tests.source import MODULES
 
 for name in MODULES:

@@ -18,8 +18,7 @@ import numpy as np
 from blockmech.dynamics.tangents import Tangents
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import label_coordinate
-from blockmech.figures.paper import panelled, picture_unit, shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured, panelled, picture_unit, shown_name
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import Facts, Report, as_json, places, with_unit

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import label_coordinate
 from blockmech.figures.paper import (
+    Pictured,
     grow,
     legend_above,
     panelled,
     picture_unit,
     shown_name,
 )
-from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.report import WIDTH, Facts, as_json, places
 from blockmech.ground.units import shown_in

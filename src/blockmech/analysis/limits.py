@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Any
 from blockmech.analysis.arcs import Bound, Known, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.analysis.scan import TURN, shown_place
-from blockmech.figures.bars import Bar, bars_figure
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.panels import Bar, bars_figure
+from blockmech.figures.paper import Pictured
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, among, listed, refused

@@ -21,8 +21,14 @@ from blockmech.compiled import Compiled
 from blockmech.figures import palette as ink
 from blockmech.figures.curves import abscissa, values
 from blockmech.figures.panels import label_coordinate
-from blockmech.figures.paper import axis_label, legend_above, panelled, picture_unit, shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import (
+    Pictured,
+    axis_label,
+    legend_above,
+    panelled,
+    picture_unit,
+    shown_name,
+)
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS

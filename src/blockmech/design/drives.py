@@ -25,8 +25,7 @@ from blockmech.design.efforts import with_efforts
 from blockmech.engines.derivatives import Dual, DualEngine
 from blockmech.engines.numpy import CHUNK
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import panelled, picture_unit
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured, panelled, picture_unit
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, refused

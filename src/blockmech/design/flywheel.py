@@ -23,8 +23,7 @@ from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import refuse_signals
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import label_coordinate
-from blockmech.figures.paper import legend_above, panelled, picture_unit
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured, legend_above, panelled, picture_unit
 from blockmech.functions.roots import SCANNED
 from blockmech.functions.series import Series, fit, panels
 from blockmech.ground.arguments import declared

@@ -39,8 +39,7 @@ from blockmech.design.measurements import Record, record_of
 from blockmech.engines.derivatives import DualEngine, slope, value
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import label_coordinate
-from blockmech.figures.paper import panelled, picture_unit, shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured, panelled, picture_unit, shown_name
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, as_names, held, listed, refused
 from blockmech.ground.plane import EPS

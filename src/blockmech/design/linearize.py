@@ -33,8 +33,7 @@ from blockmech.analysis.equilibrium import Equilibrium, natural_frequencies
 from blockmech.dynamics.tangents import refuse_friction_states
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import log_ticks
-from blockmech.figures.paper import legend_above, panelled, shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured, legend_above, panelled, shown_name
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, as_names, listed, needed, refused

@@ -120,13 +120,53 @@ class Animation:
 
     @cached_property
     def pictures(self) -> list[Any]:
-        """The frames as arrays (height, width, 3) of bytes."""
-        return _pictures(self)
+        """The frames as arrays (height, width, 3) of bytes, drawn once each.
+
+        matplotlib's own writers draw the axes again for every frame, which takes four times as
+        long.
+        """
+        page, figure = self.page, self.page.figure
+        with styled():
+            figure.set_dpi(110 if page.wide else 150)
+            for shape in (shape for shape in self.shapes if shape.still):
+                page.draw(shape)
+            page.write_caption("")
+            figure.canvas.draw()
+            background = figure.canvas.copy_from_bbox(figure.bbox)
+            moving = [(page.draw(shape), shape) for shape in self.shapes if not shape.still]
+            names = [(page.write(position), position) for position in self.names]
+            pictures = []
+            for k, text in enumerate(self.captions):
+                figure.canvas.restore_region(background)
+                for artist, shape in moving:
+                    move(artist, shape, k)
+                for artist, position in names:
+                    z = page.metres(position.centre(k))
+                    artist.set_position((z.real, z.imag))
+                for artist in [*(a for a, _ in [*moving, *names]), page.write_caption(text)]:
+                    figure.draw_artist(artist)
+                pictures.append(np.array(figure.canvas.buffer_rgba())[..., :3])
+        return pictures
 
     @cached_property
     def gif(self) -> bytes:
         """A GIF that repeats for ever."""
-        return _gif(self)
+        from PIL import Image
+
+        pictures = self.pictures
+        # One palette: with colours of its own each frame would flicker.
+        some = pictures[:: math.ceil(len(pictures) / 4)]
+        colours = Image.fromarray(np.concatenate(some)).quantize(method=Image.Quantize.MAXCOVERAGE)
+        plain = [
+            Image.fromarray(p).quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures
+        ]
+        first, *rest = (plain[k] for k in self.order)
+        # Tens of milliseconds; browsers honour no fewer than two of them.
+        ticks = max(round(1000 * self.seconds / len(self.order), -1), 20)
+        buffer = io.BytesIO()
+        forever: Data = {"save_all": True, "loop": 0, "duration": int(ticks)}
+        first.save(buffer, "GIF", append_images=rest, optimize=False, **forever)
+        return buffer.getvalue()
 
     @cached_property
     def mp4(self) -> bytes:
@@ -134,7 +174,31 @@ class Animation:
 
         Raises `MissingEngineError` without either.
         """
-        return _film(self)
+        import matplotlib
+
+        program = matplotlib.rcParams["animation.ffmpeg_path"]
+        if shutil.which(program) is None:
+            instead = (
+                "a film is written by ffmpeg, and none is on the PATH; .gif and .html need none"
+            )
+            program = needed("imageio_ffmpeg", "draw", "film", instead).get_ffmpeg_exe()
+        # H.264 with the colours that every player knows needs an even number of rows and columns.
+        frames = [p[: p.shape[0] // 2 * 2, : p.shape[1] // 2 * 2] for p in self.pictures]
+        height, width, _ = frames[0].shape
+        count = max(round(self.seconds * FPS), 1)
+        indices = (self.order[k * len(self.order) // count] for k in range(count))
+        with tempfile.TemporaryDirectory() as folder:
+            video = Path(folder, "film.mp4")
+            raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FPS)]
+            coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+            command = [program, "-v", "error", "-y", *raw, "-i", "-", *coded, str(video)]
+            completed = subprocess.run(
+                command, input=b"".join(frames[k].tobytes() for k in indices), capture_output=True
+            )
+            if completed.returncode:
+                message = completed.stderr.decode(errors="replace").strip()[:300]
+                raise refused("draw", f"ffmpeg fails: {message}", "name the file .gif or .html")
+            return video.read_bytes()
 
     def to_matplotlib(self) -> FuncAnimation:
         """The frames as matplotlib's `FuncAnimation`, with ``to_jshtml()`` and writers of films."""
@@ -194,81 +258,6 @@ def rests(run: Result, time: float, rates: Iterable[float]) -> bool:
 
 
 # -- GIF and film --------------------------------------------------------------------------
-
-
-def _pictures(film: Animation) -> list[Any]:
-    """The frames, drawn once each.
-
-    matplotlib's own writers draw the axes again for every frame, which takes four times as long.
-    """
-    page, figure = film.page, film.page.figure
-    with styled():
-        figure.set_dpi(110 if page.wide else 150)
-        for shape in (shape for shape in film.shapes if shape.still):
-            page.draw(shape)
-        page.write_caption("")
-        figure.canvas.draw()
-        background = figure.canvas.copy_from_bbox(figure.bbox)
-        moving = [(page.draw(shape), shape) for shape in film.shapes if not shape.still]
-        names = [(page.write(position), position) for position in film.names]
-        pictures = []
-        for k, text in enumerate(film.captions):
-            figure.canvas.restore_region(background)
-            for artist, shape in moving:
-                move(artist, shape, k)
-            for artist, position in names:
-                z = page.metres(position.centre(k))
-                artist.set_position((z.real, z.imag))
-            for artist in [*(a for a, _ in [*moving, *names]), page.write_caption(text)]:
-                figure.draw_artist(artist)
-            pictures.append(np.array(figure.canvas.buffer_rgba())[..., :3])
-    return pictures
-
-
-def _gif(film: Animation) -> bytes:
-    """The frames as a GIF with one palette: with colours of its own each would flicker."""
-    from PIL import Image
-
-    pictures = film.pictures
-    some = pictures[:: math.ceil(len(pictures) / 4)]
-    colours = Image.fromarray(np.concatenate(some)).quantize(method=Image.Quantize.MAXCOVERAGE)
-    plain = [
-        Image.fromarray(p).quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures
-    ]
-    first, *rest = (plain[k] for k in film.order)
-    # Tens of milliseconds; browsers honour no fewer than two of them.
-    ticks = max(round(1000 * film.seconds / len(film.order), -1), 20)
-    buffer = io.BytesIO()
-    forever: Data = {"save_all": True, "loop": 0, "duration": int(ticks)}
-    first.save(buffer, "GIF", append_images=rest, optimize=False, **forever)
-    return buffer.getvalue()
-
-
-def _film(film: Animation) -> bytes:
-    """The frames through ffmpeg, each shown at its time."""
-    import matplotlib
-
-    program = matplotlib.rcParams["animation.ffmpeg_path"]
-    if shutil.which(program) is None:
-        instead = "a film is written by ffmpeg, and none is on the PATH; .gif and .html need none"
-        program = needed("imageio_ffmpeg", "draw", "film", instead).get_ffmpeg_exe()
-    # H.264 with the colours that every player knows needs an even number of rows and columns.
-    frames = [p[: p.shape[0] // 2 * 2, : p.shape[1] // 2 * 2] for p in film.pictures]
-    height, width, _ = frames[0].shape
-    count = max(round(film.seconds * FPS), 1)
-    indices = (film.order[k * len(film.order) // count] for k in range(count))
-    with tempfile.TemporaryDirectory() as folder:
-        video = Path(folder, "film.mp4")
-        raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FPS)]
-        coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
-        command = [program, "-v", "error", "-y", *raw, "-i", "-", *coded, str(video)]
-        completed = subprocess.run(
-            command, input=b"".join(frames[k].tobytes() for k in indices), capture_output=True
-        )
-        if completed.returncode:
-            message = completed.stderr.decode(errors="replace").strip()[:300]
-            raise refused("draw", f"ffmpeg fails: {message}", "name the file .gif or .html")
-        return video.read_bytes()
 
 
 # -- HTML ----------------------------------------------------------------------------------

@@ -131,13 +131,6 @@ def fault_of(motion: Motion) -> str:
     return why_not(motion.result.rerun("*.p"))
 
 
-def gaps_of(motion: Motion) -> list[list[int]]:
-    """Runs of samples without an answer, from the first to the last."""
-    bad = np.zeros(motion.result.n + 2, int)
-    bad[[k + 1 for k in motion.quality.gaps]] = 1
-    return [[int(a), int(b) - 1] for a, b in np.flatnonzero(np.diff(bad)).reshape(-1, 2)]
-
-
 # -- as the page gets it ------------------------------------------------------------------
 
 
@@ -162,7 +155,14 @@ def seconds_of(motion: Motion) -> float:
 
 def motion_data(motion: Motion, home: Mapping[str, float]) -> Data:
     """Coordinates of all samples, and how far each driver goes."""
-    m, gaps, time = motion.mechanism, gaps_of(motion), simulated_time(motion)
+    # Runs of samples without an answer, from the first to the last.
+    bad = np.zeros(motion.result.n + 2, int)
+    bad[[k + 1 for k in motion.quality.gaps]] = 1
+    m, gaps, time = (
+        motion.mechanism,
+        [[int(a), int(b) - 1] for a, b in np.flatnonzero(np.diff(bad)).reshape(-1, 2)],
+        simulated_time(motion),
+    )
     pose = {d: float(q[motion.clearest]) for d, q in motion.q.items()}
     return {
         "n": len(motion.samples),

@@ -1,4 +1,6 @@
-"""The paper that pictures are drawn on: figures, text, legends, units and files.
+"""The paper that pictures are drawn on, and answers with a picture (`Pictured`).
+
+Paper is figures, text, legends, units and files.
 
 Figures are matplotlib's, made without pyplot, so drawing leaves no global state
 behind. matplotlib is imported when the first picture is drawn. A file is written whole
@@ -13,7 +15,9 @@ import html
 import io
 import math
 import warnings
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,8 +25,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.figures.palette import COLUMN, DPI, PALE, ROW, SMALL, STYLE, TEXT
-from blockmech.ground.errors import listed, refused
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.files import AnyPath, writing
+from blockmech.ground.report import Report
 from blockmech.ground.units import shown_in
 from blockmech.typing import Arguments
 
@@ -280,3 +286,34 @@ def suffix_of(path: AnyPath, subject: str = "a plot", valid: Sequence[str] = STI
         remedy = f"choose one of them, or {remedy}"
         raise refused(str(path), message, remedy, choices, "unknown-suffix")
     return suffix
+
+
+class Pictured(Report):
+    """What people read, with a picture."""
+
+    @abstractmethod
+    def figure(self, ax: Axes | None = None) -> Any:
+        """matplotlib's figure, in place of the axes ``ax`` if they are given.
+
+        Raises `RequestError` where there is nothing to draw.
+        """
+
+    @declared
+    def plot(self, path: AnyPath | None = None, *, ax: Axes | None = None) -> Any:
+        """The picture as matplotlib's figure; with a path it is written (png, svg or pdf).
+
+        ``ax`` are axes to draw in, which are shared out among several panels; units are those of
+        `to`, of angles degrees by default. Raises `RequestError` for another suffix, before
+        anything is drawn, and where there is nothing to draw.
+        """
+        suffix = "" if path is None else suffix_of(path)
+        figure = self.figure(ax)
+        if path is not None:
+            write_figure(figure, path, suffix)
+        return figure
+
+    def _repr_html_(self) -> str:
+        text = super()._repr_html_()
+        with suppress(BlockmechError):
+            text += rendered(self.figure(), ".svg").decode()
+        return text

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.scan import shown_place
-from blockmech.figures.bars import Bar, bars_figure
-from blockmech.figures.paper import shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.panels import Bar, bars_figure
+from blockmech.figures.paper import Pictured, shown_name
 from blockmech.ground.errors import among
 from blockmech.ground.report import Facts, with_unit
 from blockmech.ground.units import shown_in

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.figures import palette as ink
-from blockmech.figures.bars import THICK
-from blockmech.figures.paper import panelled, scaled_unit, shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.panels import THICK
+from blockmech.figures.paper import Pictured, panelled, scaled_unit, shown_name
 from blockmech.ground.errors import held, listed
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import LINES, as_json, sections

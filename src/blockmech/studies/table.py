@@ -12,8 +12,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from blockmech.figures import palette as ink
-from blockmech.figures.paper import axis_label, panelled, picture_unit, scaled_unit, shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import (
+    Pictured,
+    axis_label,
+    panelled,
+    picture_unit,
+    scaled_unit,
+    shown_name,
+)
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, needed, refused
 from blockmech.ground.files import AnyPath

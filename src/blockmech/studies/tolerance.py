@@ -23,8 +23,7 @@ from blockmech.compiled import Compiled
 from blockmech.figures import palette as ink
 from blockmech.figures.curves import abscissa, values
 from blockmech.figures.panels import Abscissa, label_coordinate
-from blockmech.figures.paper import legend_above, panelled, picture_unit, shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured, legend_above, panelled, picture_unit, shown_name
 from blockmech.ground.errors import Problem, RequestError
 from blockmech.ground.progress import with_bar
 from blockmech.ground.report import sections

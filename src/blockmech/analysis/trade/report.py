@@ -13,8 +13,7 @@ import numpy as np
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, cheaper, front
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import log_ticks, power_of_ten
-from blockmech.figures.paper import legend_above, panelled, shown_name
-from blockmech.figures.pictured import Pictured
+from blockmech.figures.paper import Pictured, legend_above, panelled, shown_name
 from blockmech.ground.report import Facts, as_json
 from blockmech.result.spreadsheet import CsvTable
 from blockmech.result.tables import aligned
