@@ -137,8 +137,8 @@ def test_a_model_says_how_it_is_changed():
         (lambda: MECHANISM.run(at=0.5).extremes, "mechanism.extremes"),
         (lambda: MECHANISM.run(at=0.5).to_pandas, "to_dataframe"),
         (
-            lambda: MECHANISM.study({"dyad.l_i": [6.0]}, want="max(crank.drive)").best,
-            "numpy.argmin",
+            lambda: MECHANISM.study({"dyad.l_i": [6.0]}, want="max(crank.drive)").argmin,
+            "write best",
         ),
         (lambda: bm.animate, "blockmech.draw.animate"),
         (lambda: bm.shapes, "blockmech.design.shapes"),
@@ -176,6 +176,10 @@ def test_what_a_missing_attribute_means_is_looked_up_where_the_message_is_read(m
         (lambda: MECHANISM.stroke(), ("arguments: source, name", "m.compile().stroke(")),
         (lambda: MECHANISM.run(points=5), ('did you mean "samples"?', 'mech.run(at="30deg"')),
         (lambda: MECHANISM.extremes("crank.q", over=(0, 1)), ("arguments: source, name",)),
+        (
+            lambda: MECHANISM.study({}, want="max(crank.drive)", constraints="x > 0"),
+            ("write study(...).best()",),
+        ),
         (lambda: bm.Linkage("a").add_link("rod", com=(0, 1)), ('did you mean "cm"?', "m.add_link")),
         (lambda: bm.Graph("a").add_stop("crank", upper=1.0), ('did you mean "high"?',)),
         (

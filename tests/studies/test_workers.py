@@ -1,10 +1,12 @@
 """A study in parts: by whom, in what order and after what accident, the bytes are the same."""
 
+import itertools
 import multiprocessing
 import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -87,6 +89,47 @@ def test_an_interrupted_study_goes_on_where_it_stopped(fourbar, whole, tmp_path,
     assert_same(whole, again)
     monkeypatch.setattr(Work, "here", lambda work, spans: iter(spans) if not spans else 1 / 0)
     assert_same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+
+
+def test_a_study_is_written_after_each_second(fourbar, whole, tmp_path, monkeypatch):
+    """Time is counted in calls here: a part is closed by the third block behind its first."""
+    monkeypatch.setattr(Runner, "part", lambda self, n: 400)
+    monkeypatch.setattr(Runner, "size", lambda self, n: PART)
+    clock = SimpleNamespace(monotonic=itertools.count(0.0, 0.4).__next__)
+    monkeypatch.setattr("blockmech.studies.workers.time", clock)
+
+    def stop(label, count, of):
+        if count > 200:
+            raise KeyboardInterrupt
+
+    first = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=stop)
+    before = files(tmp_path)
+    assert [int(name.split("-")[1]) for name in before] == [0, 60, 120, 180]
+    assert first.n == 240
+    assert_same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+    assert before.items() < files(tmp_path).items()
+    monkeypatch.setattr(Work, "here", lambda work, spans: iter(spans) if not spans else 1 / 0)
+    assert_same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))
+
+
+def test_a_finished_study_is_read_without_what_draws_or_tabulates(fourbar, tmp_path):
+    """Latin points are those of SciPy, whose statistics take longer to load than all else."""
+    from scipy.stats import qmc
+
+    request = {**REQUEST, "sampling": bm.dist.Sample(40, "latin", 3), "out": tmp_path}
+    study = fourbar.study(VARY, **request)
+    points = qmc.LatinHypercube(2, seed=np.random.default_rng(3)).random(40)
+    assert np.array_equal(study["frame.D.x"], VARY["frame.D.x"].quantile(points[:, 1]))
+    lines = (
+        "import sys, blockmech as bm",
+        f"mech = bm.Graph.load({str(GRAPHS / 'ruiz_fourbar.json')!r}).compile()",
+        "vary = {'dyad.l_i': bm.dist.Normal(6.0, 0.5), 'frame.D.x': bm.dist.Uniform(5.4, 5.6)}",
+        f"mech.study(vary, want={REQUEST['want']}, samples=6, progress=print,",
+        f"    sampling=bm.dist.Sample(40, 'latin', 3), out={str(tmp_path)!r})",
+        "print([x for x in ('scipy.stats', 'pyarrow.dataset') if x in sys.modules])",
+    )
+    command = [sys.executable, "-c", "\n".join(lines)]
+    assert subprocess.run(command, capture_output=True, text=True).stdout == "[]\n"
 
 
 def test_another_question_in_the_folder_is_refused(fourbar, tmp_path):

@@ -106,10 +106,11 @@ def _misfit(
 ) -> str:
     """What Python says of a call that does not fit, and how the function is called.
 
-    What is no argument may be a method of its owner.
+    What is no argument may be a method of its owner, or of what the function returns.
     """
     names = [name for name in names if name != "self"]
-    homes = {".{}()": type(owner)}
+    answer = _evaluated(inspect.signature(function).return_annotation, function)
+    homes = {".{}()": type(owner), f"{function.__name__}(...).{{}}()": answer}
     unknown = [x for x in kwargs if x not in names]
     hints = (close_match(x, names) or elsewhere(x, homes).removeprefix(": ") for x in unknown)
     sentences = [str(error), *dict.fromkeys(hints)]
@@ -136,11 +137,12 @@ def _hint(
     parameters: Mapping[str, inspect.Parameter], name: str, function: Callable[..., object]
 ) -> Any:
     """The type of an argument; any where it is only known to type checkers."""
-    annotation = parameters[name].annotation if name in parameters else Any
-    if not isinstance(annotation, str):
-        return Any
+    return _evaluated(parameters[name].annotation, function) if name in parameters else Any
+
+
+def _evaluated(annotation: Any, function: Callable[..., object]) -> Any:
     try:
-        return eval(annotation, function.__globals__)
+        return eval(annotation, function.__globals__) if isinstance(annotation, str) else Any
     except NameError:
         return Any
 

@@ -29,7 +29,7 @@ def fingerprint(runner: Runner, chosen: Designs) -> str:
     """The word of a question, in any process. Raises `RequestError` as `content_of` does."""
     from importlib.metadata import version  # slow to load
 
-    mechanism, part = runner.family.mechanism, runner.part(runner.samples_of_design())
+    mechanism = runner.family.mechanism
     document = mechanism.document
     flat = document.flat() if isinstance(document, Graph) else document
     sections = {} if flat is None else flat.to_data()
@@ -38,7 +38,7 @@ def fingerprint(runner: Runner, chosen: Designs) -> str:
         "mechanism": {key: x for key, x in sections.items() if key not in EXTRAS}
         or repr((mechanism.structure, mechanism.scene)),
         "vary": {address: summary(x) for address, x in chosen.vary.items()},
-        "designs": (chosen.sampling, chosen.count, chosen.seed, part),
+        "designs": (chosen.sampling, chosen.count, chosen.seed),
         "want": [w.label for w in runner.want],
         **runner.question(),
         "settings": dict(runner.settings),

@@ -1,7 +1,7 @@
 """What a study keeps of its designs, in memory or in a folder of parts.
 
 Parts are Parquet files that are written whole or not at all, so a study that was interrupted does
-the missing ones only. Missing is also a part that does not hold what its name says: it carries a
+the missing designs only. A part that does not hold what its name says is done again: it carries a
 digest of its columns, and the numbers of its designs are compared. Names begin with a fingerprint
 of the question: parts of another one are refused.
 """
@@ -9,9 +9,12 @@ of the question: parts of another one are refused.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -83,7 +86,7 @@ class Parts:
     place: Path
     question: str
     want: tuple[Wanted, ...]
-    spans: tuple[Span, ...]
+    spans: tuple[Span, ...] = ()
     damaged: tuple[str, ...] = ()
 
     def path(self, span: Span) -> Path:
@@ -91,37 +94,52 @@ class Parts:
         start, stop = span
         return self.place / f"{self.question}-{start:012d}-{stop:012d}{SUFFIX}"
 
-    def missing(self, chosen: Designs) -> tuple[list[Span], tuple[str, ...]]:
-        """The parts that are not there, and files that stand in their places.
+    def existing(self, chosen: Designs) -> Parts:
+        """Those in the folder; files that only stand in their places are removed.
 
         The folder is made where it is not. Raises `RequestError` where it cannot be, or where it
         holds parts of another question.
         """
         with folder(self.place):
             pass
-        files = {path.name for path in self.place.glob(f"*{SUFFIX}")}
-        if foreign := sorted(name for name in files if not name.startswith(f"{self.question}-")):
+        names = sorted(path.name for path in self.place.glob(f"*{SUFFIX}"))
+        if foreign := [name for name in names if not name.startswith(f"{self.question}-")]:
             message = f"it holds parts of another question, or of another version: {foreign[0]}"
             raise cannot_write(str(self.place), message, "choose another folder, or empty this one")
-        spans = [
-            span
-            for span in self.spans
-            if self.path(span).name not in files or not self._holds(span, chosen.columns(*span))
-        ]
-        return spans, tuple(name for span in spans if (name := self.path(span).name) in files)
+        spans, damaged = [(0, 0)], list[str]()
+        for name in names:
+            span = re.fullmatch(rf"-(\d+)-(\d+){SUFFIX}", name.removeprefix(self.question))
+            start, stop = map(int, span.groups() if span else (0, 0))
+            if start < spans[-1][1] or stop <= start:  # another process did these as well
+                continue
+            if self._holds((start, stop), chosen.columns(start, stop)):
+                spans.append((start, stop))
+                continue
+            damaged.append(name)
+            with suppress(OSError):  # writing says what cannot be removed
+                (self.place / name).unlink()
+        return replace(self, spans=tuple(spans[1:]), damaged=tuple(damaged))
+
+    def missing(self, count: int) -> list[Span]:
+        """The designs of so many that are in no part."""
+        ends = pairwise([(0, 0), *self.spans, (count, count)])
+        return [(start, stop) for (_, start), (stop, _) in ends if start < stop]
 
     def _holds(self, span: Span, vary: Mapping[str, Array]) -> bool:
         """Whether a file is the part of these designs, whole and unharmed."""
-        arrow = needed("pyarrow", "out", "study", WITHOUT)
-        parquet = needed("pyarrow.parquet", "out", "study", WITHOUT)
         try:
-            with self.path(span).open("rb") as stream:
-                table = parquet.read_table(stream, page_checksum_verification=True)
-        except (OSError, arrow.ArrowException):
+            table = self._table(span)
+        except (OSError, needed("pyarrow", "out", "study", WITHOUT).ArrowException):
             return False
         complete = set(self._names()) <= set(table.column_names)
         complete &= (table.schema.metadata or {}).get(DIGEST) == _digest(table)
         return complete and all(np.array_equal(table[a].to_numpy(), x) for a, x in vary.items())
+
+    def _table(self, span: Span, names: Sequence[str] | None = None) -> Any:
+        """Some columns of a part, by default all."""
+        parquet = needed("pyarrow.parquet", "out", "study", WITHOUT)
+        with self.path(span).open("rb") as stream:
+            return parquet.ParquetFile(stream, page_checksum_verification=True).read(names)
 
     def write(self, span: Span, vary: Mapping[str, Array], results: Rows) -> None:
         """Write a part: its numbers and results, then why designs have no answer.
@@ -129,8 +147,6 @@ class Parts:
         Raises `RequestError` if the path cannot be written.
         """
         arrow = needed("pyarrow", "out", "study", WITHOUT)
-        if self.path(span).is_symlink():  # what it leads to is somebody else's
-            self.path(span).unlink(missing_ok=True)
         columns: list[tuple[str, Any, str | None]] = [(a, x, None) for a, x in vary.items()]
         for w in self.want:
             parts = components(w.label, results.values[w.label]).items()
@@ -167,12 +183,8 @@ class Parts:
         Raises `RequestError` where a part was removed or harmed since the study was made.
         """
         arrow = needed("pyarrow", "out", "study", WITHOUT)
-        dataset = needed("pyarrow.dataset", "out", "study", WITHOUT)
-        checked = dataset.ParquetFragmentScanOptions(page_checksum_verification=True)
-        form = dataset.ParquetFileFormat(default_fragment_scan_options=checked)
-        paths = [str(self.path(span)) for span in self.spans]
         try:
-            return dataset.dataset(paths, format=form).to_table(columns=list(names))
+            return arrow.concat_tables([self._table(span, names) for span in self.spans])
         except (OSError, arrow.ArrowException) as error:
             message = f"a part cannot be read any more: {str(error).splitlines()[0]}"
             remedy = "ask the study again: it does the parts that are missing"

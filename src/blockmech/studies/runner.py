@@ -82,22 +82,20 @@ class Runner:
             runner, want=wanted(want, family.general.outputs, runner.samples(m), m.drivers)
         )
 
-    def checked(self, chosen: Designs) -> tuple[Span, ...]:
-        """The parts of designs. Raises `FormatError` for values that the file would refuse.
+    def check_values(self, chosen: Designs) -> None:
+        """Raise `FormatError` for values that the file would refuse.
 
         What it takes of a number are intervals: so tried are the smallest and the largest value,
         zero, and one that is not whole.
         """
-        spans = self.spans(chosen.count, self.samples_of_design())
         tried: dict[Parameter, Array] = {}
-        for columns in chosen.given(spans):
+        for columns in chosen.given(self.spans(0, chosen.count)):
             for p, x in zip(self.family.parameters, columns.values(), strict=True):
                 y = np.append(x, tried.get(p, ()))
                 tried[p] = np.unique([y.min(), y.max(), *y[y == 0.0][:1], *y[y % 1.0 != 0.0][:1]])
         values = ((p, x) for p, row in tried.items() for x in row.tolist())
         problems = [problem for p, x in values for problem in self.family.problems(p, x)]
         FormatError.raise_for(dict.fromkeys(problems))
-        return spans
 
     def samples(self, mechanism: Compiled) -> Samples:
         """The poses. Raises `RequestError` where they are wrong."""
@@ -139,10 +137,10 @@ class Runner:
         """Designs handed out at a time: so many samples are work enough to start something."""
         return self.size(n) * (PART // CHUNK)
 
-    def spans(self, count: int, n: int) -> tuple[Span, ...]:
-        """The parts of so many designs at n poses."""
-        size = self.part(n)
-        return tuple((k, min(k + size, count)) for k in range(0, count, size))
+    def spans(self, start: int, stop: int) -> list[Span]:
+        """Designs in portions that are handed out at a time."""
+        size = self.part(self.samples_of_design())
+        return [(k, min(k + size, stop)) for k in range(start, stop, size)]
 
     def prepared(self, count: int) -> Any:
         """The plan that serves all of so many designs, or that of the first one."""

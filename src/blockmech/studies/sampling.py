@@ -2,7 +2,8 @@
 
 Points of a grid, of Sobol and at random are made where they are asked for, by their places,
 so no process of a large study holds them all, and none depends on how a study is parted; a
-Latin hypercube is one whole. It and Sobol points are SciPy's (`scipy.stats.qmc`).
+Latin hypercube is one whole. Sobol points are SciPy's (`scipy.stats.qmc`), which takes longer to
+load than most studies to run; so a hypercube, of as many lines, is drawn here as it draws one.
 
 Sources: McKay, Beckman & Conover 1979 (Latin hypercube); Sobol' 1967, Owen 1998 (scrambled).
 """
@@ -98,10 +99,12 @@ class Designs:
 
     @cached_property
     def _hypercube(self) -> Floats:
-        from scipy.stats import qmc
-
-        random = np.random.default_rng(self.seed)
-        return np.asarray(qmc.LatinHypercube(len(self.vary), seed=random).random(self.count))
+        (random,), size = np.random.default_rng(self.seed).spawn(1), len(self.vary)
+        inside = random.random((self.count, size))
+        strata = np.tile(np.arange(1, self.count + 1), (size, 1))
+        for row in strata:
+            random.shuffle(row)
+        return np.asarray((strata.T - inside) / self.count)
 
 
 def designs(vary: Record, sampling: str | Sample | None) -> Designs:

@@ -114,14 +114,14 @@ def study(
     family = Family(mechanism, vary, friction)
     poses = {"at": at, "samples": samples, "times": times}
     runner = runner_of(family, want, poses, how, simulate)
-    spans = runner.checked(chosen)
+    runner.check_values(chosen)
     runner = replace(runner, engine=engine).settled(chosen.count)
     return Study(
         mechanism.name,
         dict(zip(vary, family.parameters, strict=True)),
         runner.want,
         chosen,
-        _rows(runner, chosen, spans, progress, out, workers),
+        _rows(runner, chosen, progress, out, workers),
         runner.coordinates,
         family.alone,
         runner.engine,
@@ -132,21 +132,19 @@ def study(
 def _rows(
     runner: Runner,
     chosen: Designs,
-    spans: tuple[Span, ...],
     say: Progress | None,
     out: AnyPath | None,
     workers: int | Client | None,
 ) -> Rows | Parts:
     """All designs, or those that were done in a row before Ctrl-C; parts that exist are done."""
-    parts, left = None, list(spans)
+    parts, gaps = None, [(0, chosen.count)]
     if out is not None:
         needed("pyarrow", "out", "study", WITHOUT)
-        question = fingerprint(runner, chosen)
-        parts = Parts(Path(out), question, runner.want, spans)
-        left, damaged = parts.missing(chosen)
-        parts = replace(parts, damaged=damaged)
-    blocks: dict[Span, Rows | None] = dict.fromkeys(set(spans) - set(left))
-    done = chosen.count - sum(stop - start for start, stop in left)
+        parts = Parts(Path(out), fingerprint(runner, chosen), runner.want).existing(chosen)
+        gaps = parts.missing(chosen.count)
+    blocks: dict[Span, Rows | None] = dict.fromkeys(parts.spans if parts else ())
+    done = chosen.count - sum(stop - start for start, stop in gaps)
+    left = [span for gap in gaps for span in runner.spans(*gap)]
     answers = hands(Work(runner, chosen, parts), workers)(left)
     try:
         for span, block in answers:

@@ -32,7 +32,7 @@ from blockmech.result.tables import aligned, counted
 from blockmech.studies.reductions import POSES, Wanted
 from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
 from blockmech.studies.sampling import Designs
-from blockmech.typing import Arguments, Array, Data, Real
+from blockmech.typing import Arguments, Array, Data, Real, Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,6 +134,31 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     def grid(self, name: str) -> Array:
         """A column as an array over the grid; NaN for designs that were not run."""
         return self.filled(self[name], np.nan)
+
+    @declared
+    def best(self, name: str, where: Array | None = None, largest: bool = False) -> Record:
+        """The design with the least value of a column: its numbers and results, by name.
+
+        Parameters
+        ----------
+        name : the column
+        where : (m,) which designs are feasible; by default all that have an answer
+        largest : take the largest value instead
+
+        Raises `RequestError` where no design is feasible.
+
+        >>> lengths = mech.study({"dyad.l_i": [5.9, 6.0, 6.1]}, want="max(crank.drive)", samples=13)
+        >>> best = lengths.best("max(crank.drive)", where=lengths["dyad.l_i"] > 5.95)
+        >>> float(best["dyad.l_i"])
+        6.0
+        """
+        cost = -self[name] if largest else self[name]
+        feasible = np.isfinite(cost) & (True if where is None else where)
+        if not feasible.any():
+            found = f"none of {counted(self.n, 'design')} fulfils it and has a {name}"
+            raise refused("where", found, "allow more, or study other designs")
+        row = np.where(feasible, cost, np.inf).argmin()
+        return {column: values[row] for column, values in self.items()}
 
     def filled(self, values: Array, fill: Real) -> Array:
         """Values of the designs over the grid."""

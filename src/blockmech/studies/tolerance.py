@@ -252,7 +252,8 @@ def _drawn(
     """Mean and deviation of outputs over random designs, block by block."""
     sums: dict[str, list[Real]] = {name: [0, 0.0, 0.0] for name in linear}
     outputs = runner.family.mechanism.outputs
-    for (_, count), block in Work(runner, chosen).here(runner.checked(chosen)):
+    runner.check_values(chosen)
+    for (_, count), block in Work(runner, chosen).here(runner.spans(0, chosen.count)):
         assert block is not None  # as nothing is written
         for name, column in zip(sums, block.values.values(), strict=True):
             rows = column if column.ndim > 1 else column[:, None]

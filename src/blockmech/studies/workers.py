@@ -12,6 +12,7 @@ import os
 import pickle
 import signal
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -22,11 +23,12 @@ from multiprocessing import get_context, parent_process
 from typing import Any
 
 from blockmech.ground.errors import needed, refused
+from blockmech.ground.progress import PATIENCE
 from blockmech.ground.values import is_count
 from blockmech.studies.rows import Parts, Rows, Span
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs
-from blockmech.typing import Values
+from blockmech.typing import Record, Values
 
 Answers = Generator[tuple[Span, Rows | None], None, None]
 
@@ -58,17 +60,19 @@ class Work:
             raise refused("workers", message, remedy, code="not-picklable") from error
 
     def here(self, spans: Sequence[Span]) -> Answers:
-        """Parts done by this process; what is handed back comes by blocks."""
+        """Parts done by this process, each of some time; what is handed back comes by blocks."""
         planned = self.runner.prepared(self.chosen.count)
-        for span in spans:
-            part, start = self.chosen.part(*span), span[0]
-            if self.parts is not None:
-                yield span, _rows(self.runner, planned, self.parts, part, span)
-                continue
+        for first, last in spans:
+            part, start, rows = self.chosen.part(first, last), first, list[Rows]()
+            since = time.monotonic()
             for block in self.runner.blocks(planned, part):
-                stop = start + len(block.word)
-                yield (start, stop), block
-                start = stop
+                rows.append(block)
+                stop = start + sum(len(x.word) for x in rows)
+                if self.parts and stop < last and time.monotonic() < since + PATIENCE:
+                    continue
+                vary = part.columns(start - first, stop - first)
+                yield (start, stop), _kept(self.parts, (start, stop), vary, rows)
+                start, rows, since = stop, [], time.monotonic()
 
     def by_processes(self, spans: Sequence[Span], workers: int) -> Answers:
         """Parts done by so many processes of this machine; new ones follow those that die.
@@ -120,16 +124,15 @@ class Work:
 def answered(pickled: bytes, chosen: Designs, span: Span) -> Rows | None:
     """A part: handed back, or None where it is written into a folder."""
     runner, planned, parts = _at_hand(pickled)
-    return _rows(runner, planned, parts, chosen, span)
+    rows = list(runner.blocks(planned, chosen))
+    return _kept(parts, span, chosen.columns(0, chosen.count), rows)
 
 
-def _rows(
-    runner: Runner, planned: Values, parts: Parts | None, chosen: Designs, span: Span
-) -> Rows | None:
-    block = Rows.joined(list(runner.blocks(planned, chosen)))
+def _kept(parts: Parts | None, span: Span, vary: Record, rows: list[Rows]) -> Rows | None:
+    """Designs to be handed back; None where they are written into a folder."""
     if parts is None:
-        return block
-    parts.write(span, chosen.columns(0, chosen.count), block)
+        return Rows.joined(rows)
+    parts.write(span, vary, Rows.joined(rows))
     return None
 
 
