@@ -156,6 +156,23 @@ def test_degrees_are_named_in_the_units(call, ruiz):
     }
 
 
+@pytest.mark.parametrize(
+    ("bare", "written"),
+    [
+        ("0,60,120", "0,60deg,120deg"),
+        ("0:360:5", "0:360deg:5"),
+        ("0..360", "0..360deg"),
+        ("1/2,1rad", "1/2deg,1rad"),
+    ],
+)
+def test_coordinates_without_a_unit_are_degrees_where_angles_are(call, ruiz, bare, written):
+    rest = ("--want", "crank.drive", "--deg", "--samples", "5", "--csv", "-")
+    command = ("run", ruiz, "--at")
+    rest = rest if ".." in bare else (*rest[:3], *rest[5:])
+    assert call(*command, bare, *rest).out == call(*command, written, *rest).out
+    assert call(*command, bare, *rest).err == ""
+
+
 @pytest.mark.parametrize("option", ["--csv", "--plot", "--out"])
 def test_a_place_that_cannot_be_written_leaves_nothing(call, ruiz, tmp_path, option):
     (tmp_path / "file").write_text("old", encoding="utf-8")

@@ -64,6 +64,18 @@ def test_roles_of_drivers_are_options(call):
     assert f"roles.{left}: {left} has no law of motion" in outcome.err
 
 
+def test_a_start_and_a_lock_in_degrees_have_rates_in_radians(call):
+    rest = ("--until", "time=0.01", "--deg")
+    bare = call("simulate", WATT, "--start", "60,-3", *rest)
+    assert bare.out == call("simulate", WATT, "--start", "60deg,-3", *rest).out
+    linkage = bm.Linkage.load(FIVEBAR)
+    _, right = linkage.compile().drivers
+    q = linkage.initial[right].q / DEGREES
+    lock = ("simulate", FIVEBAR, "--until", "time=0.01", "--deg", "--locked")
+    bare = call(*lock, f"{right}={q!r}")
+    assert (bare.code, bare.out) == (0, call(*lock, f"{right}={q!r}deg").out)
+
+
 def test_the_standstill_is_an_event_with_time_and_place(call):
     document = json.loads(call("simulate", WATT, "--json").out)
     (event,) = document["events"]

@@ -87,7 +87,7 @@ def _facts(model: Opened) -> tuple[Data, str]:
 def verify(file: GraphFile, display: Display, at: At = None) -> None:
     """Check balances, powers and the two routes to the driving moment."""
     if not display.answer_command(
-        file, compiled, "verifying", lambda m: m.verify(coordinates(m, at))
+        file, compiled, "verifying", lambda m: m.verify(coordinates(m, at, display.deg))
     ).ok:
         raise typer.Exit(NO_ANSWER)
 
@@ -106,7 +106,7 @@ def limits(
     def search(mechanism: Mechanism) -> Reports:
         moving = mechanism.drivers if driver is None else (driver,)
         fixed = {}
-        for name, row in (coordinates(mechanism, at) or {}).items():
+        for name, row in (coordinates(mechanism, at, display.deg) or {}).items():
             if len(row) != 1:
                 raise refused(f"--at {name}", f"it names {len(row)} places", "give one number")
             if moving == (name,):
@@ -137,7 +137,7 @@ def modes(
     """List all assembly modes of each group, what chooses them, and where they exist."""
     request: Arguments = {"driver": driver, "groups": group or None, "arcs": not no_arcs}
     display.answer_command(
-        file, compiled, "searching", lambda m: m.modes(coordinates(m, at), **request)
+        file, compiled, "searching", lambda m: m.modes(coordinates(m, at, display.deg), **request)
     )
 
 

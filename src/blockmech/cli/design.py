@@ -56,7 +56,7 @@ def solve(
     def question(m: Mechanism) -> Any:
         targets = texts_by_name("--want", want, "dyad.j.angle=80deg")
         values = {name: _number_or_quantity(text) for name, text in targets}
-        return m.solve(values, names_of(to) or (), at=coordinates(m, at), **options)
+        return m.solve(values, names_of(to) or (), at=coordinates(m, at, display.deg), **options)
 
     display.answer_command(file, compiled, "solving", question)
 
@@ -88,7 +88,7 @@ def linearize(
     request |= {"friction": friction, "states": at_start}
 
     def ask(m: Mechanism) -> Any:
-        return m.linearize(coordinates(m, at), rates=rates_of(m, rates), **request)
+        return m.linearize(coordinates(m, at, display.deg), rates=rates_of(m, rates), **request)
 
     display.answer_command(file, compiled, "differentiating", ask)
 
@@ -118,7 +118,9 @@ def balance(
     targets = names_of(want) or None
 
     def ask(m: Mechanism) -> Any:
-        return bm.design.balance(m, names_of(numbers), targets, coordinates(m, at), bounds=ends)
+        return bm.design.balance(
+            m, names_of(numbers), targets, coordinates(m, at, display.deg), bounds=ends
+        )
 
     balanced = display.answer_command(file, compiled, "balancing", ask)
     if save is not None:

@@ -57,7 +57,7 @@ def draw(
     refuse_spared(picture)
     poses: Any = at  # which a diagram refuses
     if at and "at" in KINDS.get(kind, KINDS["diagram"]).takes:
-        poses = coordinates(subject, at)
+        poses = coordinates(subject, at, deg)
     with progress_bar("drawing"):
         subject.draw(
             *(picture, kind, poses),

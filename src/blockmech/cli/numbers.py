@@ -24,14 +24,19 @@ Read = TypeVar("Read")
 
 
 def coordinates(
-    mechanism: Compiled, texts: list[str] | None, count: int = DEFAULT_SAMPLES
+    mechanism: Compiled,
+    texts: list[str] | None,
+    degrees: bool | None = None,
+    count: int = DEFAULT_SAMPLES,
 ) -> dict[str, list[float]] | None:
     """Driver coordinates from the ``--at`` options, one for each driver; None without any.
 
     ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several; ``0..360deg`` are
-    ``count``. Raises `RequestError` with all problems.
+    ``count``. Angles without a unit are radians, or ``degrees``. Raises `RequestError` with all
+    problems.
     """
-    return _by_driver(mechanism, texts, "--at", "0,1", partial(row, count=count))
+    read = partial(row, count=count, degrees=degrees)
+    return _by_driver(mechanism, texts, "--at", "0,1", read)
 
 
 def rates_of(mechanism: Compiled, texts: list[str] | None) -> dict[str, list[float]] | None:
@@ -39,20 +44,26 @@ def rates_of(mechanism: Compiled, texts: list[str] | None) -> dict[str, list[flo
     return _by_driver(mechanism, texts, "--rates", "2", lambda at, x, of: row(at, x, f"{of}/s"))
 
 
-def starts(mechanism: Compiled, texts: list[str] | None) -> dict[str, tuple[float, float]] | None:
+def starts(
+    mechanism: Compiled, texts: list[str] | None, degrees: bool | None = None
+) -> dict[str, tuple[float, float]] | None:
     """Driver -> (q [rad or m], rate) from the ``--start`` options; None without any.
 
     ``1.2,-3deg/s`` for the one driver, ``crank=60deg`` by name with several; without a rate
     the driver starts from rest. Raises `RequestError` with all problems.
     """
-    return _by_driver(mechanism, texts, "--start", "0.5", _start)
+    return _by_driver(mechanism, texts, "--start", "0.5", partial(_start, degrees=degrees))
 
 
 def roles(
-    mechanism: Compiled, prescribed: list[str] | None, locked: list[str] | None
+    mechanism: Compiled,
+    prescribed: list[str] | None,
+    locked: list[str] | None,
+    degrees: bool | None = None,
 ) -> dict[str, str | float] | None:
     """Roles of drivers from the ``--prescribed`` and ``--locked`` options; None without any."""
-    coordinates = _by_driver(mechanism, locked, "--locked", "0.5", number_in)
+    read = partial(number_in, degrees=degrees)
+    coordinates = _by_driver(mechanism, locked, "--locked", "0.5", read)
     if prescribed is None and coordinates is None:
         return None
     if both := sorted({*(prescribed or ())} & {*(coordinates or ())}):
@@ -107,7 +118,7 @@ def _unknown(where: str, name: str, drivers: Sequence[str], example: str) -> Req
     return refused(where, message, remedy, f"drivers: {listed(drivers)}")
 
 
-def _start(where: str, text: str, unit: str) -> tuple[float, float]:
+def _start(where: str, text: str, unit: str, degrees: bool | None) -> tuple[float, float]:
     """Coordinate and rate of one driver, whose coordinate is in ``unit``."""
     parts, start = text.split(","), [0.0, 0.0]
     problems: list[Problem] = []
@@ -116,7 +127,7 @@ def _start(where: str, text: str, unit: str) -> tuple[float, float]:
         raise refused(where, f"{len(parts)} numbers", valid=valid)
     for i, (part, of) in enumerate(zip(parts, (unit, f"{unit}/s"), strict=False)):
         try:
-            start[i] = number_in(where, part, of)
+            start[i] = number_in(where, part, of, degrees=degrees)
         except RequestError as error:
             problems += error.problems
     RequestError.raise_for(problems)
@@ -128,17 +139,20 @@ def times(text: str | None) -> list[float] | None:
     return None if text is None else row(f"--times {text}", text, "s")
 
 
-def row(where: str, text: str, unit: str, count: int = DEFAULT_SAMPLES) -> list[float]:
+def row(
+    where: str, text: str, unit: str, count: int = DEFAULT_SAMPLES, degrees: bool | None = None
+) -> list[float]:
     """Numbers separated by commas; ``start:stop:count`` is that many, equally spaced.
 
     ``start..stop`` has ``count``, as a run of the whole range by default. A start without a unit
     has that of its stop. Raises `RequestError` for what is not a number of the unit.
     """
     numbers: list[float] = []
+    read = partial(number_in, where, remedy=ROW, degrees=degrees)
     for part in text.split(","):
         pieces = part.replace("..", ":", 1).split(":")
         if len(pieces) == 1:
-            numbers.append(number_in(where, part, unit, remedy=ROW))
+            numbers.append(read(part, unit))
             continue
         if ".." in part and len(pieces) == 2:
             pieces.append(str(count))
@@ -147,17 +161,21 @@ def row(where: str, text: str, unit: str, count: int = DEFAULT_SAMPLES) -> list[
             raise refused(where, f'"{part}" is not a range', valid=valid)
         if not unit_behind(pieces[0]):
             pieces[0] += unit_behind(pieces[1])
-        start, stop = (number_in(where, x, unit, remedy=ROW) for x in pieces[:2])
+        start, stop = (read(x, unit) for x in pieces[:2])
         numbers += np.linspace(start, stop, _count(where, pieces[2])).tolist()
     return numbers
 
 
-def number_in(where: str, text: str, *units: str, remedy: str = "") -> float:
-    """The number of a unit of one of these kinds that a text says."""
+def number_in(
+    where: str, text: str, *units: str, remedy: str = "", degrees: bool | None = None
+) -> float:
+    """The number of a unit of one of these kinds that a text says; of angles perhaps in degrees."""
     try:
-        return quantity(text, *units)
+        number = quantity(text, *units)
     except NoQuantity as error:
         raise refused(where, error.found, remedy, error.valid) from None
+    in_degrees = degrees and "rad" in units and not unit_behind(text)
+    return quantity(f"{text}deg") if in_degrees else number
 
 
 def _count(where: str, text: str) -> int:

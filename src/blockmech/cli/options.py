@@ -49,7 +49,9 @@ def switch(name: str, help: str) -> Any:
 Degrees = Annotated[
     bool | None,
     typer.Option(
-        "--deg/--rad", help="Angles in degrees or radians; by default degrees in pictures alone."
+        "--deg/--rad",
+        help="Angles in degrees or radians, also coordinates typed without a unit; "
+        "by default degrees in pictures alone.",
     ),
 ]
 
@@ -154,10 +156,10 @@ class Poses:
     samples: Samples = None
     at_times: Times = None
 
-    def of(self, mechanism: Compiled) -> Data:
+    def of(self, mechanism: Compiled, degrees: bool | None = None) -> Data:
         """The arguments at, samples and times of a run."""
         ranged = any(".." in text for text in self.at or ())  # has as many samples as are asked for
-        at = coordinates(mechanism, self.at, self.samples or DEFAULT_SAMPLES)
+        at = coordinates(mechanism, self.at, degrees, self.samples or DEFAULT_SAMPLES)
         samples = None if ranged else self.samples
         return {"at": at, "samples": samples, "times": times(self.at_times)}
 

@@ -67,7 +67,7 @@ def run(
     if output.is_table and not want:
         everything = mechanism.outputs
         request["want"] = leading(mechanism.outputs)  # the table has no room for more
-    request |= poses.of(mechanism) | {"engine": engine, "precision": precision}
+    request |= poses.of(mechanism, output.deg) | {"engine": engine, "precision": precision}
     from blockmech.result.failures import why_not, without_gaps  # brings what runs
 
     with progress_bar("computing"):

@@ -37,5 +37,5 @@ def sensitivity(
         file,
         compiled,
         "differentiating",
-        lambda m: m.sensitivity(outputs, **poses.of(m), **settings),
+        lambda m: m.sensitivity(outputs, **poses.of(m, display.deg), **settings),
     )

@@ -88,7 +88,7 @@ def simulate(
 
         say(mechanism.explain(names, **settings), "\n\n", evaluation_cost(mechanism, **settings))
         return
-    at, initial = times(at_times), starts(mechanism, start)
+    at, initial = times(at_times), starts(mechanism, start, output.deg)
     fixed: Any = method if step is None else FixedStep(method, step)  # type: ignore[arg-type]
     settings |= {"method": fixed, "engine": engine}
     with progress_bar("simulating") as progress:
@@ -97,7 +97,7 @@ def simulate(
             accuracy=accuracy,
             times=at,
             start=initial,
-            roles=roles(mechanism, prescribed, locked),
+            roles=roles(mechanism, prescribed, locked, output.deg),
             want=names,
             budget=budget,
             progress=progress,

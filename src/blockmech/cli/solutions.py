@@ -31,7 +31,10 @@ def solutions(
     request: Arguments = {"want": names_of(want) or None, "static": static}
     request["scale"] = row(f"--scale {scale}", scale, "")
     report = display.answer_command(
-        file, compiled, "searching", lambda m: m.friction_solutions(**poses.of(m), **request)
+        file,
+        compiled,
+        "searching",
+        lambda m: m.friction_solutions(**poses.of(m, display.deg), **request),
     )
     if not report.complete.all():
         raise typer.Exit(NO_ANSWER)
