@@ -77,6 +77,12 @@ def test_outlines_of_a_drawing_come_back_with_its_links(tmp_path):
     assert all(f",{link}," in text for link in set(linkage.links) - {"frame"})
 
 
+def test_an_address_of_pmks_comes_back_with_its_joints(tmp_path):
+    linkage = bm.read("graphs/joints/slider_crank.json")
+    (path,) = bm.write(linkage, tmp_path / "a.pmks", at=[0.7])
+    assert set(linkage.joints) <= set(bm.read(path).joints)
+
+
 @pytest.mark.parametrize("suffix", [".svg", ".dxf"])
 def test_links_without_pins_have_no_outlines(suffix, tmp_path):
     with pytest.raises(bm.RequestError, match="no link has a pin to go around"):

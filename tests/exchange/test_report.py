@@ -41,6 +41,36 @@ def test_a_drawing_has_the_lengths_of_links():
     assert {"2000", "6000", "3000"} <= texts
 
 
+def tables_of(text):
+    """The rows of each table by the first word of its head."""
+    cells = r"<t[dh]>([^<]*)</t[dh]>"
+    tables = ([re.findall(cells, row) for row in x.split("</tr>")] for x in text.split("<table>"))
+    return {rows[0][0]: rows for rows in tables if rows[0]}
+
+
+def test_the_data_are_tables_of_the_parts_with_their_units(tmp_path):
+    linkage = opened(GRAPHS / "joints" / "engine.json")
+    result = linkage.run(samples=9, want="driver.*.drive").to("mm", "g")
+    tables = tables_of(report_of(result, tmp_path / "r.html"))
+    head, *rows = tables["links"]
+    masses = {row[0]: float(row[head.index("mass [g]")]) for row in rows if row}
+    links = linkage.to_data()["links"]
+    assert masses == pytest.approx({name: 1e3 * x["mass"] for name, x in links.items()})
+    head, *rows = tables["joints R"]
+    own = linkage.to_data()["joints"]
+    pins = {name: joint for name, joint in own.items() if joint["type"] == "R"}
+    assert [row[0] for row in rows if row] == list(pins)
+    for row in filter(None, rows):
+        joint = pins[row[0]]
+        assert row[head.index("links")] == ", ".join(joint["links"])
+        x, y = map(float, row[head.index("at 1 [mm]")].split(", "))
+        assert complex(x, y) == pytest.approx(1e3 * complex(*joint["at"][0]), rel=1e-4)
+    assert not any(word.startswith("pose") for rows in tables.values() for word in rows[0])
+    four_bar = tables_of(report_of(opened(GRAPHS / "ruiz_fourbar.json"), tmp_path / "b.html"))
+    assert ["dyad.i", "30", "48.8", "2.7677, 0.42396"] in four_bar["links"]
+    assert ["crank", "constant_rate", "10", "360"] in four_bar["drive"]
+
+
 def test_the_largest_reactions_are_those_of_the_run(tmp_path):
     linkage = opened(GRAPHS / "joints" / "slider_crank.json")
     text = report_of(linkage, tmp_path / "r.html", samples=61)

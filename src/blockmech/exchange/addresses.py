@@ -173,6 +173,6 @@ def write(order: Order, stream: IO[bytes]) -> None:
 
 WRITER = Writer(
     "PMKS+: an address that opens the mechanism there",
-    (".pmksplus", ".address"),
+    (".pmksplus", ".pmks", ".address"),
     file_writer(write),
 )

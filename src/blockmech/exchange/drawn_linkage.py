@@ -253,7 +253,7 @@ class _DrawnDocument:
                 unit = cmath.rect(1.0, slot.angle)
                 foot = slot.through + unit * ((z - slot.through) * unit.conjugate()).real
             slot_drive = drive if k == 0 else None
-            name = f"{point}_slide"
+            name = point if members == [slot.rider] else f"{point}_slide"
             self._pair(Pair(slot.on, slider, foot, slot.angle, slot_drive, z, name))
         if not sliders:
             return

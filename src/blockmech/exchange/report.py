@@ -24,7 +24,8 @@ from blockmech.exchange.page.files import requested_outputs, samples_of
 from blockmech.figures.curves import abscissa, chosen_panels, reaction_panels, without_friction
 from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import image
-from blockmech.ground.errors import BlockmechError, path_text
+from blockmech.ground.errors import BlockmechError
+from blockmech.ground.units import shown_in
 from blockmech.model.parameters import Parameter, parameters_of
 from blockmech.result.columns import output_columns, quiet_columns
 from blockmech.result.result import Result
@@ -60,7 +61,7 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
         "": image(picture.figure, f"{mechanism.name} in some poses, lengths in mm"),
         "Verification": f"<p>{html.escape(verdict(checks))}</p>",
         "Structure": f"<p>{html.escape(mechanism.structure.formula.replace('->', '→'))}</p>",
-        "Data": f"<div class=data>{table(('part', 'numbers'), _data(numbers))}</div>",
+        "Data": "".join(_data({} if document is None else document.to_data(), numbers, result)),
         "Curves": image(draw_panels(chosen_panels(result, result), abscissa(result)), "curves"),
         **_forces(result),
         "Values": _values(result),
@@ -93,15 +94,40 @@ def verdict(checks: Verification) -> str:
     )
 
 
-def _data(numbers: Iterable[Parameter]) -> Iterator[tuple[str, str]]:
-    """The numbers of each part that are not 0, in a line; approximate poses are no data."""
-    lines = dict[str, list[str]]()
+def _data(data: Record, numbers: Iterable[Parameter], result: Result) -> Iterator[str]:
+    """A table of each kind of part: its texts and numbers, but approximate poses.
+
+    Units are those of the result, of angles by default degrees; a column of zeros is left out.
+    """
+    kinds: dict[str, dict[str, dict[str, str]]] = {}
     for number in numbers:
-        depth = min(len(number.path) - 1, 2)
-        part, name = path_text(number.path[:depth]), path_text(number.path[depth:])
-        if number.value and not name.startswith("pose"):
-            lines.setdefault(part, []).append(f"{name} {number.value:.5g} {number.unit}".strip())
-    yield from ((part, "; ".join(values)) for part, values in lines.items())
+        path = list(number.path)
+        if path[-1] in ("x", "y") or isinstance(path[-1], int):  # of a vector or a list
+            path.pop()
+        first, begin = path[0] == "scene", max(k for k, x in enumerate(path) if isinstance(x, str))
+        begin -= (begin - first) % 2  # sections and names of parts alternate
+        where, name = path[:begin], path[begin:]
+        if name[0] == "pose":
+            continue
+        own: Any = data
+        for key in where:
+            own = own.get(key, {}) if isinstance(own, dict) else {}
+        items = own.items() if where and isinstance(own, dict) else ()
+        lists = ((k, x if isinstance(x, list) else [x]) for k, x in items)
+        texts = {k: ", ".join(x) for k, x in lists if all(isinstance(word, str) for word in x)}
+        kind = " ".join([*map(str, where[-2:-1]), *filter(None, [texts.pop("type", "")])])
+        part = ".".join(map(str, where[first + 1 :: 2]))
+        row = kinds.setdefault(kind, {}).setdefault(part, texts)
+        factor, unit = shown_in(number.unit, (*result._display, "deg"))
+        words = (str(x + 1) if isinstance(x, int) else x for x in name)
+        head = f"{' '.join(words)} [{unit or '–'}]"
+        row[head] = ", ".join(filter(None, (row.get(head), f"{factor * number.value:.5g}")))
+    for kind, parts in kinds.items():
+        heads = dict.fromkeys(head for row in parts.values() for head in row)
+        kept = [h for h in heads if any(row.get(h, "").strip("0, ") for row in parts.values())]
+        if kept:
+            rows = ([part, *(row.get(h, "") for h in kept)] for part, row in parts.items())
+            yield table([kind, *kept], rows)
 
 
 def _forces(result: Result) -> dict[str, str]:
