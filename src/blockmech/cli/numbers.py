@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -21,13 +21,11 @@ NAMED = re.compile(r",(?=[^,=]+=)")  # before the next driver's name
 ROW = "numbers are separated by commas: write for example 0,0.5,1"
 
 Read = TypeVar("Read")
+Texts: TypeAlias = list[str] | None
 
 
 def coordinates(
-    mechanism: Compiled,
-    texts: list[str] | None,
-    degrees: bool | None = None,
-    count: int = DEFAULT_SAMPLES,
+    mechanism: Compiled, texts: Texts, degrees: bool | None = None, count: int = DEFAULT_SAMPLES
 ) -> dict[str, list[float]] | None:
     """Driver coordinates from the ``--at`` options, one for each driver; None without any.
 
@@ -39,13 +37,13 @@ def coordinates(
     return _by_driver(mechanism, texts, "--at", "0,1", read)
 
 
-def rates_of(mechanism: Compiled, texts: list[str] | None) -> dict[str, list[float]] | None:
+def rates_of(mechanism: Compiled, texts: Texts) -> dict[str, list[float]] | None:
     """Driver rates from the ``--rates`` options, as `coordinates` reads them."""
     return _by_driver(mechanism, texts, "--rates", "2", lambda at, x, of: row(at, x, f"{of}/s"))
 
 
 def starts(
-    mechanism: Compiled, texts: list[str] | None, degrees: bool | None = None
+    mechanism: Compiled, texts: Texts, degrees: bool | None = None
 ) -> dict[str, tuple[float, float]] | None:
     """Driver -> (q [rad or m], rate) from the ``--start`` options; None without any.
 
@@ -56,14 +54,12 @@ def starts(
 
 
 def roles(
-    mechanism: Compiled,
-    prescribed: list[str] | None,
-    locked: list[str] | None,
-    degrees: bool | None = None,
+    mechanism: Compiled, prescribed: Texts, locked: Texts, degrees: bool | None = None
 ) -> dict[str, str | float] | None:
     """Roles of drivers from the ``--prescribed`` and ``--locked`` options; None without any."""
-    read = partial(number_in, degrees=degrees)
-    coordinates = _by_driver(mechanism, locked, "--locked", "0.5", read)
+    coordinates = _by_driver(
+        mechanism, locked, "--locked", "0.5", partial(number_in, degrees=degrees)
+    )
     if prescribed is None and coordinates is None:
         return None
     if both := sorted({*(prescribed or ())} & {*(coordinates or ())}):
@@ -74,7 +70,7 @@ def roles(
 
 def _by_driver(
     mechanism: Compiled,
-    texts: list[str] | None,
+    texts: Texts,
     option: str,
     example: str,
     read: Callable[[str, str, str], Read],
@@ -184,7 +180,7 @@ def _count(where: str, text: str) -> int:
     raise refused(where, f'"{text}" is not a count', valid=f"a count is 1 to {MOST}")
 
 
-def texts_by_name(option: str, texts: list[str] | None, example: str) -> Iterator[tuple[str, str]]:
+def texts_by_name(option: str, texts: Texts, example: str) -> Iterator[tuple[str, str]]:
     """Name and text of options that are NAME=TEXT. Raises `RequestError` for others."""
     for text in texts or ():
         name, equals, value = text.partition("=")
