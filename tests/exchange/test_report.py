@@ -57,8 +57,8 @@ def test_the_data_are_tables_of_the_parts_with_their_units(tmp_path):
     links = linkage.to_data()["links"]
     assert masses == pytest.approx({name: 1e3 * x["mass"] for name, x in links.items()})
     head, *rows = tables["joints R"]
-    own = linkage.to_data()["joints"]
-    pins = {name: joint for name, joint in own.items() if joint["type"] == "R"}
+    joints = linkage.to_data()["joints"]
+    pins = {name: joint for name, joint in joints.items() if joint["type"] == "R"}
     assert [row[0] for row in rows if row] == list(pins)
     for row in filter(None, rows):
         joint = pins[row[0]]

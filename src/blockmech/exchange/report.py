@@ -109,25 +109,27 @@ def _data(data: Record, numbers: Iterable[Parameter], result: Result) -> Iterato
         where, name = path[:begin], path[begin:]
         if name[0] == "pose":
             continue
-        own: Any = data
+        entry: Any = data
         for key in where:
-            own = own.get(key, {}) if isinstance(own, dict) else {}
-        items = own.items() if where and isinstance(own, dict) else ()
+            entry = entry.get(key, {}) if isinstance(entry, dict) else {}
+        items = entry.items() if where and isinstance(entry, dict) else ()
         lists = ((k, x if isinstance(x, list) else [x]) for k, x in items)
         texts = {k: ", ".join(x) for k, x in lists if all(isinstance(word, str) for word in x)}
         kind = " ".join([*map(str, where[-2:-1]), *filter(None, [texts.pop("type", "")])])
         part = ".".join(map(str, where[first + 1 :: 2]))
         row = kinds.setdefault(kind, {}).setdefault(part, texts)
         factor, unit = shown_in(number.unit, (*result._display, "deg"))
-        words = (str(x + 1) if isinstance(x, int) else x for x in name)
-        head = f"{' '.join(words)} [{unit or '–'}]"
+        tokens = (str(x + 1) if isinstance(x, int) else x for x in name)
+        head = f"{' '.join(tokens)} [{unit or '–'}]"
         row[head] = ", ".join(filter(None, (row.get(head), f"{factor * number.value:.5g}")))
-    for kind, parts in kinds.items():
-        heads = dict.fromkeys(head for row in parts.values() for head in row)
-        kept = [h for h in heads if any(row.get(h, "").strip("0, ") for row in parts.values())]
-        if kept:
-            rows = ([part, *(row.get(h, "") for h in kept)] for part, row in parts.items())
-            yield table([kind, *kept], rows)
+    for kind, table_rows in kinds.items():
+        heads = dict.fromkeys(head for row in table_rows.values() for head in row)
+        nonzero = [
+            h for h in heads if any(row.get(h, "").strip("0, ") for row in table_rows.values())
+        ]
+        if nonzero:
+            cells = ([part, *(row.get(h, "") for h in nonzero)] for part, row in table_rows.items())
+            yield table([kind, *nonzero], cells)
 
 
 def _forces(result: Result) -> dict[str, str]:

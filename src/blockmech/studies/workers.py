@@ -71,7 +71,7 @@ class Work:
                 if self.parts and stop < last and time.monotonic() < since + PATIENCE:
                     continue
                 vary = part.columns(start - first, stop - first)
-                yield (start, stop), _kept(self.parts, (start, stop), vary, rows)
+                yield (start, stop), _deliver(self.parts, (start, stop), vary, rows)
                 start, rows, since = stop, [], time.monotonic()
 
     def by_processes(self, spans: Sequence[Span], workers: int) -> Answers:
@@ -125,10 +125,10 @@ def answered(pickled: bytes, chosen: Designs, span: Span) -> Rows | None:
     """A part: handed back, or None where it is written into a folder."""
     runner, planned, parts = _at_hand(pickled)
     rows = list(runner.blocks(planned, chosen))
-    return _kept(parts, span, chosen.columns(0, chosen.count), rows)
+    return _deliver(parts, span, chosen.columns(0, chosen.count), rows)
 
 
-def _kept(parts: Parts | None, span: Span, vary: Record, rows: list[Rows]) -> Rows | None:
+def _deliver(parts: Parts | None, span: Span, vary: Record, rows: list[Rows]) -> Rows | None:
     """Designs to be handed back; None where they are written into a folder."""
     if parts is None:
         return Rows.joined(rows)
