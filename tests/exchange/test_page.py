@@ -242,6 +242,57 @@ def test_a_page_has_the_links_names_and_loads_of_the_drawing(page, tmp_path):
     assert page.get_by_label("at crank A x [m]", exact=True).input_value() == "0.03"
 
 
+def test_lengths_of_a_page_are_in_the_unit_that_is_chosen(page, tmp_path):
+    """A result in mm is opened in mm; the fields of numbers, values and axes follow a choice."""
+    m, path = readme_crank(), tmp_path / "page.html"
+    result = m.run(samples=9, want=["joint.B.p", "driver.motor.drive"]).to("mm")
+    bm.write(result, path, slider="joints.A.at[0].x")
+    page.goto(path.as_uri())
+    unit, values = page.get_by_label("Lengths in"), page.locator(".values dd")
+    at_start = complex(m.run(samples=9)["joint.B.p"][0])
+    assert unit.input_value() == "mm"
+    assert values.first.inner_text() == f"{round(1e3 * at_start.real, 9):g} mm"
+    field = page.get_by_label("joints.A.at[0].x [mm]", exact=True)
+    field.fill("40")
+    field.press("Enter")
+    longer = m.replace({"joints.A.at[0].x": 0.04}).run(samples=9)
+    assert read_number(values.first) == pytest.approx(1e3 * longer["joint.B.p"][0].real)
+    unit.select_option("cm")
+    assert page.get_by_label("joints.A.at[0].x [cm]", exact=True).input_value() == "4"
+    assert read_number(values.first) == pytest.approx(1e2 * longer["joint.B.p"][0].real)
+    assert read_number(values.last) == pytest.approx(longer["driver.motor.drive"][0], abs=1e-9)
+    assert "p.x [cm]" in page.locator(".plots").inner_text()
+    bm.write(m, path)
+    page.goto(path.as_uri())
+    assert page.get_by_label("Lengths in").input_value() == "m"
+    assert page.get_by_label("Another number").locator("option").first.inner_text() == "choose …"
+
+
+def read_number(element):
+    return float(element.inner_text().split()[0].replace("\u2212", "-"))
+
+
+def test_words_of_a_page_lie_beside_blocks_arrows_and_each_other(page, tmp_path):
+    bm.write(readme_crank(), tmp_path / "page.html")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.goto((tmp_path / "page.html").as_uri())
+    page.locator("html[data-ready]").wait_for(state="attached")
+    boxes = page.evaluate(
+        """() => [".canvas text", ".canvas .block, .canvas .dot"].map((which) =>
+            [...document.querySelectorAll(which)].map((x) => x.getBoundingClientRect().toJSON()))"""
+    )
+
+    def apart(a, b):
+        across = min(a["right"], b["right"]) - max(a["left"], b["left"])
+        return across <= 1 or min(a["bottom"], b["bottom"]) - max(a["top"], b["top"]) <= 1
+
+    words, shapes = boxes
+    assert len(words) == 7
+    assert all(apart(a, b) for k, a in enumerate(words) for b in (*words[:k], *shapes))
+    (guide,) = page.locator(".rail").all()
+    assert guide.bounding_box()["y"] > page.locator(".block").bounding_box()["y"] + 15
+
+
 def test_a_page_opens_the_link_of_another_mechanism_without_eval(page, tmp_path):
     path = written(tmp_path, "slider_crank")
     text = path.read_text("utf-8")

@@ -31,7 +31,9 @@ def client(tmp_path_factory):
 
     app = application(Desk(tmp_path_factory.mktemp("folder")), TOKEN, 5000)
     browser = TestClient(app, HOST)
-    assert browser.get(f"/{TOKEN}/", follow_redirects=False).status_code == 303
+    entry = browser.get(f"/{TOKEN}/", follow_redirects=False)
+    assert (entry.status_code, entry.headers["location"]) == (303, "/")
+    assert "open the address in a browser" in entry.text
     yield browser
     jobs = app.app.state.studio.jobs
     process = jobs._process

@@ -160,6 +160,44 @@ def wire(hand, source, target):
     hand.drag(end("source", source), end("target", target))
 
 
+def test_a_tool_that_is_chosen_stays_when_it_is_pressed(page, studio):
+    """An empty sheet begins with Link; Esc or Move ends it."""
+    hand = Sheet(page, studio, DRAWN)
+    hand.tool("Link")
+    hand.link(hand.to(0.0, 0.0), hand.to(0.03, 0.05))
+    assert len(hand.places()) == 2
+    hand.tool("Link")
+    hand.link(hand.pin("B"), hand.to(0.15, 0.09))
+    assert len(hand.places()) == 3
+    page.keyboard.press("Escape")
+    page.locator('.canvas svg[data-tool=""]').wait_for(state="attached")
+
+
+def test_pictures_of_the_gallery_in_sight_are_drawn_first(page, studio):
+    waiting = []
+    page.route("**/picture/*.svg", lambda route: waiting.append(route))
+    page.set_viewport_size({"width": 700, "height": 500})
+    page.goto(studio[0])
+    cards = page.locator("#gallery .card")
+    cards.first.wait_for()
+    assert cards.first.locator("img").evaluate("x => getComputedStyle(x).visibility") == "visible"
+    cards.last.scroll_into_view_if_needed()
+    page.wait_for_timeout(300)
+    names = []
+    while len(names) < 3:
+        while not waiting:
+            page.wait_for_timeout(20)
+        route = waiting.pop()
+        names.append(route.request.url.rpartition("/")[2].removesuffix(".svg"))
+        svg = '<svg xmlns="http://www.w3.org/2000/svg"/>'
+        route.fulfill(content_type="image/svg+xml", body=svg)
+    order = cards.locator("b").all_inner_texts()
+    assert names[0] == order[0]
+    assert order.index(names[1]) > 12
+    assert order.index(names[2]) > 12
+    page.goto("about:blank")  # the others wait for nobody
+
+
 def test_a_joint_of_blocks_is_dragged_in_the_picture(page, studio):
     hand = Sheet(page, studio, {"example": "watt_sixbar"})
     name = next(p["name"] for p in hand.state["drawing"]["pins"] if p["held"] and not p["ground"])

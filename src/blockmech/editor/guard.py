@@ -13,12 +13,13 @@ from typing import Any
 
 from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import PlainTextResponse, Response
 
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
 LARGEST = 32 << 20  # bytes of a body
 STRANGER = "open the address that blockmech studio printed"
+KEYED = "the page comes with the cookie of this answer: open the address in a browser\n"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self'; font-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -92,7 +93,8 @@ class Guard:
             return None
         key = scope["path"].strip("/")
         if self._is_key(key):
-            reply = RedirectResponse(f"/?{request.query_params}".rstrip("?"), 303)
+            where = f"/?{request.query_params}".rstrip("?")
+            reply = PlainTextResponse(KEYED, 303, {"Location": where})
             reply.set_cookie(self.cookie, self.token, httponly=True, samesite="strict")
             return reply
         if site not in ("none", "same-origin") and scope["method"] != "GET":

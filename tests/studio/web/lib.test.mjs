@@ -4,9 +4,9 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { frameAt, path, range, ticks } from "../../../src/blockmech/exchange/page/web/curve.js";
-import { closest, fitted, local, metres, nice, on, pixel, posed, zoomed } from "../../../src/blockmech/exchange/page/web/geometry.js";
+import { closest, fitted, guideway, local, metres, nice, on, pixel, posed, zoomed } from "../../../src/blockmech/exchange/page/web/geometry.js";
 import { command, writes } from "../../../src/blockmech/editor/web/lib/keys.js";
-import { Room } from "../../../src/blockmech/editor/web/lib/labels.js";
+import { Room } from "../../../src/blockmech/exchange/page/web/labels.js";
 import { factor, place, quantity, rounded, vector } from "../../../src/blockmech/exchange/page/web/quantity.js";
 import { aim } from "../../../src/blockmech/editor/web/lib/snap.js";
 import { pathOf } from "../../../src/blockmech/editor/web/lib/trace.js";
@@ -106,10 +106,18 @@ test("words stand where no other word stands", () => {
   assert.equal(room.take([[5, 5]], area), null);
 });
 
+test("a guide lies below its line, whichever way that runs", () => {
+  for (const [a, b] of [[0, 100], [100, 0]]) {
+    const rows = guideway({ x: a, y: 50 }, { x: b, y: 50 }).split("M").slice(1).map((part) => part.split("L").map((z) => z.split(" ").map(Number)));
+    assert.deepEqual(rows[0].map(([x]) => x).sort((x, y) => x - y), [-18, 118]);
+    assert.ok(rows[0].every(([, y]) => y === 60) && rows.slice(1).every(([, [, y]]) => y === 65));
+  }
+});
+
 test("axes have round ticks, and rounding noise is no curve", () => {
   assert.deepEqual(ticks(-20, 10), [-20, -10, 0, 10]);
-  const [low, high] = range(-1e-19, 2e-19, 1e-12);
-  assert.ok(low < 0 && high > 0 && high >= 1e-12);
+  assert.deepEqual(range(-1e-19, 2e-19, 1e-12), [-1, 1]);
+  assert.deepEqual(range(5, 5, 1e-12), [4.5, 5.5]);
   assert.equal(path([0, 1, 2, 3], [1, null, 2, 3], (x) => x, (y) => y), "M0.0 1.0M2.0 2.0L3.0 3.0");
   assert.deepEqual([0, 0.5, 0.999].map((share) => frameAt(share, 4, true)), [0, 2, 3]);
   assert.deepEqual([1, 1.25, 1.5].map((share) => frameAt(share, 4, false)), [2, 1, 0]);

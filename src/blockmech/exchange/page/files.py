@@ -39,6 +39,7 @@ from blockmech.ground.errors import refused
 from blockmech.ground.files import refuse_spared, writing
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.ground.tolerances import BLUR
+from blockmech.ground.units import shown_in
 from blockmech.model.parameters import Parameter, named, parameters_of
 from blockmech.model.spots import Spot, marker_place
 from blockmech.model.structure import LinkRef
@@ -119,6 +120,7 @@ def contents_of(order: Order) -> Data:
         "offered": offered,
         "chosen": offered[: FEW * (order.options.get("slider") is None)],
         "seconds": SECONDS,
+        "length": shown_in("m", order.computed._display if order.computed else ())[1],
     }
 
 
@@ -129,10 +131,9 @@ def _part(script: Script, mechanism: Compiled) -> Data:
     links = {identifier(str(x)): name for x, name in names.of_links.items()} if names else {}
 
     def label(name: str) -> str:
-        """A number with the document's names of links, and its unit."""
+        """A number with the document's names of links."""
         text = functools.reduce(lambda text, link: text.replace(*link), links.items(), name)
-        unit = units.get(name) or units.get(name.partition("_")[0])
-        return text.removeprefix("P_").replace("_", " ") + (f" [{unit}]" if unit else "")
+        return text.removeprefix("P_").replace("_", " ")
 
     return {
         "program": script.compact(),
@@ -140,6 +141,7 @@ def _part(script: Script, mechanism: Compiled) -> Data:
             {
                 "name": m.name,
                 "label": label(m.name),
+                "unit": units.get(m.name) or units.get(m.name.partition("_")[0], ""),
                 "numbers": [*itertools.islice(values, len(m.numbers))],
             }
             for m in script.parameters
@@ -256,7 +258,7 @@ def _sliders(
         "program": compacted([*lines, *ends]),
         "constants": [*tape.constants],
         "numbers": [
-            {"name": p.address, "label": f"{p.address} [{p.unit or '–'}]", "numbers": [p.value]}
+            {"name": p.address, "label": p.address, "unit": p.unit or "–", "numbers": [p.value]}
             for p in chosen
         ],
         "targets": [*nodes],

@@ -51,10 +51,14 @@ export async function galleryView(parent) {
   draw(images);
 }
 
-/** Pictures one after the other, as long as they are looked at: a sheet comes before them. @param {[HTMLImageElement, string][]} images */
+/** Pictures one after the other, those in sight first, as long as they are looked at: a sheet comes before them. @param {[HTMLImageElement, string][]} images */
 async function draw(images) {
-  for (const [image, name] of images) {
-    if (!image.isConnected) return;
+  const seen = new Set();
+  const watch = new IntersectionObserver((cards) => cards.forEach(({ target, isIntersecting }) => seen[isIntersecting ? "add" : "delete"](target)));
+  for (const [image] of images) watch.observe(image);
+  while (images.length) {
+    const [[image, name]] = images.splice(Math.max(images.findIndex(([one]) => seen.has(one)), 0), 1);
+    if (!image.isConnected) return watch.disconnect();
     const ended = new Promise((done) => ["load", "error"].forEach((what) => image.addEventListener(what, done)));
     image.src = `picture/${encodeURIComponent(name)}.svg`;
     await ended;

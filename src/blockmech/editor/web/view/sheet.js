@@ -4,9 +4,9 @@
 // and ends in one act; the sheet that comes back is the truth.
 
 import { Live } from "../lib/live.js";
-import { beside, closest, corners, between, fitted, local, metres, nice, on, pixel, posed, strokes, zoomed } from "../../../exchange/page/web/geometry.js";
+import { beside, closest, corners, between, fitted, guideway, local, metres, nice, on, pixel, posed, strokes, zoomed } from "../../../exchange/page/web/geometry.js";
 import { ARROWS, writes } from "../lib/keys.js";
-import { Room } from "../lib/labels.js";
+import { Room } from "../../../exchange/page/web/labels.js";
 import { factor, place, quantity, rounded, signed, vector } from "../../../exchange/page/web/quantity.js";
 import { TAKES, aim } from "../lib/snap.js";
 import { path } from "../../../exchange/page/web/curve.js";
@@ -118,9 +118,8 @@ export function sheetView(parent) {
     const enough = PAIRS.includes(name) ? chosen.length > 1 : chosen.length > 0;
     if (!enough || !ours()) {
       if (name === "Copy" || name === "Delete") return void say(`${name}: choose pins first`, true);
-      const tool = store.tool === name ? "" : name;
-      set({ tool });
-      return void say(tool ? `${name}: ${PAIRS.includes(name) ? "drag from pin to pin" : "click on a pin"}; Esc ends it` : "");
+      set({ tool: name });
+      return void say(`${name}: ${PAIRS.includes(name) ? "drag from pin to pin" : "click on a pin"}; Esc ends it`);
     }
     return void act(name, chosen);
   }
@@ -350,7 +349,9 @@ export function sheetView(parent) {
       const own = put(svg, "g", { class: "force" });
       put(own, "line", { x1: a.x, y1: a.y, x2: a.x + dx, y2: a.y + dy });
       put(own, "path", { d: "M0 0L-9-4V4Z", transform: `translate(${a.x + dx} ${a.y + dy}) rotate(${turn})` });
-      selectable(put(own, "text", { x: a.x + dx + 6, y: a.y + dy + 4 }, load.name), ["loads", load.name]);
+      room.line(a, { x: a.x + dx, y: a.y + dy });
+      const best = room.word(a.x + dx, a.y + dy, load.name) ?? [6, 4];
+      selectable(put(own, "text", { x: a.x + dx + best[0], y: a.y + dy + best[1] }, load.name), ["loads", load.name]);
     } else if (b && load.line.length) {
       selectable(put(svg, "polyline", { points: strokes(load.line, a, b), class: load.line.length > 4 ? "spring" : "spring strut" }), ["loads", load.name]);
     } else {
@@ -382,10 +383,7 @@ export function sheetView(parent) {
     else if (!one.guide || one.guide.hidden) put(own, "circle", { r: one.guide ? 3 : 5, class: "dot" });
     if (one.driven) put(own, "path", { d: "M13-9A16 16 0 0 0-13-9m-1-7l1 7l7-1", class: "arrow" }); // as angles count
     const words = one.label ?? one.name;
-    const width = 6.8 * words.length;
-    const tried = [0, 13, 26].flatMap((more) => [[10, -10 - more], [10, 18 + more], [-10 - width, -10 - more],
-      [-10 - width, 18 + more], [-width / 2, -18 - more], [-width / 2, 28 + more]]);
-    const best = pins().length < 40 ? room.take(tried, ([ax, ay]) => [x + ax, y + ay - 11, width, 13]) : null;
+    const best = pins().length < 40 ? room.word(x, y, words) : null;
     if (best) put(own, "text", { x: best[0], y: best[1], class: "name" }, words);
   }
 
@@ -394,13 +392,10 @@ export function sheetView(parent) {
     const guide = /** @type {NonNullable<Pin["guide"]>} */ (one.guide);
     const link = at[guide.at[0]] ?? [0, 0, 1, 0];
     const turn = -((Math.atan2(link[3], link[2]) + guide.angle) * 180) / Math.PI;
-    if (guide.ends) {
-      const [a, b] = guide.ends.map((end) => px(spot(end)));
-      put(svg, "line", { x1: a.x, y1: a.y, x2: b.x, y2: b.y, class: "rail" });
-    } else {
-      const foot = px(drag?.moved?.[one.name] ?? spot(guide.at));
-      put(svg, "line", { x1: -46, x2: 46, y1: 12, y2: 12, transform: `translate(${foot.x} ${foot.y}) rotate(${turn})`, class: "rail" });
-    }
+    const foot = px(drag?.moved?.[one.name] ?? spot(guide.at));
+    const [dx, dy] = [46 * Math.cos((turn * Math.PI) / 180), 46 * Math.sin((turn * Math.PI) / 180)];
+    const [a, b] = guide.ends?.map((end) => px(spot(end))) ?? [{ x: foot.x - dx, y: foot.y - dy }, { x: foot.x + dx, y: foot.y + dy }];
+    put(svg, "path", { d: guideway(a, b), class: "rail" });
     put(svg, "rect", { x: -13, y: -9, width: 26, height: 18, transform: `translate(${x} ${y}) rotate(${turn})`, class: "block" });
   }
 

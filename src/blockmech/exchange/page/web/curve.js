@@ -16,8 +16,8 @@ export function ticks(low, high, most = 5) {
  */
 export function range(low, high, floor = 0) {
   if (!(high - low > floor)) {
-    const half = Math.max(Math.abs(low) * 0.1, floor, 1e-12);
     const middle = Math.abs(low) <= floor ? 0 : low;
+    const half = middle ? Math.max(Math.abs(low) * 0.1, floor) : 1;
     return [middle - half, middle + half];
   }
   const room = 0.06 * (high - low);

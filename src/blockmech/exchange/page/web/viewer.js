@@ -4,20 +4,21 @@
 // interpreted here, so that numbers can be changed and nothing is ever evaluated as code.
 
 import { frameAt } from "./curve.js";
-import { button, element, field, put } from "./dom.js";
-import { corners, fitted, on, pixel, posed, strokes } from "./geometry.js";
+import { button, element, field, options, put } from "./dom.js";
+import { corners, fitted, guideway, on, pixel, posed, strokes } from "./geometry.js";
+import { Room } from "./labels.js";
 import { drawPanel } from "./panel.js";
 import { Program } from "./program.js";
-import { rounded, signed } from "./quantity.js";
+import { factor, rounded, signed, unitsOf } from "./quantity.js";
 
 /** @typedef {import("./geometry.js").Point} Point */
 /** @typedef {number[] | {from: number, to: number}} Column values at the samples, or the ends of equal steps */
-/** @typedef {{name: string, label: string, numbers: number[]}} Parameter */
+/** @typedef {{name: string, label: string, unit: string, numbers: number[]}} Parameter */
 /** @typedef {{program: string, parameters: Parameter[], inputs: string[], outputs: {name: string, unit: string}[]}} Part */
 /** @typedef {[number, number] | null} Frame where origin and angle of a link are among the outputs; null: the fixed one */
 /** @typedef {number | {link: Frame, at: Point}} Place an output, or a place in the frame of a link */
 /**
- * @typedef {{title: string, seconds: number, reasons: Record<string, string>, n: number, drawing: Part, curves: Part,
+ * @typedef {{title: string, seconds: number, length: string, reasons: Record<string, string>, n: number, drawing: Part, curves: Part,
  *   columns: Record<string, Column>, along: {words: string, values: Column}, offered: string[], chosen: string[],
  *   sliders: {program: string, constants: number[], numbers: Parameter[], targets: ["drawing" | "curves", number][]},
  *   names: {at: Place, names: string[]}[], pins: {at: number, ground: boolean}[], bodies: {ends: Place[], fill: string}[],
@@ -116,6 +117,7 @@ function show(main, aside, contents) {
   let [pose, playing, begun] = [0, false, 0];
   let view = { scale: 1, x: 0, y: 0 };
   let largest = 1; // force
+  let room = new Room();
   /** @type {((k: number) => void)[]} */
   let cursors = [];
 
@@ -141,28 +143,30 @@ function show(main, aside, contents) {
 
   function draw() {
     svg.replaceChildren();
+    room = new Room();
     const now = drawing.outputs[pose];
     for (const pin of contents.pins) {
       const points = drawing.outputs.map((row) => at(pin.at, row)).filter((z) => there([z]));
       put(svg, "polyline", { points: line(points), class: "path" });
     }
-    for (const { link, ends } of contents.rails) polyline(ends.map((z) => placed(now, link, z)), "rail");
+    for (const { link, ends } of contents.rails) {
+      const [a, b] = ends.map((z) => placed(now, link, z));
+      if (there([a, b])) put(svg, "path", { d: guideway(pixel(view, a), pixel(view, b)), class: "rail" });
+    }
     for (const pin of contents.pins.filter(({ ground }) => ground)) mark(at(pin.at), "M0 0L-11 17H11ZM-14 17H14", "ground");
     for (const { ends, fill } of contents.bodies) {
       const points = ends.map((end) => at(end)).filter((z) => there([z]));
+      points.forEach((z, k) => room.line(pixel(view, z), pixel(view, points[(k + 1) % points.length])));
       if (points.length > 1) for (const layer of ["edge", "link"]) put(svg, "polygon", { points: line(hull(points)), class: layer }).style.setProperty("--fill", fill);
     }
     for (const { link, points } of contents.wheels) polyline(points.map((z) => placed(now, link, z)), "wheel");
-    contents.loads.forEach(drawLoad);
     for (const { at: place, link, turn } of contents.blocks) {
       const angle = -(((link ? now[link[1]] : 0) + turn) * 180) / Math.PI;
-      mark(at(place), "M-13-9H13V9H-13Z", "block", ` rotate(${angle})`);
+      mark(at(place), "M-13-9H13V9H-13Z", "block", ` rotate(${angle})`, 15);
     }
-    for (const { at: place } of contents.pins) mark(at(place), "M-5 0A5 5 0 1 0 5 0A5 5 0 1 0-5 0Z", "dot");
-    for (const { at: place, names } of contents.names) {
-      const { x, y } = pixel(view, at(place));
-      if (Number.isFinite(x)) put(svg, "text", { x: x + 9, y: y - 9 }, names.join(", "));
-    }
+    for (const { at: place } of contents.pins) mark(at(place), "M-5 0A5 5 0 1 0 5 0A5 5 0 1 0-5 0Z", "dot", "", 8);
+    contents.loads.forEach(drawLoad);
+    for (const { at: place, names } of contents.names) word(at(place), names.join(", "));
     const status = curves.statuses[pose] || drawing.statuses[pose];
     caption.textContent = `${along.words}: ${signed(along.values[pose], 5)}${status ? ` \u2013 ${reasons[status]}` : ""}`;
     for (const point of cursors) point(pose);
@@ -174,9 +178,17 @@ function show(main, aside, contents) {
     if (there(points)) put(svg, "polyline", { points: line(points), class: name });
   }
 
-  /** @param {Point} z @param {string} d @param {string} name @param {string} turn */
-  function mark(z, d, name, turn = "") {
+  /** A word beside a place, where it hides nothing if there is room. @param {Point} z @param {string} text @param {string} name */
+  function word(z, text, name = "") {
     const { x, y } = pixel(view, z);
+    const [right, down] = room.word(x, y, text) ?? [10, -10];
+    if (Number.isFinite(x)) put(svg, "text", { x: x + right, y: y + down, class: name }, text);
+  }
+
+  /** @param {Point} z @param {string} d @param {string} name @param {string} turn @param {number} half of the room that it takes [px] */
+  function mark(z, d, name, turn = "", half = 0) {
+    const { x, y } = pixel(view, z);
+    if (half) room.taken.push([x - half, y - half, 2 * half, 2 * half]);
     if (Number.isFinite(x)) put(svg, "path", { d, class: name, transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})${turn}` });
   }
 
@@ -188,14 +200,21 @@ function show(main, aside, contents) {
       const [x, y] = effort(drawing.outputs[pose], value, couple);
       const size = 18 + (28 * Math.hypot(x, y)) / largest;
       if (couple && x) mark(at(place), ARC, "force", ` scale(1 ${Math.sign(x)})`);
-      else if (x || y) mark(at(place), `M0 0H${size}l-8-4m8 4l-8 4`, "force", ` rotate(${(-Math.atan2(y, x) * 180) / Math.PI})`);
+      else if (x || y) {
+        mark(at(place), `M0 0H${size}l-8-4m8 4l-8 4`, "force", ` rotate(${(-Math.atan2(y, x) * 180) / Math.PI})`);
+        const [from, way] = [pixel(view, at(place)), size / Math.hypot(x, y)];
+        room.line(from, { x: from.x + way * x, y: from.y - way * y });
+      }
     }
-    const { x, y } = pixel(view, at(arrows.length ? arrows[0].at : ends[0]));
-    if (Number.isFinite(x)) put(svg, "text", { x: x + 9, y: y - 22, class: "force" }, name);
+    word(at(arrows.length ? arrows[0].at : ends[0]), name, "force");
   }
 
   // -- curves ------------------------------------------------------------------------------------
 
+  const lengths = field(aside, "Lengths in", "select").input;
+  options(lengths, unitsOf("m").map((unit) => [unit, unit]), contents.length);
+  const shownIn = (/** @type {string} */ unit) => (unit === "m" ? lengths.value : unit);
+  const times = (/** @type {string} */ unit) => factor(unit, shownIn(unit));
   const numbers = element(aside, "div", "numbers");
   const more = field(aside, "Another number", "select").input;
   const table = element(aside, "dl", "values");
@@ -204,11 +223,11 @@ function show(main, aside, contents) {
   function plot() {
     plots.replaceChildren();
     cursors = contents.curves.outputs.map(({ name, unit }, i) => {
-      const row = curves.outputs.map((out, k) => (!curves.statuses[k] && Number.isFinite(out[i]) ? out[i] : null));
+      const row = curves.outputs.map((out, k) => (!curves.statuses[k] && Number.isFinite(out[i]) ? times(unit) * out[i] : null));
       const known = row.filter((x) => x !== null);
       /** @type {[number, number]} */
       const shown = [known.reduce((a, b) => Math.min(a, b), 0), known.reduce((a, b) => Math.max(a, b), 0)];
-      const panel = { quantity: name.split(".").slice(-1 - Number(/\.[xy]$/.test(name))).join("."), unit: unit || "-", shown, curves: /** @type {[string, (number | null)[]][]} */ ([[name, row]]), without: [] };
+      const panel = { quantity: name.split(".").slice(-1 - Number(/\.[xy]$/.test(name))).join("."), unit: shownIn(unit) || "-", shown, curves: /** @type {[string, (number | null)[]][]} */ ([[name, row]]), without: [] };
       return drawPanel(plots, panel, along, gaps(), step);
     });
   }
@@ -232,7 +251,7 @@ function show(main, aside, contents) {
       const largest = Math.max(...curves.outputs.map((out) => Math.abs(out[i]) || 0));
       const x = Math.abs(curves.outputs[pose][i]) > 1e-13 * largest ? curves.outputs[pose][i] : curves.outputs[pose][i] * 0;
       element(table, "dt", "", name);
-      element(table, "dd", "", Number.isFinite(x) && !curves.statuses[pose] ? `${signed(x, 12)} ${unit}` : "none");
+      element(table, "dd", "", Number.isFinite(x) && !curves.statuses[pose] ? `${signed(times(unit) * x, 12)} ${shownIn(unit)}` : "none");
     });
   }
 
@@ -290,16 +309,26 @@ function show(main, aside, contents) {
   /** A slider and a field for a number. @param {Parameter} own @param {(x: number) => void} take */
   function offer(own, take) {
     const first = own.numbers[0];
-    const { cell, input: typed } = field(numbers, own.label, "input");
-    Object.assign(typed, { type: "number", step: "any", value: String(first) });
+    let now = first;
+    const { cell, label, input: typed } = field(numbers, "", "input");
+    Object.assign(typed, { type: "number", step: "any" });
+    const show = () => {
+      label.textContent = own.label + (own.unit ? ` [${shownIn(own.unit)}]` : "");
+      typed.value = now === first && times(own.unit) === 1 ? String(first) : rounded(times(own.unit) * now, 12);
+    };
+    show();
+    lengths.addEventListener("change", show);
     const range = element(cell, "input");
     Object.assign(range, { type: "range", min: "0", max: "1000", value: "500" });
     range.setAttribute("aria-label", `${own.label}, by a slider`);
     range.addEventListener("input", () => {
-      typed.value = rounded(first + (Number(range.value) / 500 - 1) * (Math.abs(first) || 1) * 0.5, 6);
-      take(Number(typed.value));
+      now = Number(rounded(first + (Number(range.value) / 500 - 1) * (Math.abs(first) || 1) * 0.5, 6));
+      show();
+      take(now);
     });
-    typed.addEventListener("change", () => { if (Number.isFinite(typed.valueAsNumber)) take(typed.valueAsNumber); });
+    typed.addEventListener("change", () => {
+      if (Number.isFinite(typed.valueAsNumber)) take((now = typed.valueAsNumber / times(own.unit)));
+    });
     for (const option of more.options) if (option.value === own.name) option.disabled = true;
   }
 
@@ -311,13 +340,14 @@ function show(main, aside, contents) {
     });
   }
 
-  more.append(new Option("", ""), ...contents.offered.map((name) => new Option(parameter(name).label, name)));
+  more.append(new Option("choose \u2026", ""), ...contents.offered.map((name) => new Option(parameter(name).label, name)));
   more.addEventListener("change", () => {
     if (more.value) offerNumber(more.value);
     more.value = "";
   });
   own.forEach((x, k) => offer(x, (value) => follow(k, value)));
   contents.chosen.forEach(offerNumber);
+  lengths.addEventListener("change", () => { plot(); draw(); });
   slider.addEventListener("input", () => { pause(); step(Number(slider.value)); });
   new ResizeObserver(() => { fit(); plot(); draw(); }).observe(main);
   compute();
@@ -336,7 +366,7 @@ async function open() {
     const href = URL.createObjectURL(new Blob([link.document], { type: "application/json" }));
     const save = element(footer, "a", "", "The mechanism's file");
     Object.assign(save, { href, download: link.file });
-    element(footer, "span", "", " opens in blockmech. SI units; all is computed in this page.");
+    element(footer, "span", "", " opens in blockmech. All is computed in this page.");
   } catch {
     title.textContent = "No mechanism";
     element(main, "p", "wrong", "The address holds no mechanism, or is cut: copy the whole link again.");

@@ -16,6 +16,14 @@ export class Room {
     for (let k = 0; k < n; k++) this.lined.push({ x: a.x + ((b.x - a.x) * k) / n, y: a.y + ((b.y - a.y) * k) / n });
   }
 
+  /** Where a word beside a point begins; null where there is no room. @param {number} x @param {number} y @param {string} words */
+  word(x, y, words) {
+    const width = 6.8 * words.length;
+    const tried = [0, 13, 26].flatMap((more) => [[10, -10 - more], [10, 18 + more], [-10 - width, -10 - more],
+      [-10 - width, 18 + more], [-width / 2, -18 - more], [-width / 2, 28 + more]]);
+    return this.take(tried, ([ax, ay]) => [x + ax, y + ay - 11, width, 13]);
+  }
+
   /**
    * The best of some places that is free; it is taken then. Null where none is.
    * @template T @param {T[]} places @param {(one: T) => Area} area @returns {T | null}
