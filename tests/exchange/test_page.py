@@ -213,6 +213,16 @@ def test_a_slider_for_what_a_page_cannot_follow_is_refused(tmp_path, address, wh
         bm.write(readme_crank(), tmp_path / "page.html", slider=address)
 
 
+@pytest.mark.parametrize("address", ["dimensions.rod.value", "joints.A.at[0].x"])
+def test_a_page_fits_no_drawing_to_its_dimensions(tmp_path, address):
+    """A fit is solved step by step; masses of such a drawing have sliders."""
+    m = readme_crank(mass=0.5)
+    m.add_dimension("rod", "length", ["A", "B"], "210mm")
+    with pytest.raises(bm.RequestError, match=r"fits no drawing to its dimensions\. take"):
+        bm.write(m, tmp_path / "page.html", slider=address)
+    bm.write(m, tmp_path / "page.html", slider="links.rod.mass, loads.gas.at.x")
+
+
 def test_a_page_has_the_links_names_and_loads_of_the_drawing(page, tmp_path):
     """The slider-crank of the README: links between their own pins, a force along -x."""
     m = readme_crank()

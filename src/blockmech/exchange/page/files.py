@@ -53,6 +53,8 @@ from blockmech.typing import Array, Data, Vectors
 FRAMES = DEFAULT_SAMPLES // 2 + 1  # poses of the range: every other one
 SECONDS = 3.0  # that a range or a turn is played
 FEW = 3  # sliders where none are asked for
+FITTED = ("dimensions", "value"), ("joints", "at"), ("links", "markers")
+"""Sections and keys of numbers that go through the fit of a drawing to its dimensions."""
 IMPORT = re.compile(r'^import \{(.*)\} from "([./\w]+)\.js";$', re.M)
 
 
@@ -228,13 +230,14 @@ def _varied(order: Order) -> tuple[Variation, Tape, list[Parameter]]:
     """
     words = filter(None, map(str.strip, (order.options.get("slider") or "").split(",")))
     chosen, tape = list(named(parameters(order.mechanism), dict.fromkeys(words))), Tape()
+    dimensioned = bool(getattr(order.mechanism.document, "dimensions", {}))
     for p in chosen:
-        if why := without_derivative(p):
-            raise refused(f"slider.{p.address}", why)
-    variation = Variation.of(order.mechanism, chosen, tape.varied)
-    if not all(isinstance(x, Recorded) for x in variation.numbers.values()):
-        raise refused("slider", "dimensions move what it moves", "leave them out, or name them")
-    return variation, tape, chosen
+        why, remedy = without_derivative(p), ""
+        if dimensioned and not why and (p.path[0], *p.path[2:3]) in FITTED:
+            why, remedy = "a page fits no drawing to its dimensions", "take the dimensions out"
+        if why:
+            raise refused(f"slider.{p.address}", why, remedy)
+    return Variation.of(order.mechanism, chosen, tape.varied), tape, chosen
 
 
 def _sliders(
