@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from blockmech.cli.options import (
     AsJson,
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from blockmech.result.result import Result
 
 AnyAnswer = TypeVar("AnyAnswer", bound=Displayed)
-Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder) -> files drawn
 
 NUMBERS = ("results.csv", "result.json")
 PICTURES = (
@@ -223,28 +222,26 @@ class Output(TableDisplay):
     def show(
         self,
         result: Result,
-        pictures: Pictures,
         gaps: Sequence[str],
         lines: Sequence[str] = (),
         of: Collection[str] = (),
     ) -> None:
         """Print a result as data, with notes of its gaps; or write files, and print a table.
 
-        ``pictures`` draws into a folder, ``lines`` follow the table, ``of`` are the names that
-        it says there are.
+        ``lines`` follow the table, ``of`` are the names that it says there are.
         """
         if self.is_data:
             pour(json_chunks(result) if self.json else self._csv(result))
             note(*gaps)
             return
-        files = [f"wrote {path}" for path in self._write(result, pictures)]
+        files = [f"wrote {path}" for path in self._write(result)]
         say("\n".join([table(result, of=of), *lines, *files]))
 
     def _csv(self, result: Result) -> Any:
         cells = "\t" if self.separator == "tab" else self.separator
         return csv_chunks(result, separator=cells, decimal=self.decimal)
 
-    def _write(self, result: Result, pictures: Pictures) -> list[Path]:
+    def _write(self, result: Result) -> list[Path]:
         """Write what is asked for."""
         table = csv_place(self.csv)
         if table is not None:
@@ -255,11 +252,15 @@ class Output(TableDisplay):
             with progress_bar("drawing"):
                 result.plot(self.plot)
             return [Path(self.plot)]
-        return [] if self.out is None else self._fill(Path(self.out), result, pictures)
+        return [] if self.out is None else self._fill(Path(self.out), result)
 
-    def _fill(self, out: Path, result: Result, pictures: Pictures) -> list[Path]:
+    def _fill(self, out: Path, result: Result) -> list[Path]:
         """Fill a folder with a result; of an interrupted simulation the numbers alone."""
         numbers = dict(zip(NUMBERS, (self._csv(result), json_chunks(result)), strict=True))
         if result.motion is not None and result.motion.end == "interrupted":
             return fill_folder(out, numbers, PICTURES)
+        from blockmech.draw import run_pictures
+        from blockmech.draw.simulation import simulation_pictures
+
+        pictures = run_pictures if result.motion is None else simulation_pictures
         return fill_folder(out, numbers, PICTURES, partial(pictures, result, out))

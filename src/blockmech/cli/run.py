@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -24,9 +23,6 @@ from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.result.tables import gap_lines, leading
 from blockmech.typing import Arguments
-
-if TYPE_CHECKING:
-    from blockmech.result.result import Result
 
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
@@ -78,14 +74,8 @@ def run(
         result = without_gaps(result, on_gap)
     if result.accuracy is not None:
         note(str(result.accuracy))
-    output.show(result, _pictures, [*gaps, *why], ["", *why] if why else [], everything)
+    output.show(result, [*gaps, *why], ["", *why] if why else [], everything)
     if on_gap == "stop" and not output.is_data:  # the table does not reach them
         note(*gaps)
     if gaps:
         raise typer.Exit(NO_ANSWER)
-
-
-def _pictures(result: Result, folder: Path) -> list[Path]:
-    from blockmech.draw import run_pictures
-
-    return run_pictures(result, folder)

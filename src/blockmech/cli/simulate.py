@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -105,17 +104,11 @@ def simulate(
         )
         result = output.in_units(result)
         gaps = gap_lines(result)
-    output.show(result, _pictures, gaps, ["", *motion_lines(result)])
+    output.show(result, gaps, ["", *motion_lines(result)])
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, at):
         raise typer.Exit(NO_ANSWER)
-
-
-def _pictures(result: Result, folder: Path) -> list[Path]:
-    from blockmech.draw.simulation import simulation_pictures
-
-    return simulation_pictures(result, folder)
 
 
 def _unanswered(result: Result, requested: list[float] | None) -> bool:

@@ -17,6 +17,7 @@ from blockmech.cli.terminal import NO_ANSWER, WRONG, note, progress_bar, say
 from blockmech.ground.errors import BlockmechError, Problem, in_file
 from blockmech.model.expect import Expectation
 from blockmech.model.form import plain
+from blockmech.result.tables import counted
 from blockmech.testing.graph_files import LEFT_OUT, graphs_of
 from blockmech.typing import Data
 
@@ -67,10 +68,9 @@ class Tested:
 
         for k, expectation, outcomes in self.entries:
             failed = sum(not o.ok for o in outcomes)
-            count = f"{failed} of {len(outcomes)}" if failed else f"{len(outcomes)}"
-            numbers = "number" if count == "1" else "numbers"
+            count = f"{failed} of " * bool(failed) + counted(len(outcomes), "number")
             word = "FAILS" if failed else "ok   "
-            yield f"{word}  {self.file} expect[{k}]: {count} {numbers} ({expectation.source})"
+            yield f"{word}  {self.file} expect[{k}]: {count} ({expectation.source})"
             if failed:
                 yield from (f"       {line}" for line in failure_table(outcomes).splitlines())
         if self.problems:
@@ -165,5 +165,5 @@ def _summary(tested: list[Tested]) -> str:
     parts = [f"{len(entries) - failed} ok", f"{failed} failed"]
     for count, label in ((silent, "without expectations"), (wrong, "wrong")):
         if count:
-            parts.append(f"{count} file{'s' if count > 1 else ''} {label}")
+            parts.append(f"{counted(count, 'file')} {label}")
     return ", ".join(parts)

@@ -254,15 +254,6 @@ def _redrawn(now: Revision, request: Request) -> Step:
     return Step(as_links(now.form, motion), "drawn as links and joints")
 
 
-def _take(now: Revision, request: Request) -> Step:
-    """A whole document in place of this one, e.g. a design that was proposed."""
-    return Step(dict(request["form"]), "candidate taken")
-
-
-def _begin(now: Revision, request: Request) -> Step:
-    return Step(Linkage(now.form["name"]).to_data(), "begun")
-
-
 # -- of block diagrams ---------------------------------------------------------------------
 
 
@@ -304,10 +295,6 @@ def _arrange(now: Revision, request: Request) -> Step:
     return Step(edits.placed(_blocks(now), positions), f"{', '.join(request['names'])} moved")
 
 
-def _lay_out(now: Revision, request: Request) -> Step:
-    return Step({**_blocks(now), "view": {}}, "laid out")  # places then follow from the wires
-
-
 def _cut(now: Revision, request: Request) -> Step:
     names = _names(now, request)
     return Step(edits.without(_blocks(now), names, names), f"{', '.join(names)} deleted")
@@ -337,12 +324,12 @@ ACTS: dict[str, Callable[[Revision, Request], Step]] = {
     "fields": _typed,
     "remove": _remove,
     "redraw": _redrawn,
-    "begin": _begin,
-    "take": _take,
+    "begin": lambda now, _: Step(Linkage(now.form["name"]).to_data(), "begun"),
+    "take": lambda _, request: Step(dict(request["form"]), "candidate taken"),
     "add": _add,
     "wire": _wire,
     "arrange": _arrange,
-    "lay out": _lay_out,
+    "lay out": lambda now, _: Step({**_blocks(now), "view": {}}, "laid out"),  # by the wires
     "delete blocks": _cut,
     "duplicate": _duplicate,
     "rename": _rename,

@@ -22,17 +22,13 @@ from typing import Any, NamedTuple
 
 from blockmech.blocks.block import REGISTRY
 from blockmech.ground.errors import BlockmechError
-from blockmech.ground.units import NoQuantity, quantity, unit_behind
+from blockmech.ground.units import PI, NoQuantity, quantity, si_of, unit_behind
 from blockmech.model.schema import graph_schema, joints_schema
 from blockmech.typing import Data, Record
 
 Path = tuple[str, ...]
 Schema = Record
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-PI = Fraction(math.pi)
-MANY = {"mm": Fraction(1000), "inch": 1 / Fraction("0.0254"), "kN": Fraction(1, 1000)}
-MANY |= {"lbf": 1 / Fraction("4.4482216152605"), "deg": 180 / PI, "rpm": 30 / PI}
-"""How many of a unit that a user may choose make one of SI; doubles are too few to go back."""
 COMMA = re.compile(r"([-+]?\d+),(\d+)(?![\d,.])")
 ENTRIES = ("number", "place", "text")  # kinds of fields that stand in a list
 DIGITS = sys.float_info.dig + 2  # 17, that tell every double from its neighbours
@@ -234,7 +230,8 @@ class Units(dict[str, str]):
         return self.get(si, si)
 
     def _many(self, si: str) -> Fraction:
-        return MANY.get(self.unit(si), Fraction(1))
+        """How many of the shown unit make one of SI; doubles are too few to go back."""
+        return 1 / si_of(self.unit(si), si)
 
     def text(self, field: Field, value: Any) -> str:
         """A value as it stands in a field; nothing for one that is not given."""

@@ -29,18 +29,8 @@ from blockmech.ground.units import shown_in
 from blockmech.model.parameters import Parameter, parameters_of
 from blockmech.result.columns import output_columns, quiet_columns
 from blockmech.result.result import Result
-from blockmech.result.tables import ROWS
+from blockmech.result.tables import ROWS, html_grid
 from blockmech.typing import Record
-
-
-def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Rows of words and numbers below their heads."""
-
-    def line(tag: str, cells: Iterable[str]) -> str:
-        return f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
-
-    body = "".join(line("td", row) for row in rows)
-    return f"<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>"
 
 
 @file_writer
@@ -65,7 +55,7 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
         "Curves": image(draw_panels(chosen_panels(result, result), abscissa(result)), "curves"),
         **_forces(result),
         "Values": _values(result),
-        "All numbers": f"<div class=numbers>{table(('number', 'value'), lists)}</div>",
+        "All numbers": f"<div class=numbers>{html_grid(('number', 'value'), lists)}</div>",
         "All checks": f"<pre>{html.escape(str(checks))}</pre>",
     }
     extras: Record = getattr(document, "extras", {})
@@ -129,7 +119,7 @@ def _data(data: Record, numbers: Iterable[Parameter], result: Result) -> Iterato
         ]
         if nonzero:
             cells = ([part, *(row.get(h, "") for h in nonzero)] for part, row in table_rows.items())
-            yield table([kind, *nonzero], cells)
+            yield html_grid([kind, *nonzero], cells)
 
 
 def _forces(result: Result) -> dict[str, str]:
@@ -146,7 +136,7 @@ def _forces(result: Result) -> dict[str, str]:
     largest = {name: int(np.nanargmax(f)) for name, f in sizes.items() if np.isfinite(f).any()}
     rows = ([name, _text(sizes[name][k]), _text(along.values[k])] for name, k in largest.items())
     head = ("joint", "largest reaction [N]", f"at {along.words}")
-    return {"Forces": table(head, rows) + image(draw_panels(panels, along), "reactions")}
+    return {"Forces": html_grid(head, rows) + image(draw_panels(panels, along), "reactions")}
 
 
 def _values(result: Result) -> str:
@@ -154,16 +144,14 @@ def _values(result: Result) -> str:
     along = abscissa(result)
     shown = np.unique(np.linspace(0, result.n - 1, ROWS, dtype=int))
     columns = quiet_columns([c for name in result for c in output_columns(result, name)])
-    parts = [[c for c in columns if c.output == name] for name in result]
-    head = [
-        along.words,
-        *(f"{name} [{c[0].unit or '–'}]" for name, c in zip(result, parts, strict=True)),
-    ]
+    groups = {name: [c for c in columns if c.output == name] for name in result}
+    head = [along.words, *(f"{name} [{c[0].unit or '–'}]" for name, c in groups.items())]
+    parts = groups.values()
     rows = (
-        [_text(along.values[k]), *(", ".join(_text(c.values[k]) for c in part) for part in parts)]
+        [_text(along.values[k]), *(", ".join(_text(c.values[k]) for c in x) for x in parts)]
         for k in shown
     )
-    return table(head, rows)
+    return html_grid(head, rows)
 
 
 def _text(value: Any) -> str:

@@ -143,8 +143,13 @@ def shown_in(si: str, units: Iterable[str]) -> tuple[float, str]:
     """What a number in an SI unit is multiplied by to be shown in the first of its kind."""
     for unit in units:
         with suppress(NoQuantity):
-            return float(1 / _factor(unit, (si,), unit)), unit
+            return float(1 / si_of(unit, si)), unit
     return 1.0, si
+
+
+def si_of(unit: str, si: str) -> Fraction:
+    """How much of an SI unit one of the same kind is. Raises `NoQuantity` for another kind."""
+    return _factor(unit, (si,), unit) if unit != si else Fraction(1)
 
 
 def seem_degrees(low: float, high: float) -> bool:

@@ -94,16 +94,9 @@ def html_table(result: Labelled) -> str:
     selection = _select(result, WIDTH, tuple(result))
     status = result.quality.status
     heads = [*(column.head for column in selection.columns), "status"]
-    lines = [
-        "<table>",
-        f"<caption>{html.escape(_title(result, len(result)))}</caption>",
-        _html_row("th", heads),
-    ]
-    for i in selection.rows:
-        lines.append(_html_row("td", [*(_cell(c.values[i]) for c in selection.columns), status[i]]))
-    lines.append("</table>")
-    lines += [f"<p>{html.escape(line)}</p>" for line in _footer(result, selection)]
-    return "\n".join(lines)
+    rows = ([*(_cell(c.values[i]) for c in selection.columns), status[i]] for i in selection.rows)
+    footer = (f"<p>{html.escape(line)}</p>" for line in _footer(result, selection))
+    return "\n".join([html_grid(heads, rows, _title(result, len(result))), *footer])
 
 
 def gap_lines(result: Labelled) -> list[str]:
@@ -272,6 +265,12 @@ def counted(n: int, singular: str, plural: str = "") -> str:
     return f"{n} {singular if n == 1 else plural or singular + 's'}"
 
 
-def _html_row(tag: str, cells: list[str]) -> str:
-    inner = "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
-    return f"<tr>{inner}</tr>"
+def html_grid(head: Iterable[str], rows: Iterable[Iterable[str]], caption: str = "") -> str:
+    """Rows of texts below their heads as HTML, in which every text is escaped."""
+
+    def line(tag: str, cells: Iterable[str]) -> str:
+        return f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+    title = f"<caption>{html.escape(caption)}</caption>" * bool(caption)
+    body = "".join(line("td", row) for row in rows)
+    return f"<table>{title}<thead>{line('th', head)}</thead><tbody>{body}</tbody></table>"

@@ -94,6 +94,11 @@ class Parts:
         start, stop = span
         return self.place / f"{self.question}-{start:012d}-{stop:012d}{SUFFIX}"
 
+    @property
+    def _names(self) -> list[str]:
+        """Names of all columns but those of the designs' own numbers."""
+        return [*(name for w in self.want for name in _names_of(w)), *WHY]
+
     def existing(self, chosen: Designs) -> Parts:
         """Those in the folder; files that only stand in their places are removed.
 
@@ -131,7 +136,7 @@ class Parts:
             table = self._table(span)
         except (OSError, needed("pyarrow", "out", "study", WITHOUT).ArrowException):
             return False
-        complete = set(self._names()) <= set(table.column_names)
+        complete = {*self._names} <= {*table.column_names}
         complete &= (table.schema.metadata or {}).get(DIGEST) == _digest(table)
         return complete and all(np.array_equal(table[a].to_numpy(), x) for a, x in vary.items())
 
@@ -160,35 +165,30 @@ class Parts:
     @cached_property
     def found(self) -> Rows:
         """What was kept of the designs."""
-        values = {w.label: self._column(w) for w in self.want}
-        table = self._read(*WHY)
+        table = self._read()
+        values = {w.label: _column(w, table) for w in self.want}
         word = np.array([REASONS.index(x) for x in table["status"].to_pylist()], np.int8)
         return Rows(values, word, *(table[name].to_numpy() for name in ("block", "pose", "poses")))
 
-    def _names(self) -> tuple[str, ...]:
-        """Names of all columns but those of the designs' own numbers."""
-        return (*(name for w in self.want for name in _names_of(w)), *WHY)
-
-    def _column(self, w: Wanted) -> Array:
-        names = _names_of(w)
-        table = self._read(*names)
-        rows = [table[name].to_numpy() for name in names]
-        if w.how == POSES:
-            rows = [np.stack(column) for column in rows]
-        return np.asarray(rows[0] if len(rows) == 1 else rows[0] + 1j * rows[1])
-
-    def _read(self, *names: str) -> Any:
-        """Some columns of all parts, one part after the other.
+    def _read(self) -> Any:
+        """The columns of all parts but the designs' own numbers, one part after the other.
 
         Raises `RequestError` where a part was removed or harmed since the study was made.
         """
         arrow = needed("pyarrow", "out", "study", WITHOUT)
         try:
-            return arrow.concat_tables([self._table(span, names) for span in self.spans])
+            return arrow.concat_tables([self._table(span, self._names) for span in self.spans])
         except (OSError, arrow.ArrowException) as error:
             message = f"a part cannot be read any more: {str(error).splitlines()[0]}"
             remedy = "ask the study again: it does the parts that are missing"
             raise refused(str(self.place), message, remedy, code="cannot-read") from error
+
+
+def _column(w: Wanted, table: Any) -> Array:
+    rows = [table[name].to_numpy() for name in _names_of(w)]
+    if w.how == POSES:
+        rows = [np.stack(column) for column in rows]
+    return np.asarray(rows[0] if len(rows) == 1 else rows[0] + 1j * rows[1])
 
 
 def _names_of(w: Wanted) -> list[str]:

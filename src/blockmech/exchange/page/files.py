@@ -149,7 +149,7 @@ def _part(script: Script, mechanism: Compiled) -> Data:
             for m in script.parameters
         ],
         "inputs": [m.name for m in script.inputs],
-        "outputs": [{"name": n, "unit": _unit(m.comment)} for n, m in script.outputs.items()],
+        "outputs": [{"name": n, "unit": script.unit_of(n)} for n in script.outputs],
     }
 
 
@@ -159,10 +159,6 @@ def _units(mechanism: Compiled) -> dict[str, str]:
     units = {f"P_{identifier(p.address)}": p.unit for p in numbers}
     letters = {"at": "m", mechanism.structure.frame: "m", "gravity": "m/s2"}
     return units | letters | {"m": "kg", "J": "kg m2"}
-
-
-def _unit(comment: str) -> str:
-    return comment.rpartition("[")[2].rstrip("]") if comment.endswith("]") else ""
 
 
 def _columns(script: Script, samples: Samples) -> Data:
