@@ -296,9 +296,9 @@ def test_words_of_a_page_lie_beside_blocks_arrows_and_each_other(page, tmp_path)
         across = min(a["right"], b["right"]) - max(a["left"], b["left"])
         return across <= 1 or min(a["bottom"], b["bottom"]) - max(a["top"], b["top"]) <= 1
 
-    words, shapes = boxes
-    assert len(words) == 7
-    assert all(apart(a, b) for k, a in enumerate(words) for b in (*words[:k], *shapes))
+    labels, shapes = boxes
+    assert len(labels) == 7
+    assert all(apart(a, b) for k, a in enumerate(labels) for b in (*labels[:k], *shapes))
     (guide,) = page.locator(".rail").all()
     assert guide.bounding_box()["y"] > page.locator(".block").bounding_box()["y"] + 15
 
