@@ -190,13 +190,6 @@ def names_of(want: list[str] | None) -> tuple[str, ...]:
     return tuple(n for part in want or () for n in part.split(",") if n)
 
 
-def si_only(json: bool, degrees: bool | None, units: list[str] | None) -> None:
-    """Refuse other units in JSON."""
-    if json and (degrees or units):
-        where = "--deg" if degrees else "--unit"
-        raise refused(where, "JSON results are in SI units", "leave it out")
-
-
 def at_most_one(**options: bool) -> None:
     """Refuse two ways of output at a time."""
     chosen = [f"--{name}" for name, on in options.items() if on]

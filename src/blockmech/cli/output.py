@@ -16,7 +16,6 @@ from blockmech.cli.options import (
     at_most_one,
     names_of,
     option,
-    si_only,
 )
 from blockmech.cli.terminal import (
     UNDRAWN,
@@ -126,7 +125,9 @@ class Display:
     def __post_init__(self) -> None:
         chosen = {name: vars(self).get(name) is not None for name in ("out", "csv", "plot")}
         at_most_one(json=self.json, **chosen)
-        si_only(self.json, self.deg, self.unit)
+        if self.json and (self.deg or self.unit):
+            where = "--deg" if self.deg else "--unit"
+            raise refused(where, "JSON results are in SI units", "leave it out")
 
     def in_units(self, result: AnyAnswer) -> AnyAnswer:
         """An answer in the units that texts, tables, CSV and pictures have."""

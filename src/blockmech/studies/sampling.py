@@ -99,12 +99,10 @@ class Designs:
 
     @cached_property
     def _hypercube(self) -> Floats:
-        (random,), size = np.random.default_rng(self.seed).spawn(1), len(self.vary)
-        inside = random.random((self.count, size))
-        strata = np.tile(np.arange(1, self.count + 1), (size, 1))
-        for row in strata:
-            random.shuffle(row)
-        return np.asarray((strata.T - inside) / self.count)
+        (random,) = np.random.default_rng(self.seed).spawn(1)
+        inside = random.random((self.count, len(self.vary)))
+        strata = [random.permutation(self.count) for _ in self.vary]
+        return np.asarray((np.transpose(strata) + 1 - inside) / self.count)
 
 
 def designs(vary: Record, sampling: str | Sample | None) -> Designs:
