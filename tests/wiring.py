@@ -15,6 +15,7 @@ import blockmech as bm
 from blockmech import Graph
 from blockmech.blocks.contract import Block, Moving
 from blockmech.friction.continuation import course_from_zero, end_of
+from blockmech.friction.equations import Equations
 from blockmech.ground.values import Marker, Vector
 from blockmech.testing.strategies import Case
 
@@ -51,8 +52,8 @@ def amplification(run: Any) -> float:
 
 def continue_from_zero(k, edges, base, rows):
     """The end of a group's path from zero friction."""
-    arguments = k, edges, base, rows
-    return end_of(course_from_zero(True, *arguments), *arguments)
+    of = Equations(k, edges, base, rows)
+    return end_of(course_from_zero(True, of), of)
 
 
 def rewired(graph: Graph, order: random.Random | None = None, **changes: Any) -> Graph:

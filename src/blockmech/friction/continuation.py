@@ -30,8 +30,10 @@ from typing import NamedTuple
 
 from blockmech.friction.equations import (
     SETTLED,
+    Equations,
     along,
     chosen,
+    coulomb,
     eliminate,
     homogeneous,
     largest_of,
@@ -51,7 +53,7 @@ from blockmech.ground.plane import (
     sqrt,
     where,
 )
-from blockmech.typing import Edges, Influences, Planars, Real, Reals, Values
+from blockmech.typing import Real, Reals, Values
 
 # [-] of the arc: unknowns are on the unit sphere, lambda ends at 1. The first step from zero
 # friction and from a kink is short, as the path may bend there.
@@ -131,43 +133,32 @@ class Path(NamedTuple):
     corrections: Real
 
 
-def course_from_zero(
-    requested: Real, k: Reals, edges: Edges, base: Planars, rows: Influences, solvable: Real = False
-) -> ContinuationState:
+def course_from_zero(requested: Real, of: Equations, solvable: Real = False) -> ContinuationState:
     """The path of the frictionless solution to full friction, of the samples asked for.
 
     Where the equations are ``solvable`` for every load (`blockmech.friction.existence`) it is
     followed through folds: there it arrives.
-
-    Parameters
-    ----------
-    k : m signed Coulomb factors [m] or [-]
-    edges : m flags, True for a pair whose load is the larger component
-    base : m loads [N] without friction
-    rows : m x m influences of unit friction on the loads
     """
-    zero = 0.0 * abs(k[0])
-    v = (*(zero for _ in k), zero + 1.0, zero)
-    row = (*(zero for _ in k), zero, zero + 1.0)
-    contacts = tuple((zero + 1.0, zero) if edge else () for edge in edges)
+    zero = 0.0 * abs(of.k[0])
+    v = (*(zero for _ in of.k), zero + 1.0, zero)
+    row = (*(zero for _ in of.k), zero, zero + 1.0)
+    contacts = tuple((zero + 1.0, zero) if edge else () for edge in of.edges)
     aim = zero + StepTarget.FRESH
     solvable = (zero == 0.0) & solvable
     rest = (*(zero,) * 4, solvable, zero > 0.0, requested)
     start = ContinuationState(v, v, contacts, zero, zero, zero, aim, v, row, *rest)
-    if any(edges):
-        start = repeat(pressed, start, 1, k, edges, base, rows)
-    course: ContinuationState = repeat(follow, start, MOST, k, edges, base, rows)
+    if any(of.edges):
+        start = repeat(pressed, start, 1, of)
+    course: ContinuationState = repeat(follow, start, MOST, of)
     return course
 
 
-def pressed(
-    at: ContinuationState, k: Reals, edges: Edges, base: Planars, rows: Influences
-) -> ContinuationState:
+def pressed(at: ContinuationState, of: Equations) -> ContinuationState:
     """The start with its contacts: where nothing presses yet, those that friction brings."""
-    t = [kj * g for kj, g in zip(k, norms(base, edges), strict=True)]
-    growth = loads(t, [mul(f, 0.0) for f in base], rows)
+    t = coulomb(of.k, norms(of.base, of.edges))
+    growth = loads(t, [mul(f, 0.0) for f in of.base], of.rows)
     contacts = []
-    for edge, f, added in zip(edges, base, growth, strict=True):
+    for edge, f, added in zip(of.edges, of.base, growth, strict=True):
         empty = largest_of((f.real, f.imag)) == 0.0
         x, y = where(empty, added.real, f.real), where(empty, added.imag, f.imag)
         couple = abs(y) > abs(x)
@@ -176,20 +167,18 @@ def pressed(
     return at._replace(contacts=tuple(contacts))
 
 
-def follow(
-    at: ContinuationState, k: Reals, edges: Edges, base: Planars, rows: Influences
-) -> ContinuationState:
+def follow(at: ContinuationState, of: Equations) -> ContinuationState:
     """One correction of Newton's method, and behind the last one of a step the next step.
 
     A corrected point is reached, and the path goes on from there; or a place is passed on the
     way to it, and Newton lands there; or a fold is, and by the secant of the tangent's lambda
     the step is shortened; or the point is bad, and the step is halved.
     """
-    factor, load = _scales(k, base)
-    k, rows = [kj / factor for kj in k], [[mul(R, factor) for R in row] for row in rows]
-    base = [mul(f, 1.0 / load) for f in base]
-    new = corrected(at, k, edges, base, rows)
-    limits = limits_of(at.contacts, edges, base, rows)
+    factor, load = _scales(of)
+    k, rows = [kj / factor for kj in of.k], [[mul(R, factor) for R in row] for row in of.rows]
+    scaled = Equations(k, of.edges, [mul(f, 1.0 / load) for f in of.base], rows)
+    new = corrected(at, scaled)
+    limits = limits_of(at.contacts, *scaled[1:])
     event, share, row, level = passed(at, new, limits)
     fresh = at.aim == StepTarget.FRESH
     gone = along(at.tangent, new.x) - along(at.tangent, at.v)
@@ -246,12 +235,10 @@ def follow(
     )
 
 
-def corrected(
-    at: ContinuationState, k: Reals, edges: Edges, base: Planars, rows: Influences
-) -> Corrected:
+def corrected(at: ContinuationState, of: Equations) -> Corrected:
     """A correction in the step's plane, and the tangent there in the direction of travel."""
     border = [*at.row, along(at.row, at.x) - at.level, 1.0]
-    lines = homogeneous(at.x, at.contacts, k, edges, base, rows)
+    lines = homogeneous(at.x, at.contacts, of)
     (change, null), det = eliminate([*lines, border], pivoting=True)
     orientation = where(at.way == 0.0, sign(det), at.way)
     scale = orientation * sign(det) / sqrt(along(null, null))
@@ -304,17 +291,15 @@ def switched(at: ContinuationState, x: Reals, kinked: Real, limits: list[list[Re
     return tuple(contacts)
 
 
-def end_of(
-    course: ContinuationState, k: Reals, edges: Edges, base: Planars, rows: Influences
-) -> Path:
+def end_of(course: ContinuationState, of: Equations) -> Path:
     """The friction at the end of a path, if that is a solution."""
     *n, eta, limit = course.v
-    factor, load = _scales(k, base)
+    factor, load = _scales(of)
     solved = course.outcome == float(Outcome.BY_CONTINUATION)
     unit = where(solved, factor * load / where(solved, eta, 1.0), NAN)
     t = tuple(unit * y for y in n)
-    g = norms(loads(t, base, rows), edges)
-    residual = misfit(t, k, g)
+    g = norms(loads(t, of.base, of.rows), of.edges)
+    residual = misfit(t, of.k, g)
     wrong = residual > SETTLED * EPS  # another solution, or none
     return Path(
         tuple(where(wrong, NAN, y) for y in t),
@@ -326,7 +311,7 @@ def end_of(
     )
 
 
-def _scales(k: Reals, base: Planars) -> tuple[Real, Real]:
+def _scales(of: Equations) -> tuple[Real, Real]:
     """The largest factor, and the largest component of a load [N]; one in the place of none."""
-    factor, load = largest_of(k), largest_of([x for f in base for x in (f.real, f.imag)])
+    factor, load = largest_of(of.k), largest_of([x for f in of.base for x in (f.real, f.imag)])
     return where(factor > 0.0, factor, 1.0), where(load > 0.0, load, 1.0)

@@ -13,11 +13,21 @@ Sources: [R10] Ruiz, Durango & Calle 2010, steps 1-5; the homogeneous form is bl
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from blockmech.ground.plane import NAN, dot, hyp, maximum, mul, planar, sqrt, where
 from blockmech.typing import Complex, Edges, Influences, Planars, Real, Reals, Values
 
 SETTLED = 4500.0  # [ulps] corrections and residuals of size one: Newton's next step is rounding
+
+
+class Equations(NamedTuple):
+    """The equations of the m pairs of a group that have friction."""
+
+    k: Reals  # signed Coulomb factors [m] or [-]
+    edges: Edges  # True for a pair whose load is the larger component
+    base: Planars  # loads [N] without friction
+    rows: Influences  # m x m, of unit friction on the loads
 
 
 def load_norm(F: Complex, edge: bool) -> Real:
@@ -88,9 +98,7 @@ def slope(F: Complex, g: Real, influence: Complex, edge: bool) -> Real:
     return projection / where(g > 0.0, g, 1.0)
 
 
-def homogeneous(
-    v: Reals, contacts: Values, k: Reals, edges: Edges, base: Planars, rows: Influences
-) -> list[list[Real]]:
+def homogeneous(v: Reals, contacts: Values, of: Equations) -> list[list[Real]]:
     """The equations in unknowns v = (n, eta, lambda), t = n / eta, and factors lambda k:
 
         G_j(v) = n_j - lambda k_j g_j(eta f_j + sum_m R_jm n_m),     |n|^2 + eta^2 - 1
@@ -98,6 +106,7 @@ def homogeneous(
     Lines of their Jacobian; behind it what they are at v, and zeros. Guides are pressed along
     their contacts, of +-N (x) or +-2 C / L (y).
     """
+    k, edges, base, rows = of
     *n, eta, scale = v
     nothing = 0.0 * eta  # of the engine's precision, as all that is exchanged with others
     F = loads(n, [mul(f, eta) for f in base], rows)

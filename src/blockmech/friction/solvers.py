@@ -27,6 +27,7 @@ from blockmech.friction.continuation import (
 )
 from blockmech.friction.equations import (
     SETTLED,
+    Equations,
     chosen,
     contraction_bound,
     coulomb,
@@ -76,34 +77,10 @@ def tangent_step(
     ``k`` and ``drag`` are the laws' tangents at the loads with t.
     """
     linear = without_drag(t, drag)
-    last, _, _ = newton_step((linear, 0.0, True), k, edges, loads(drag, base, rows), rows)
+    of = Equations(k, edges, loads(drag, base, rows), rows)
+    last, _, _ = newton_step((linear, 0.0, True), of)
     t = tuple(x + d for x, d in zip(last, drag, strict=True))
     return t, norms(loads(t, base, rows), edges)
-
-
-def by_tangents(
-    laws: Callable[..., tuple[Reals, Reals]],
-    steepest: Reals,
-    solve: Callable[..., Solution],
-    options: Values,
-    edges: Edges,
-    base: Planars,
-    rows: Influences,
-) -> Solution:
-    """Friction of laws that are not linear in the load, by their tangents at the loads.
-
-    ``laws(g)`` are the signed factors and drags at loads g [N], ``steepest`` the largest slopes of
-    such laws, 0 of others. The loads are found by Newton's
-    method, a fixed number of steps, as each squares what is left.
-    """
-    g, t = norms(base, edges), tuple(0.0 * abs(f.real) for f in base)
-    for _ in range(TANGENTS):
-        k, drag = laws(g)
-        t, g = tangent_step(t, k, drag, edges, base, rows)
-    k, drag = law = laws(g)
-    solved = solve(k, edges, loads(drag, base, rows), rows, *options)
-    slopes = [x or kj for x, kj in zip(steepest, k, strict=True)]
-    return with_drag(judged(solved, law, laws(solved.g), slopes, edges, rows), drag)
 
 
 def balanced(
@@ -115,17 +92,26 @@ def balanced(
     base: Planars,
     rows: Influences,
 ) -> Solution:
-    """Friction of pairs by their laws, with ``laws`` and ``steepest`` as of `by_tangents`.
+    """Friction of pairs by their laws, by tangents where these are not linear in the load.
 
-    ``laws()`` are those at no load, which is any load where they are linear in it: then
-    ``steepest`` is empty, or zeros.
+    ``laws(g)`` are the signed factors and drags at loads g [N], ``laws()`` those at no load, which
+    is any load where they are linear in it. ``steepest`` are the largest slopes of laws that are
+    not, 0 of others; empty, or zeros, where all are. The loads are found by Newton's method, a
+    fixed number of steps, as each squares what is left.
     """
-    if any(steepest):
-        return by_tangents(laws, steepest, solve, options, edges, base, rows)
-    k, drag = laws()
-    if not drag:
-        return solve(k, edges, base, rows, *options)
-    return with_drag(solve(k, edges, loads(drag, base, rows), rows, *options), drag)
+    if not any(steepest):
+        k, drag = laws()
+        if not drag:
+            return solve(k, edges, base, rows, *options)
+        return with_drag(solve(k, edges, loads(drag, base, rows), rows, *options), drag)
+    g, t = norms(base, edges), tuple(0.0 * abs(f.real) for f in base)
+    for _ in range(TANGENTS):
+        k, drag = laws(g)
+        t, g = tangent_step(t, k, drag, edges, base, rows)
+    k, drag = law = laws(g)
+    solved = solve(k, edges, loads(drag, base, rows), rows, *options)
+    slopes = [x or kj for x, kj in zip(steepest, k, strict=True)]
+    return with_drag(judged(solved, law, laws(solved.g), slopes, edges, rows), drag)
 
 
 def judged(
@@ -194,12 +180,12 @@ def successive(
     count = 0.0 * g[0]
     going = count <= 1.0  # false for NaN: an impossible sample is left alone
     start = Iterate(t, g, count, count, count, count, going)
-    data = k, edges, base, rows, tolerance
+    of = Equations(k, edges, base, rows)
     last: Iterate
     if iterations is None:
-        last = repeat(iterate, start, CAP, *data)
+        last = repeat(iterate, start, CAP, of, tolerance)
     else:
-        last = times(iterate, start, iterations, *data)
+        last = times(iterate, start, iterations, of, tolerance)
     P = contraction_bound(k, edges, rows)
     late = last.going if iterations is None else last.residual >= 1.0 - P
     outcome = where(late, float(Outcome.NOT_CONVERGED), count * 0.0)
@@ -210,10 +196,10 @@ def successive(
     if iterations is not None:
         return solution
     unproved = _is_unproved(P, g)
-    course = _course(unproved, near, k, edges, base, rows, solvable)
-    checks = course, near, k, edges, base, rows, enough(last.g, tolerance)
+    course = _course(unproved, near, of, solvable)
+    checks = course, near, of, enough(last.g, tolerance)
     confirmed_, _ = repeat(confirmed, (solution, unproved), 1, *checks)
-    return differentiable(confirmed_, k, edges, base, rows)
+    return differentiable(confirmed_, of)
 
 
 class Iterate(NamedTuple):
@@ -233,15 +219,13 @@ def enough(g: Reals, tolerance: float | None) -> Real:
     return max(SMALL_CHANGE, 4.0 * EPS) * largest_of(g) if tolerance is None else tolerance
 
 
-def iterate(
-    state: Iterate, k: Reals, edges: Edges, base: Planars, rows: Influences, tolerance: float | None
-) -> Iterate:
+def iterate(state: Iterate, of: Equations, tolerance: float | None) -> Iterate:
     """One successive approximation: friction from the loads, loads from that friction."""
-    t = coulomb(k, state.g)
-    g = norms(loads(t, base, rows), edges)
+    t = coulomb(of.k, state.g)
+    g = norms(loads(t, of.base, of.rows), of.edges)
     steps = tuple(b - a for a, b in zip(state.g, g, strict=True))
-    change, scale = largest_of(steps), largest_of(coulomb(k, g))
-    residual = largest_of(coulomb(k, steps)) / where(scale > 0.0, scale, 1.0)
+    change, scale = largest_of(steps), largest_of(coulomb(of.k, g))
+    residual = largest_of(coulomb(of.k, steps)) / where(scale > 0.0, scale, 1.0)
     ratio = change / where(state.change > 0.0, state.change, 1.0)
     going = change > enough(g, tolerance)
     return Iterate(t, g, state.count + 1.0, residual, change, ratio, going)
@@ -251,10 +235,7 @@ def confirmed(
     state: tuple[Solution, Real],
     course: ContinuationState,
     near: Reals,
-    k: Reals,
-    edges: Edges,
-    base: Planars,
-    rows: Influences,
+    of: Equations,
     change: Real,
 ) -> tuple[Solution, bool]:
     """Uncertified successive approximations: they stand if continuation agrees.
@@ -265,7 +246,7 @@ def confirmed(
     change, and beyond it the iteration may settle on another solution.
     """
     iterated, _ = state
-    end = _end(course, near, k, edges, base, rows)
+    end = _end(course, near, of)
     rho = minimum(maximum(iterated.contraction, 0.0), 1.0 - 1e-12)
     reach = maximum(change, 1e-12 * largest_of(end.g)) * maximum(1.0, rho / (1.0 - rho))
     off = largest_of([a - b for a, b in zip(end.g, iterated.g, strict=True)])
@@ -289,31 +270,28 @@ def newton(
     t = coulomb(k, norms(loads(coulomb(k, at_first), base, rows), edges))
     P = contraction_bound(k, edges, rows)
     start = (t, 0.0 * P, P < 1.0)
-    t, count, _ = repeat(newton_step, start, NEWTON_CAP, k, edges, base, rows)
+    of = Equations(k, edges, base, rows)
+    t, count, _ = repeat(newton_step, start, NEWTON_CAP, of)
     g = norms(loads(t, base, rows), edges)
     residual = misfit(t, k, g)
     at_zero = (P >= 1.0) & (largest_of(at_first) == 0.0)  # where its path begins and ends
     outcome = where(at_zero, float(Outcome.BY_CONTINUATION), count * 0.0)
     solution = Solution(t, g, count, residual, P, outcome, count * 0.0 + 1.0)
     unproved = _is_unproved(P, at_first) | (residual > SETTLED * EPS)
-    course = _course(unproved, near, k, edges, base, rows, solvable)
-    settled, _ = repeat(replaced, (solution, unproved), 1, course, near, k, edges, base, rows)
-    return differentiable(settled, k, edges, base, rows)
+    course = _course(unproved, near, of, solvable)
+    settled, _ = repeat(replaced, (solution, unproved), 1, course, near, of)
+    return differentiable(settled, of)
 
 
-def differentiable(
-    solution: Solution, k: Reals, edges: Edges, base: Planars, rows: Influences
-) -> Solution:
+def differentiable(solution: Solution, of: Equations) -> Solution:
     """A solution of the friction equations, which say its derivatives."""
-    t, _, _ = implicit(newton_step, (solution.t, solution.iterations, True), k, edges, base, rows)
-    return solution._replace(t=t, g=norms(loads(t, base, rows), edges))
+    t, _, _ = implicit(newton_step, (solution.t, solution.iterations, True), of)
+    return solution._replace(t=t, g=norms(loads(t, of.base, of.rows), of.edges))
 
 
-def newton_step(
-    state: Values, k: Reals, edges: Edges, base: Planars, rows: Influences, pivoting: bool = False
-) -> Values:
+def newton_step(state: Values, of: Equations, pivoting: bool = False) -> Values:
     """One step of Newton's method: (friction, steps done, whether it moved)."""
-    t, count, _ = state
+    (t, count, _), (k, edges, base, rows) = state, of
     n = range(len(k))
     F = loads(t, base, rows)
     g = norms(F, edges)
@@ -328,47 +306,31 @@ def newton_step(
 
 
 def replaced(
-    state: tuple[Solution, Real],
-    course: ContinuationState,
-    near: Reals,
-    k: Reals,
-    edges: Edges,
-    base: Planars,
-    rows: Influences,
+    state: tuple[Solution, Real], course: ContinuationState, near: Any, of: Equations
 ) -> tuple[Solution, bool]:
     """Uncertified samples of Newton's method: continuation's answer in their place."""
     certified, _ = state
-    t, g, residual, outcome, limit, count = _end(course, near, k, edges, base, rows)
+    t, g, residual, outcome, limit, count = _end(course, near, of)
     fields = {"residual": residual, "outcome": outcome, "limit": limit}
     return certified._replace(t=t, g=g, iterations=count, **fields), False
 
 
-def _course(
-    requested: Real,
-    near: Reals,
-    k: Reals,
-    edges: Edges,
-    base: Planars,
-    rows: Influences,
-    solvable: Real,
-) -> ContinuationState:
+def _course(requested: Real, near: Reals, of: Equations, solvable: Real) -> ContinuationState:
     """The path from zero friction, of the samples of which no solution is known nearby."""
     if near:
         requested = requested & where(_are_finite(near), False, True)
-    return course_from_zero(requested, k, edges, base, rows, solvable)
+    return course_from_zero(requested, of, solvable)
 
 
-def _end(course: Any, near: Any, k: Reals, edges: Edges, base: Planars, rows: Influences) -> Path:
+def _end(course: ContinuationState, near: Any, of: Equations) -> Path:
     """The solution that counts: the one nearby where one is known, else the end of the path."""
-    end = end_of(course, k, edges, base, rows)
+    end = end_of(course, of)
     if not near:
         return end
     finite = _are_finite(near)
-    t, count, _ = repeat(
-        newton_step, (near, 0.0 * near[0], finite), NEWTON_CAP, k, edges, base, rows, True
-    )
-    g = norms(loads(t, base, rows), edges)
-    residual = misfit(t, k, g)
+    t, count, _ = repeat(newton_step, (near, 0.0 * near[0], finite), NEWTON_CAP, of, True)
+    g = norms(loads(t, of.base, of.rows), of.edges)
+    residual = misfit(t, of.k, g)
     solved = residual <= SETTLED * EPS
     t, g = (tuple(where(solved, x, NAN) for x in row) for row in (t, g))
     code = where(solved, float(Outcome.BY_CONTINUATION), float(Outcome.NOT_CONVERGED))

@@ -177,7 +177,7 @@ def _by_load(
 ) -> Value:
     """The same with laws that are not linear in the load: by their tangents at the loads.
 
-    The steps of `solvers.by_tangents`, here as calls of a program.
+    The steps of `solvers.balanced`, here as calls of a program.
     """
     g = s.emit(equations.norms, base, edges, name=f"{block}_loads")
     once = s.friction.method == "single"
