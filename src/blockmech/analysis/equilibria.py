@@ -1,7 +1,7 @@
 r"""Equilibria: where a mechanism comes to rest under its loads, and whether it stays there.
 
 At rest the drivers need the effort u(q) = -Q(q); an equilibrium is u = 0, its stiffness K = du/dq
-is exact by `blockmech.dynamics.tangents`. One driver is searched over its whole range
+is exact by `blockmech.dynamics.programs`. One driver is searched over its whole range
 (`blockmech.analysis.equilibria_one`), several from many places and along curves
 (`blockmech.analysis.equilibria_several`).
 
@@ -17,8 +17,8 @@ from blockmech.analysis.equilibria_charts import equilibria_through_charts
 from blockmech.analysis.equilibria_one import Line, equilibria_of_one
 from blockmech.analysis.equilibria_several import STARTS, equilibria_of_several
 from blockmech.analysis.equilibrium import Equilibria
+from blockmech.dynamics.programs import refuse_signals
 from blockmech.dynamics.system import System
-from blockmech.dynamics.tangents import refuse_signals
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.plan.settings import friction_asked

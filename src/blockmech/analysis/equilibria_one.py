@@ -26,8 +26,8 @@ from blockmech.analysis.equilibrium import Curve, Equilibria, Equilibrium, Kind,
 from blockmech.analysis.limits import limits
 from blockmech.analysis.scan import NODES, TURN, Span, runs
 from blockmech.dynamics import loads
+from blockmech.dynamics.programs import tangents
 from blockmech.dynamics.system import System
-from blockmech.dynamics.tangents import tangents
 from blockmech.functions.roots import NEWTON_STEPS, SCANNED, bisect
 from blockmech.functions.series import Series, fit, panels
 from blockmech.ground.plane import EPS

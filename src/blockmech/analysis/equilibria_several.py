@@ -22,8 +22,8 @@ import numpy as np
 from blockmech.analysis.equilibria_one import SAME
 from blockmech.analysis.equilibrium import Equilibria, equilibrium_of
 from blockmech.dynamics import loads
+from blockmech.dynamics.programs import Tangents, tangents
 from blockmech.dynamics.system import System
-from blockmech.dynamics.tangents import Tangents, tangents
 from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import EQUAL

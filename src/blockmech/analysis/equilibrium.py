@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import numpy as np
 
-from blockmech.dynamics.tangents import Tangents
+from blockmech.dynamics.programs import Tangents
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import label_coordinate
 from blockmech.figures.paper import Pictured, panelled, picture_unit, shown_name

@@ -8,7 +8,7 @@ Nothing here depends on how fast the driver goes, so all is read at unit rate:
     radius of curvature of a path     |v|^3 / cross(v, a), positive where it turns left
 
 Mechanical advantage between two places is the inverse of their velocity ratio, where nothing
-is lost and nothing else works (power balance).
+is lost and nothing else works (power balance). Whether a path is straight, its places tell.
 
 Source: Hunt, Kinematic Geometry of Mechanisms, 1978; Norton, Design of Machinery, ch. 6.
 """
@@ -18,12 +18,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import RequestError, among, listed, refused, unknown_name
-from blockmech.ground.tolerances import ROUNDING
+from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import EQUAL, ROUNDING
 from blockmech.model.structure import JointRef
-from blockmech.typing import Array, Complex, Coordinates, Real
+from blockmech.typing import Array, Complex, Coordinates, Real, Vectors
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -167,3 +169,21 @@ def _moving(mechanism: Compiled, at: Coordinates, names: list[str], where: str) 
         found = f"the mechanism has {len(mechanism.drivers)} drivers: {listed(mechanism.drivers)}"
         raise refused("at", found, valid="instantaneous ratios are of one driver")
     return mechanism.run(at=at, rates=1.0, accelerations=0.0, want=names)
+
+
+def principal_axes(z: Vectors) -> tuple[Vectors, Vectors, NDArray[np.bool_]]:
+    """Lines through the places (m, n) of m markers at n poses.
+
+    Returns a place (m,) on each line, its unit direction (m,), 0 of a marker that does not move,
+    and whether the marker stays on it.
+    """
+    m, first = np.arange(len(z)), z[:, 0]
+    middle = (z[m, np.abs(z - first[:, None]).argmax(axis=1)] + first) / 2
+    off = z - middle[:, None]
+    spread = np.abs(off).max(axis=1)
+    moves = spread > EPS * np.abs(z).max(axis=1)
+    # the square forgets which way along the axis places lie
+    u = np.sqrt(np.where(moves, (off**2).sum(axis=1), 0.0))
+    u /= np.where(moves, np.abs(u), 1.0)
+    aside = np.abs((off * u.conj()[:, None]).imag).max(axis=1)
+    return middle, u, moves & (aside <= EQUAL * spread)

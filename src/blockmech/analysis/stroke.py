@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
-from blockmech.analysis.paths import principal_axes
+from blockmech.analysis.instant_centres import principal_axes
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turning_points import Turn, Turns, signal_of, turns_of

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.equilibrium import companion
-from blockmech.dynamics.tangents import tangents
+from blockmech.dynamics.programs import tangents
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.report import Facts, Report

@@ -19,8 +19,8 @@ import numpy as np
 from blockmech.analysis.limits import limits
 from blockmech.analysis.scan import NODES, TURN
 from blockmech.compiled import Compiled
+from blockmech.dynamics.programs import refuse_signals
 from blockmech.dynamics.system import System
-from blockmech.dynamics.tangents import refuse_signals
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import label_coordinate
 from blockmech.figures.paper import Pictured, legend_above, panelled, picture_unit

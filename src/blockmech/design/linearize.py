@@ -4,7 +4,7 @@ About a state q0, q0', q0'' that the drivers keep up with the effort u0, small d
 
     M x'' + C x' + K x = f
 
-with M, C, K the derivatives of the driving effort (`blockmech.dynamics.tangents`), exact to
+with M, C, K the derivatives of the driving effort (`blockmech.dynamics.programs`), exact to
 rounding, and f what is added to u0. From them natural frequencies and modes, the state space
 
     z' = A z + B f,    y = C z + D f,    z = (x, x'),
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.equilibrium import Equilibrium, natural_frequencies
-from blockmech.dynamics.tangents import refuse_friction_states
+from blockmech.dynamics.programs import refuse_friction_states
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import log_ticks
 from blockmech.figures.paper import Pictured, legend_above, panelled, shown_name

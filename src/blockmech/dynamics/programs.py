@@ -3,6 +3,21 @@
 One driver at many states, all drivers at one state, and the sizes of their loads: each is what
 passes leave of a structure in its scene where nothing else is asked for, without joint friction.
 Behind them stands what signal blocks, and friction laws with a state, add.
+
+The effort that the drivers need for a motion,
+
+    u(q, q', q'', t) = M q'' + c - Q,
+
+is one program of the reduction pass, without joint friction. Run on dual numbers it gives at once
+
+    M = du/dq''      C = du/dq'      K = du/dq
+
+exact to rounding, whatever loads act: an equilibrium is u = 0 at rest, and a small disturbance
+of it obeys M x'' + C x' + K x = 0. Laws that are a user's function of Python have their
+derivatives by differences.
+
+Sources: Shabana, Dynamics of Multibody Systems, 4th ed., ch. 3 (linearised equations);
+`blockmech.engines.derivatives`.
 """
 
 from __future__ import annotations
@@ -14,13 +29,15 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from blockmech.dynamics.friction import PairProgram
 from blockmech.dynamics.source import FRICTIONLESS, Source, margins
+from blockmech.engines.derivatives import WITH_DIFFERENCES, Dual, DualEngine, value
 from blockmech.engines.interpreters import AdaptiveEvaluator, NumpyEngine
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.ground.errors import refused
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs, reduction, signals
 from blockmech.passes.forward import link_velocity, marker_velocity
@@ -29,7 +46,7 @@ from blockmech.passes.loads import cm_velocity, terminal_term, weight_on
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value, hyp
 from blockmech.signals.contract import Signal
-from blockmech.typing import Floats
+from blockmech.typing import Arguments, Floats
 
 
 class Sample(NamedTuple):
@@ -258,3 +275,71 @@ def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., Value]) -
     """Factors (m,) and drags (m,) of pairs by a rule that asks their laws."""
     laws = [s.ask(rule, ref) for ref in joints]
     return [getattr(law, part) for part in FrictionTerms._fields for law in laws]
+
+
+INPUTS = ("q", "qd", "qdd")
+
+
+class Tangents(NamedTuple):
+    """The driving effort at n states of k drivers, with its derivatives.
+
+    effort : (n, k) [N m or N] that the drivers need; the loads alone give its negative
+    M, C, K : (n, k, k) by accelerations, rates and coordinates
+    margin : (n,) [-] of the pose, NaN or not positive where it cannot be
+    """
+
+    effort: Floats
+    M: Floats
+    C: Floats
+    K: Floats
+    margin: Floats
+
+
+def tangents(
+    compiled: Source,
+    q: ArrayLike,
+    qd: ArrayLike = 0.0,
+    qdd: ArrayLike = 0.0,
+    t: ArrayLike = 0.0,
+) -> Tangents:
+    """The driving effort and its derivatives at states (n, k), without joint friction."""
+    refuse_signals(compiled)
+    engine = compiled._once(_effort)
+    k = len(compiled.structure.drivers)
+    q = np.asarray(q, float).reshape(-1, k)
+    columns_by_name: Arguments = {"t": np.broadcast_to(np.asarray(t, float), len(q))}
+    for which, (name, x) in enumerate(zip(INPUTS, (q, qd, qdd), strict=True)):
+        columns = np.broadcast_to(np.asarray(x, float), q.shape)
+        for i in range(k):
+            seed = np.zeros((3 * k, len(q)))
+            seed[which * k + i] = 1.0
+            columns_by_name[f"{name}_{i}"] = Dual(columns[:, i], seed)
+    program = engine.program
+    inputs = {name: columns_by_name[name] for name in program.inputs}
+    values = engine.run(inputs, tuple(program.parameters.values()), len(q), 3 * k)
+    u, rest = values[:k], values[k:]
+    slopes = np.array([x.d for x in u]).transpose(2, 0, 1)  # (n, k, 3k)
+    margin = np.minimum.reduce([np.ones(len(q)), *(value(x) for x in rest)])
+    K, C, M = (slopes[..., j * k : (j + 1) * k] for j in range(3))
+    return Tangents(np.stack([x.x for x in u], axis=-1), M, C, K, np.asarray(margin))
+
+
+def refuse_signals(compiled: Source) -> None:
+    """Raise `RequestError` where loads follow signals, whose states are no coordinates."""
+    if compiled.structure.signals:
+        fault = "loads follow signals, whose states stand beside the coordinates"
+        raise refused("signals", fault, "take the signals out, or simulate the motion")
+
+
+def refuse_friction_states(compiled: Source) -> None:
+    """Raise `RequestError` where a joint has a friction law that remembers."""
+    if compiled.structure.remembering:
+        fault = "it has a friction law with a state, which stands beside the coordinates"
+        remedy = 'leave joint friction out with friction="none", or simulate the motion'
+        raise refused(str(compiled.structure.remembering[0]), fault, remedy)
+
+
+def _effort(compiled: Source) -> DualEngine:
+    s = schedule(compiled.structure, compiled.scene, FRICTIONLESS)
+    efforts = [s.ask(reduction.drive_by_reduction, k) for k in compiled.structure.drivers]
+    return DualEngine(s.program([*efforts, *margins(s)]), WITH_DIFFERENCES)

@@ -25,7 +25,7 @@ from blockmech.model.joints.layout import Pose
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.circuits import CHECKS, Connections, connect
-from blockmech.modes.closing import NEAR, triad_modes
+from blockmech.modes.closing import NEAR, NOTE, searched, triad_modes
 from blockmech.modes.file_pose import FilePose, Places, file_poses
 from blockmech.modes.groups import Outline, outline
 from blockmech.modes.report import (
@@ -40,7 +40,6 @@ from blockmech.modes.report import (
     GroupModes,
     Modes,
 )
-from blockmech.modes.search import NOTE, searched
 from blockmech.modes.triad import Support
 from blockmech.result.samples import make_samples
 from blockmech.typing import Coordinates, LinkPosition, Real, Record

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.paths import principal_axes
+from blockmech.analysis.instant_centres import principal_axes
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
 from blockmech.ground.errors import (

@@ -13,11 +13,10 @@ Machinery, 6th ed., ch. 5 (circuit, branch and order defects).
 
 from __future__ import annotations
 
-from blockmech.assur.chains import chains, mechanisms
 from blockmech.synthesis.designs import Design, Synthesis, fourbar, saved
 from blockmech.synthesis.fourbar import coupler_point
 from blockmech.synthesis.over_structures import Candidate, Candidates, path_over_structures
-from blockmech.synthesis.structures import Structure, structures
+from blockmech.synthesis.structures import Structure, chains, mechanisms, structures
 from blockmech.synthesis.tasks import (
     body_guidance,
     burmester_pins,
