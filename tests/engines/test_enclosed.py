@@ -14,6 +14,7 @@ import blockmech as bm
 from blockmech.engines.enclosed import proofs
 from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
 from blockmech.ground.plane import EPS
+from blockmech.model.joints.diagram import Diagram
 from blockmech.studies.family import remade
 from tests.extremes.precise import assert_encloses
 from tests.gallery import JOINTS, changed, document, mechanism
@@ -196,6 +197,27 @@ def test_wrong_requests_are_refused():
             mech.enclose(1.0, tolerance=tolerance)
     with pytest.raises(bm.RequestError):
         mech.enclose(1.0, friction="single")
+
+
+def test_a_number_is_not_passed_unchanged_because_it_is_so_at_the_ends(monkeypatch):
+    """A formula that is right in the middle and at both ends is far off between them."""
+    document = bm.Linkage.load(JOINTS / "ruiz_fourbar.json")
+    mech, width, mass_of = document.compile(), 1e-3, Diagram._mass
+    mass, value = next(
+        (a, p.value) for a, p in mech.parameters().items() if a.endswith(".mass") and p.value
+    )
+
+    def bent(diagram, carrier):
+        data = mass_of(diagram, carrier)
+        if (m := data.get("mass")) is not None:
+            data["mass"] = m + 1e9 * (m - value) * (m - (value - width)) * (m - (value + width))
+        return data
+
+    monkeypatch.setattr(Diagram, "_mass", bent)
+    for x in (value - width, value, value + width):
+        assert repr(x) in str(document.replace({mass: x}).decompose().data)
+    with pytest.raises(bm.RequestError, match="follows it by a formula"):
+        document.compile().enclose(1.0, tolerance={mass: width}, want="driver.*.drive")
 
 
 def test_numbers_of_links_and_joints_are_enclosed_where_they_pass_unchanged():

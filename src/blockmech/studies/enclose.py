@@ -17,9 +17,17 @@ from blockmech.compiled import CONTRACTION, Compiled
 from blockmech.engines.enclosed.engine import EnclosedEngine
 from blockmech.engines.enclosed.forms import SYMBOLS, Form, form, within
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import Problem, RequestError, as_names, listed, refused
+from blockmech.ground.errors import (
+    Problem,
+    RequestError,
+    as_names,
+    listed,
+    path_text,
+    refused,
+)
 from blockmech.ground.report import Facts, Report, sections
 from blockmech.ground.runnable import EVERYTHING
+from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter, Path, parameters_of
 from blockmech.plan.plan import Plan
 from blockmech.result.result import Result
@@ -28,6 +36,7 @@ from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.family import in_si_by_address, remade
 from blockmech.studies.variation import (
     designed,
+    followers,
     graph_sections,
     is_written_out,
     of_links,
@@ -210,16 +219,18 @@ def _graph_paths(mechanism: Compiled, p: Parameter, width: float) -> tuple[Path,
     """
     if not of_links(mechanism) and not is_written_out(mechanism):
         return (p.path,)
-    bounds = p.value - width, p.value + width
-    designs = [mechanism, *(remade(mechanism, {p.address: x}) for x in bounds)]
-    planned, low, high = (parameters_of(graph_sections(m)) for m in designs)
-    alike = planned.keys() == low.keys() == high.keys()
-    every = planned if alike else ()
-    followers = [a for a in every if not low[a].value == planned[a].value == high[a].value]
-    unturned = all(m.names == mechanism.names for m in designs)  # links lie in it as they did
-    if followers and unturned and all((low[a].value, high[a].value) == bounds for a in followers):
-        return tuple(planned[a].path for a in followers)
-    message = f"{listed(followers, 4) or 'another graph'} of blocks follows it by a formula"
+    number, planned = Varied(p.value, np.ones(1)), parameters_of(graph_sections(mechanism))
+    numbers = followers(mechanism, {p.path: number})[1]
+    unchanged = bool(numbers) and all(x is number for x in numbers.values())
+    for x in (p.value - width, p.value + width):
+        design = remade(mechanism, {p.address: x})
+        same_links, values = design.names == mechanism.names, parameters_of(graph_sections(design))
+        passed = {y.path for y in values.values() if y.value == x}
+        unchanged &= same_links and values.keys() == planned.keys() and numbers.keys() <= passed
+    if unchanged:
+        return tuple(numbers)
+    names = listed([path_text(path[1:]) for path in numbers], 4) or "another graph"
+    message = f"{names} of blocks follows it by a formula"
     remedy = "enclose linkage.decompose().graph.compile(), with tolerances of its numbers"
     raise refused(p.address, message, remedy)
 

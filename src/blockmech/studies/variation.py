@@ -39,6 +39,7 @@ T = TypeVar("T")
 GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
 PER_DRIVER = ("drivers", "initial", "stops", "motion")  # sections of a document
 CONTACTS = (BLOCKS, "couplings")  # sections of couplings in a graph and in a document
+STOPS = ("scene", "stops")  # of pairs, they are the document's
 BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
 
 
@@ -142,24 +143,10 @@ class Variation:
         varied = list(parameters)
         seeds = zip(varied, np.eye(len(varied)), strict=True)
         numbers = {p.path: number(p.value, seed) for p, seed in seeds if p.path[0] != GIVEN}
-        document: Any = mechanism.document
-        if numbers and is_written_out(mechanism):
-            sections = document.with_numbers(numbers).flat().sections()
-            plain_sections = graph_sections(mechanism)
-            values = {
-                p.path: value_at(sections, p.path) for p in parameters_of(plain_sections).values()
-            }
-            return cls(mechanism, {p: x for p, x in values.items() if isinstance(x, Varied)})
-        if not of_links(mechanism) or not numbers:
+        if not numbers or not (of_links(mechanism) or is_written_out(mechanism)):
             return cls(mechanism, numbers)
-        decomposition = document.with_numbers(numbers).decompose()
-        graph = Graph.from_data(settled(decomposition.data))
-        numbers_of = {}
-        for p in parameters_of(graph.sections()).values():
-            x, is_stop = number_at(decomposition.data, p.path), p.path[:2] == ("scene", "stops")
-            if isinstance(x, Varied) and x.d.any() and not is_stop:  # they are the document's
-                numbers_of[p.path] = x
-        return cls(type(mechanism)._from_graph(graph, decomposition.names, document), numbers_of)
+        base, numbers_of_graph = followers(mechanism, numbers)
+        return cls(base, {path: x for path, x in numbers_of_graph.items() if x.d.any()})
 
     @cached_property
     def general(self) -> Compiled:
@@ -180,6 +167,27 @@ class Variation:
         links = {name: replace(at, turn=turns[name]) for name, at in names.links.items()}
         joints = {name: replace(at, shift=shifts[name]) for name, at in names.joints.items()}
         return Catalogue(self.base.structure, replace(names, links=links, joints=joints))
+
+
+def followers(
+    mechanism: Compiled, numbers: Mapping[Path, Varied]
+) -> tuple[Compiled, dict[Path, Varied]]:
+    """The mechanism near a document of links, or of graphs inside, whose numbers vary.
+
+    And those numbers of its graph that they go into.
+    """
+    document: Any = mechanism.document
+    document = document.with_numbers(numbers)
+    if is_written_out(mechanism):
+        sections, graph = document.flat().sections(), graph_sections(mechanism)
+        values = {path: value_at(sections, path) for _, _, _, path in parameters_of(graph).values()}
+    else:
+        blocks = document._as_blocks()
+        plain = Graph.from_data(settled(blocks.data))
+        mechanism = type(mechanism)._from_graph(plain, blocks.names, mechanism.document)
+        paths = (p.path for p in parameters_of(plain.sections()).values())
+        values = {path: number_at(blocks.data, path) for path in paths if path[:2] != STOPS}
+    return mechanism, {path: x for path, x in values.items() if isinstance(x, Varied)}
 
 
 def _duals(numbers: Mapping[T, Any], seeds: Array) -> dict[T, Any]:

@@ -245,6 +245,24 @@ def test_directions_of_guides_have_derivatives_with_all_joints_closed(k):
     assert exact == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-6)
 
 
+@pytest.mark.parametrize("path", ["joints.W.at[0].x", "joints.W.at[1].y", "joints.W.dir[0].y"])
+def test_places_of_welds_have_derivatives_under_dimensions(path):
+    """The rod hangs on the apron that is welded to it, and its pins are dimensioned."""
+    m = sketch()
+    m.add_link("apron", pose=(1.0, 1.0, 0.4), markers={"T": (0.3, 0.2)})
+    weld = {"at": [(2.0, 1.5), (0.8, 0.1)], "dir": [(1.0, 0.0), (0.8, 0.6)]}
+    m.add_joint("W", "weld", ["rod", "apron"], **weld)
+    for name, points, value in (("crank", "AB", CRANK), ("rod", "BC", ROD)):
+        m.add_dimension(name, "length", list(points), value)
+    m, want, q, h = m.fit_dimensions().linkage, ["link.apron.T.p", "joint.C.p"], 0.3, 1e-5
+    value = m.compile().parameters()[path].value
+    runs = [m.replace({path: value + s * h}).run(at=[q], want=want) for s in (1, -1)]
+    exact = m.compile().sensitivity(want, path, at=[q])
+    for name in want:
+        slope = (runs[0][name][0] - runs[1][name][0]) / (2 * h)
+        assert abs(exact[name][0, 0] - slope) <= 1e-6
+
+
 def test_a_sketch_with_another_dimension_is_the_mechanism_with_that_number():
     """What counts from the drawing counts from the one that fulfils the dimensions."""
     m, want, q = sketch(), ["joint.C.p", "link.rod.angle"], [0.0, 0.4]

@@ -174,7 +174,8 @@ class _Drawing:
     """
 
     def __init__(self, linkage: Linkage, plain: bool = True) -> None:
-        layout = settled(Layout.of(linkage))
+        varied = Layout.of(linkage)
+        layout = settled(varied)
         closing = Closing.of(layout)
         self.linkage, self.size = linkage, layout.size
         poses = closing.refine(layout.given)
@@ -182,7 +183,7 @@ class _Drawing:
         self.frames: dict[str, tuple[Complex, Complex]] = {
             link: (pose.o, pose.direction(1 + 0j)) for link, pose in poses.items()
         }
-        gaps = [x for _, (x, *_) in Closing.of(Layout.of(linkage))._rows(poses)]
+        gaps = [x for _, (x, *_) in Closing.of(varied)._rows(poses)]
         if not plain and any(isinstance(gap, Varied) for gap in gaps):  # joints stay closed
             inverse = np.linalg.pinv(closing.conditions(poses)[1], rcond=DOUBLE_ROOT)
             for link, rows in zip(closing.links, -inverse.reshape(-1, 3, len(gaps)), strict=True):
@@ -204,13 +205,14 @@ class _Drawing:
         self.sides: dict[str, list[Side]] = {}
         self.start: Complex = {}
         self.frame: set[str] = set()
+        welds = layout.welds if plain else varied.welds
         for name, joint in linkage.joints.items():
             for k, (link, at) in enumerate(zip(joint.links, joint.at, strict=True)):
-                self._side(name, ("joints", name, "at", k), at.z, link, layout.welds, plain)
+                self._side(name, ("joints", name, "at", k), at.z, link, welds, plain)
         for link, given in linkage.links.items():
             for name, marker in given.markers.items():
                 path = ("links", link, "markers", name, "at")
-                self._side(f"{link}.{name}", path, marker.at.z, link, layout.welds, plain)
+                self._side(f"{link}.{name}", path, marker.at.z, link, welds, plain)
         self.points = list(self.start)
         self.on_frame = np.repeat([name in self.frame for name in self.points], 2)
 

@@ -14,6 +14,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import is_dataclass, replace
 from operator import is_
+from typing import Any
 
 import numpy as np
 
@@ -24,10 +25,12 @@ from blockmech.typing import Array, Complex, Real, Record
 class Varied(complex):
     """A real number or a planar vector x + iy with its derivatives ``d`` (m,), of the same kind.
 
-    Larger and smaller are those of the values.
+    Larger and smaller are those of the values. A number that is handed on, by itself or as a part
+    of a vector, remains the same object; one that follows from it by arithmetic is another.
     """
 
     d: Array
+    parts: tuple[complex, ...] = ()  # x and y of a vector of which they were given
 
     def __new__(cls, value: complex, d: Real) -> Varied:
         number = super().__new__(cls, value)
@@ -35,6 +38,8 @@ class Varied(complex):
         return number
 
     def __add__(self, operand: complex) -> Varied:
+        if not operand:
+            return self
         return Varied(complex(self) + complex(operand), self.d + tangents(operand))
 
     __radd__ = __add__
@@ -49,6 +54,8 @@ class Varied(complex):
         return -self + operand
 
     def __mul__(self, operand: complex) -> Varied:
+        if operand == 1:
+            return self
         a, b = complex(self), complex(operand)
         return Varied(a * b, self.d * b + a * tangents(operand))
 
@@ -58,7 +65,13 @@ class Varied(complex):
         y, b = complex(self) / complex(operand), complex(operand)
         return Varied(y, (self.d - y * tangents(operand)) / b)
 
+    def __rtruediv__(self, operand: complex) -> Varied:
+        return Varied(operand, 0.0) / self
+
     def __abs__(self) -> Varied:  # type: ignore[override]
+        x, y = self.parts or (0.0, 0.0)
+        if isinstance(x, Varied) and not y and x > 0:
+            return x
         z, r = complex(self), abs(complex(self))
         return Varied(r, (z.conjugate() * self.d).real / r)
 
@@ -67,14 +80,14 @@ class Varied(complex):
         return Varied(complex(self).conjugate(), self.d.conjugate())
 
     @property
-    def real(self) -> Varied:  # type: ignore[override]
+    def real(self) -> Any:
         """x."""
-        return Varied(complex(self).real, self.d.real)
+        return self.parts[0] if self.parts else Varied(complex(self).real, self.d.real)
 
     @property
-    def imag(self) -> Varied:  # type: ignore[override]
+    def imag(self) -> Any:
         """y."""
-        return Varied(complex(self).imag, self.d.imag)
+        return self.parts[1] if self.parts else Varied(complex(self).imag, self.d.imag)
 
     def __eq__(self, operand: object) -> bool:
         same = isinstance(operand, int | float | complex) and complex(self) == complex(operand)
@@ -107,7 +120,11 @@ def _of_varied(x: object) -> Record:
 
 
 def _planar(x: complex, y: complex) -> complex:
-    return x + 1j * y
+    z = 1j * y + x
+    assert isinstance(z, Varied)
+    vector = Varied(z, z.d)
+    vector.parts = x, y
+    return vector
 
 
 def _expi(t: complex) -> Varied:
