@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 CONTRACTION = 2  # place among the reports on a group's friction, see `result.quality.assess`
-CERTAIN = 1 - 1e-3  # of single precision: there it still tells on which side of 1 it is
+CERTAIN = 1 - float(np.finfo(np.float32).eps) ** 0.5  # of an eigenvalue in single precision
 
 
 class Compiled(Runnable[M]):

@@ -240,7 +240,7 @@ def test_mistakes_are_one_message(options, message):
 
 
 def test_a_tree_that_grows_out_of_hand_is_refused(monkeypatch):
-    monkeypatch.setattr(module, "MOST_BRANCHES", 5)
+    monkeypatch.setattr(module, "MOST", 5)
     with pytest.raises(bm.RequestError, match="multiply from group to group: 63 branches"):
         rough(0.3).friction_solutions(POSES)
 

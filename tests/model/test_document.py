@@ -12,6 +12,7 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened, problems_in
 from blockmech.ground.errors import FormatError, GraphError, RequestError
+from blockmech.ground.limits import DEEPEST
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.expect import Expectation
 from blockmech.model.form import WIDTH, canonical_text
@@ -345,7 +346,7 @@ def test_an_old_file_still_gives_its_numbers():
         ('{"a": [1, 1e76]}', ["non-finite"]),
         ('{"a": [[-Infinity], NaN]}', ["non-finite", "non-finite"]),
         ('{"a": ' + "9" * 400 + "}", ["non-finite"]),
-        ('{"a": ' * 63 + "{}" + "}" * 63, []),
+        ('{"a": ' * (DEEPEST - 1) + "{}" + "}" * (DEEPEST - 1), []),
     ],
 )
 def test_single_values_that_do_not_fit_are_found_wherever_they_are(text, codes):
@@ -353,5 +354,5 @@ def test_single_values_that_do_not_fit_are_found_wherever_they_are(text, codes):
 
 
 def test_one_level_too_deep_is_refused_even_where_nothing_is_in_it():
-    with pytest.raises(FormatError, match="64 deep"):
-        data_of('{"a": ' * 64 + "{}" + "}" * 64)
+    with pytest.raises(FormatError, match=f"{DEEPEST} deep"):
+        data_of('{"a": ' * DEEPEST + "{}" + "}" * DEEPEST)

@@ -46,6 +46,7 @@ from blockmech.analysis.reference_errors import (
 )
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import Compiled
+from blockmech.engines.cost import ARRAY, CALL
 from blockmech.ground.errors import as_names, listed, refused
 from blockmech.ground.values import is_number
 from blockmech.result.quality import Accuracy
@@ -63,7 +64,7 @@ from blockmech.typing import (
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has been seen
-ENOUGH = 2048  # samples below which single precision saves nothing
+ENOUGH = 2 * round(CALL[0] / ARRAY[0])  # samples from which single precision, half of ARRAY, shows
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
 SINGLE = float(np.finfo(np.float32).eps)
 EPS_OF: Mapping[Precision, float] = {"complex64": SINGLE, "complex128": DOUBLE, "clongdouble": LONG}

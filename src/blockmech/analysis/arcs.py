@@ -22,12 +22,12 @@ from blockmech.analysis.closure import Closure
 from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, places, runs, scan
 from blockmech.functions.roots import last_place
 from blockmech.functions.series import fit
-from blockmech.ground.tolerances import DOUBLE_ROOT
+from blockmech.ground.tolerances import BLUR, DOUBLE_ROOT
 from blockmech.typing import Array, Floats
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])
-BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
+BESIDE = 10 * BLUR  # [rad], and of a slide's size: looked at on both sides of a touch
 LOCKED = BESIDE**0.5  # the same: no touch is as wide, one of sixth order spans 3e-3 in doubles
 
 

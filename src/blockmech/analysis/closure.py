@@ -26,7 +26,7 @@ from blockmech.typing import Data, Floats, Real, Values
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-BEYOND = 2.0**20  # sizes of the mechanism within which a slide's ends are searched
+BEYOND = 1 / BLUR  # sizes of the mechanism, which rounding blurs where a slide is farther
 
 WORDS = {"RRP": "tangent", "RPR": "tangent", "PRP": "parallel", "RPP": "parallel"}
 

@@ -36,6 +36,7 @@ from blockmech.engines.numpy import primitives
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.functions.series import Series, fit, panels
 from blockmech.ground.errors import refused
+from blockmech.ground.tolerances import HALVINGS
 from blockmech.model.laws_of_motion import ConstantRate, Harmonic
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
@@ -46,7 +47,6 @@ from blockmech.typing import Floats, Kernel, Record
 
 PANELS = 16  # of a motion to begin with
 RELATIVE, ABSOLUTE = 1e-11, 1e-13  # tolerances of the integration; the second of the size of z
-OCTAVES = 20  # above the deflection of steady slip, in which a periodic one is looked for
 
 
 def _with_deflections(mechanism: Compiled, samples: Samples) -> Samples:
@@ -205,7 +205,7 @@ def _periodic(after: Callable[[float], float], size: float) -> float:
     z = after(after(0.0))
     if abs(after(z) - z) <= RELATIVE * size:
         return z
-    for bound in size * 2.0 ** np.arange(OCTAVES):
+    for bound in size * 2.0 ** np.arange(HALVINGS):
         if after(bound) < bound and after(-bound) > -bound:
             return float(brentq(lambda z: after(z) - z, -bound, bound, xtol=RELATIVE * size))
     message = f"after a period no deflection below {bound:.3g} m or rad is as it was before"

@@ -37,7 +37,7 @@ STRIDE = 0.02  # of the span: a step along a curve
 LONG = 250  # steps along a curve
 STRAY = 0.2  # of a step: a correction that is larger has left the curve
 BETWEEN = 9  # places on a line between two equilibria, its ends among them
-CLOSE = 1e-5  # of the span: a correction that is smaller is the last
+CLOSE = math.sqrt(EQUAL)  # of the span: a correction that is smaller is the last
 STARTS = 64  # for each of several drivers
 
 

@@ -22,7 +22,7 @@ from blockmech.figures.paper import (
     shown_name,
 )
 from blockmech.ground.errors import listed, refused
-from blockmech.ground.report import WIDTH, Facts, as_json, places
+from blockmech.ground.report import LINES, WIDTH, Facts, as_json, places
 from blockmech.ground.units import shown_in
 from blockmech.result.columns import Column, output_columns
 from blockmech.result.result import Result
@@ -39,7 +39,6 @@ Flags = NDArray[np.bool_]
 CONTRACTION, COUNT, UNDECIDED, NO_POSE = PROOFS = (
     *("contraction", "count", "undecided", "no-assembly"),
 )
-ROWS = 40  # lines of a printed table
 HEIGHT = 17 * ink.TEXT  # [pt] of the axes
 FILLS = (ink.GREY, ink.PAPER, ink.LINK_FILLS[0], ink.LINK_FILLS[1])
 """By number of solutions: none, one, two, three or more."""
@@ -207,15 +206,14 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         columns, hidden = self._fitting(self._columns(self._display))
         head = [column.head for column in columns]
         texts = [
-            [f"{x + 0.0:.7g}" if math.isfinite(x) else "-" for x in column.values[:ROWS].tolist()]
+            [f"{x + 0.0:.7g}" if math.isfinite(x) else "-" for x in column.values[:LINES].tolist()]
             for column in columns
         ]
-        index = [[f"{x:+d}" for x in column[:ROWS]] for column in self.index.values()]
+        index = [[f"{x:+d}" for x in column[:LINES]] for column in self.index.values()]
         counts = self.counts
-        which = [
-            f"{i} of {counts[p]}" for i, p in zip(self.number[:ROWS], self.pose[:ROWS], strict=True)
-        ]
-        linked = ["yes" if x else "no" for x in self.connected[:ROWS]]
+        chosen = zip(self.number[:LINES], self.pose[:LINES], strict=True)
+        which = [f"{i} of {counts[p]}" for i, p in chosen]
+        linked = ["yes" if x else "no" for x in self.connected[:LINES]]
         rows = zip(*texts[: self._led], which, linked, *index, *texts[self._led :], strict=True)
         names = [f"{self._said(group)} index" for group in self.index]
         title = [*head[: self._led], "solution", "connected", *names, *head[self._led :]]
@@ -251,8 +249,8 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
     def _foot(self, hidden: Sequence[str]) -> Iterator[str]:
         if hidden:
             yield f"{counted(len(hidden), 'more column')}: {listed(hidden, 3)}"
-        if len(self) > ROWS:
-            yield f"{ROWS} of {len(self)} solutions shown"
+        if len(self) > LINES:
+            yield f"{LINES} of {len(self)} solutions shown"
         counts = Counter(self.counts.tolist())
         several = (
             f"{counted(n, 'pose')} with {x or 'no solution'}" for x, n in sorted(counts.items())

@@ -38,6 +38,7 @@ from blockmech.friction.equations import load_norm
 from blockmech.friction.existence import existence
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, refused
+from blockmech.ground.limits import MOST
 from blockmech.ground.tolerances import BLUR
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
@@ -54,8 +55,6 @@ if TYPE_CHECKING:
 GIVEN = Friction(friction.GIVEN)
 DEFAULT = (".drive", ".reaction")
 """What is computed of each solution where nothing is asked for: outputs that end so."""
-MOST_BRANCHES = 100_000  # of the tree; each has all outputs
-MOST_PATHS = 4096  # complex solutions of one group; a triad with nine pins has 512
 BY_LOAD = "its friction law is not linear in the load, so that its solutions are not counted"
 
 BOUND = bind_functions(
@@ -140,9 +139,9 @@ class Equations:
         )
         contacts = tuple(friction.contacts(s.structure, ref) for ref in joints)
         count = enumeration.paths(contacts)
-        if count > MOST_PATHS:
-            found = f"the group has {count} complex solutions"
-            raise refused(block, found, "leave friction out of some of its pairs", f"{MOST_PATHS}")
+        if count > enumeration.TRACKS:
+            why, remedy = f"{count} complex solutions", "leave friction out of some of its pairs"
+            raise refused(block, f"the group has {why}", remedy, f"{enumeration.TRACKS}")
         inputs = tuple(self.joints.index(ref) for ref in joints)
         known = friction.knows_existence(s.structure, block, joints)
         fixed = tuple(map(s.structure.separates, joints))
@@ -291,10 +290,10 @@ def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
             tree.existence[step.block] = np.full(taken.n, np.nan)
             tree.existence[step.block][tree.pose] = solved.existence
         np.maximum.at(tree.proof, tree.pose, solved.proof)
-        if len(solved.of) > MOST_BRANCHES:
+        if len(solved.of) > MOST:
             why = f"the solutions multiply from group to group: {len(solved.of)} branches"
             remedy = "ask for fewer poses, or for less friction with scale="
-            raise refused(step.block, why, remedy, f"at most {MOST_BRANCHES}")
+            raise refused(step.block, why, remedy, f"at most {MOST}")
         tree.grow(step, solved)
     return tree
 

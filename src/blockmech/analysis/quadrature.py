@@ -16,11 +16,12 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 
+from blockmech.functions.series import NODES as OF_PANEL
 from blockmech.ground.plane import EPS
 from blockmech.typing import Array
 
-NODES = 16  # of a stretch: exact for degree 29
-LAST = 4  # coefficients that tell what is left of a rate
+NODES = OF_PANEL // 2  # of a stretch: exact for degree 29
+LAST = NODES // 4  # coefficients that tell what is left of a rate
 TERM = 1024 * EPS  # of each term of a quadrature and of a dense output
 TINY = float(np.finfo(np.float64).tiny)
 

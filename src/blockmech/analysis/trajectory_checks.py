@@ -19,7 +19,7 @@ from blockmech.analysis.evidence import Evidence, Residual
 from blockmech.analysis.quadrature import Stretches
 from blockmech.analysis.signal_checks import RATES, integrated, sources
 from blockmech.dynamics.chart_outputs import result_along
-from blockmech.dynamics.estimate import TARGET
+from blockmech.dynamics.estimate import COMPARED, TARGET
 from blockmech.dynamics.loads import largest_length
 from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.model.structure import JointRef
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 ADVANCE = 1 / 64  # of a turn, or of the largest length, by which a stretch moves at most
-LEAST, MOST = 129, 2048  # stretches; of a longer motion as many, evenly spread
+LEAST, MOST = COMPARED, 16 * COMPARED  # stretches; of a longer motion as many, evenly spread
 
 
 def idle(e: Evidence) -> Iterator[Residual]:

@@ -28,7 +28,9 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import Output
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
+from blockmech.ground.report import LINES
 from blockmech.ground.runnable import EVERYTHING
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.units import shown_in
 from blockmech.result.tables import gap_lines
 from blockmech.typing import Arguments, FixedStep
@@ -37,8 +39,7 @@ if TYPE_CHECKING:
     from blockmech.result.motion import Event
     from blockmech.result.result import Result
 
-LINES = 8  # events shown
-DIGITS = 12  # significant ones of a number
+DIGITS = math.floor(-math.log10(ROUNDING))  # significant ones of a number: 12
 Step = Annotated[
     float | None,
     option(

@@ -74,7 +74,7 @@ def _write(stream: IO[str] | None, pieces: Iterable[str]) -> None:
 
 UNDRAWN = "the numbers are written, the pictures are not"
 INSISTS = 3  # times Ctrl-C, after which also what is being saved is given up
-SAVING = 0.5  # [s] that saving may still take after Ctrl-C: the whole ends within a second
+SAVING = PATIENCE / 2  # [s] that saving may still take after Ctrl-C: the whole ends in time
 
 
 class Interrupted(Exception):

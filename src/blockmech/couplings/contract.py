@@ -49,12 +49,13 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 from pydantic import Field
 
 from blockmech.blocks.block import Block
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import cross, dot, hyp, imul, mul, where
 from blockmech.ground.values import Axis, Number, Units, default, in_unit
 from blockmech.typing import Complex, Guide, Kernel, Load, Parameters, Real
 
-ROUND = 72  # straight pieces of a drawn circle
+ROUND = SCANNED // 10  # straight pieces of a drawn circle
 
 
 class Transmission(NamedTuple):

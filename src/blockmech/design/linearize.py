@@ -41,6 +41,7 @@ from blockmech.ground.plane import EPS
 from blockmech.ground.report import Facts, places, with_unit
 from blockmech.ground.runnable import LazyMethod
 from blockmech.ground.tolerances import EQUAL
+from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.studies.derivatives_at import (
     Derivatives,
     derivatives_at,
@@ -57,7 +58,6 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 DECADES = 2.0  # of frequency below the lowest and above the highest mode that are shown
-SHOWN = 400  # frequencies of a response
 NOUGHT = 512 * EPS  # relative: what eigenvalues leave of no damping
 SWING = 0.2  # [rad] or share of a metre: amplitude of a mode that is shown
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
@@ -176,7 +176,7 @@ class Linearization(Facts, Pictured):
         """Angular frequencies [rad/s] about all modes, as a picture shows them."""
         sizes = [m.frequency for m in self.modes if m.frequency > 0] or [1.0]
         low, high = math.log10(min(sizes)) - DECADES / 2, math.log10(max(sizes)) + DECADES / 2
-        return np.logspace(low, high, SHOWN)
+        return np.logspace(low, high, DEFAULT_SAMPLES)
 
     def to_statespace(self) -> Any:
         """The system as a `scipy.signal.StateSpace`."""

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
     from matplotlib.axis import XAxis, YAxis
 
-FPS = 30  # of a film
+FRAME = 0.04  # [s] on the screen
 NAMES = 12  # joints up to which all are named
 SEEN = 24  # frames in which names look for a free place; between them they slide
 FRICTION_POWER = "mechanism.friction_power"
@@ -185,11 +185,11 @@ class Animation:
         # H.264 with the colours that every player knows needs an even number of rows and columns.
         frames = [p[: p.shape[0] // 2 * 2, : p.shape[1] // 2 * 2] for p in self.pictures]
         height, width, _ = frames[0].shape
-        count = max(round(self.seconds * FPS), 1)
+        count, rate = max(round(self.seconds / FRAME), 1), str(round(1 / FRAME))
         indices = (self.order[k * len(self.order) // count] for k in range(count))
         with tempfile.TemporaryDirectory() as folder:
             video = Path(folder, "film.mp4")
-            raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FPS)]
+            raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", rate]
             coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
             command = [program, "-v", "error", "-y", *raw, "-i", "-", *coded, str(video)]
             completed = subprocess.run(

@@ -22,7 +22,6 @@ import numpy as np
 
 from blockmech.model.diagram import Ends
 
-SWEEPS = 24  # more change nothing on diagrams of a hundred blocks
 STRAIGHT = {0: 1, 1: 2, 2: 8}  # weight of a step, by how many of its ends only pass a layer
 
 Node = str | tuple[int, int]
@@ -131,13 +130,12 @@ def arrange(boxes: Sequence[Box], wires: Sequence[Ends]) -> Layered:
 
 
 def _order(layout: Layered) -> None:
-    """Sort each layer by the mean place of its neighbours; keep the best of all sweeps."""
+    """Sort each layer by the mean place of its neighbours, until orders repeat; keep the best."""
     layers, steps = layout.layers, layout.steps
     best, fewest = [list(nodes) for nodes in layers], _crossings(layout)
-    for sweep in range(SWEEPS):
-        if fewest == 0:
-            break
-        down = sweep % 2 == 0
+    visited, down = set[tuple[object, ...]](), True
+    while fewest and (order := (down, *map(tuple, layers))) not in visited:
+        visited.add(order)
         for nodes in layers[1:] if down else layers[-2::-1]:
             rank = _ranks(layers)
             neighbours = {
@@ -148,6 +146,7 @@ def _order(layout: Layered) -> None:
         count = _crossings(layout)
         if count < fewest:
             best, fewest = [list(nodes) for nodes in layers], count
+        down = not down
     layers[:] = best
 
 

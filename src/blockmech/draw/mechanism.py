@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 MANY = 9  # labels from which the picture is two columns wide
-SHORTEST = 14.0  # [pt] of a side whose length is written
 TILE, ROOM = 2.4, 1.3  # [in] side of a tile; of the mechanism's size that it holds
 POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one, others faint
 
@@ -305,7 +304,7 @@ def side_lengths(page: Page, stage: Stage) -> Iterator[Label]:
     for body in stage.sketch.bodies:
         corners = [complex(stage.motion.at(body.link, z)[0]) for z in body.outline]
         for a, b in pairwise([*corners, *corners[: len(corners) > 2]]):
-            if abs(b - a) > SHORTEST * page.unit:
+            if abs(b - a) > shapes.DISTANCE * page.unit:
                 anchors = [page.points(np.array([a + (b - a) * t])) for t in (0.5, 0.35, 0.65)]
                 length = f"{page.scale * abs(b - a):.4g}"
                 yield Label(length, anchors, ink.GREY, clearance=SIZES.label_gap)

@@ -19,7 +19,7 @@ from blockmech.draw.motion import Motion
 from blockmech.draw.page import Shape
 from blockmech.draw.sketch import LEAD, LoadMark, Sketch, Slider
 from blockmech.figures import palette as ink
-from blockmech.figures.palette import SIZES
+from blockmech.figures.palette import SIZES, TEXT
 from blockmech.ground.tolerances import BLUR
 from blockmech.model.joints.dimensions import Length
 from blockmech.model.spots import Spot, pin_spot
@@ -27,7 +27,7 @@ from blockmech.typing import Arguments, Real, Vectors
 
 Vector: TypeAlias = tuple[Spot, Vectors]
 """Where something acts, and its values (n,)."""
-DISTANCE = 14.0  # [pt] of a dimension's line from what it measures
+DISTANCE = 1.75 * TEXT  # [pt] of a dimension's line from what it measures
 FAINT = ("#F1F1F1", "#BDBDBD")  # fill and edge of further poses
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from blockmech.draw.animation import FRICTION_POWER, Animation
+from blockmech.draw.animation import FRAME, FRICTION_POWER, Animation
 from blockmech.draw.motion import moves_of_result
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.figures import palette as ink
@@ -38,7 +38,6 @@ from blockmech.result.result import Result
 from blockmech.typing import Data
 
 CURVE = SCANNED + 1  # times of a curve
-FRAME = 0.04  # [s] on the screen
 SHORTEST, LONGEST = 1.0, 16.0  # [s] on the screen; real time between them
 MARKED = ("rest", "joint reverses")  # events of a motion with friction
 ENERGIES = ("mechanism.kinetic_energy", "mechanism.potential_energy")

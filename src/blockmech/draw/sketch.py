@@ -15,6 +15,7 @@ import numpy as np
 
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion
+from blockmech.figures.palette import TEXT
 from blockmech.ground.tolerances import BLUR
 from blockmech.loads.contract import acts
 from blockmech.model.joints.dimensions import Dimension
@@ -26,8 +27,8 @@ from blockmech.typing import Floats
 CYLINDER = {"barrel": 1.7, "rod": 0.7}  # [-] widths, in usual bars
 TUBE, OVERLAP = 0.9, 0.15  # [-] of the shortest length: the barrel, and what stays inside it
 
-LEAD = 6.0  # [pt] of a spring's straight ends
-APART = 10.0  # [pt] of the signs of loads between the same places
+LEAD = 0.75 * TEXT  # [pt] of a spring's straight ends
+APART = 1.25 * TEXT  # [pt] of the signs of loads between the same places
 DASHPOT = (
     *((2, 0), (2, -4), (2, 4)),  # the piston, then the cylinder about it
     *((-7, 4), (7, 4), (7, -4), (-7, -4), (7, -4), (7, 0)),

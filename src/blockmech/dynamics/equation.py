@@ -26,8 +26,9 @@ from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
 from blockmech.dynamics.source import by_name
 from blockmech.dynamics.system import REPORTED, System
-from blockmech.engines.compiled_rates import KNOWN, CompiledRhs, CompiledStepper
+from blockmech.engines.compiled_rates import CompiledRhs, CompiledStepper
 from blockmech.engines.stages import Method, dop853
+from blockmech.ground.memory import RETAINED
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
 from blockmech.typing import Floats, Real
@@ -236,7 +237,7 @@ class Equation:
         assert friction is not None
         key = y[: 1 if alone else self.layout.work].tobytes()
         if key not in self._slips:
-            if len(self._slips) > KNOWN:
+            if len(self._slips) > RETAINED:
                 self._slips.clear()
             unit = self.layout.start(y[0], 1.0) if alone else y
             row, m = self.row(0.0, unit), len(self.sides)

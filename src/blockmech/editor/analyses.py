@@ -17,6 +17,7 @@ from blockmech.editor.redraw import as_links
 from blockmech.editor.revision import Question, Revision, svg
 from blockmech.editor.turn import along_of
 from blockmech.figures.curves import chosen_panels
+from blockmech.figures.palette import PANELS
 from blockmech.figures.panels import Panel, draw_panels
 from blockmech.ground.errors import BlockmechError, refused
 from blockmech.studies.differentiate import without_derivative
@@ -24,11 +25,10 @@ from blockmech.studies.distributions import Normal
 from blockmech.studies.family import remade
 from blockmech.typing import Arguments, Data, Record
 
-CURVES = 5  # of a family, the middle one as the sheet has it
+CURVES = PANELS - 1  # of a family, the middle one as the sheet has it
 EVERY = 10  # of the poses, for what takes long at each
 STARTS = 1024  # shapes that are tried for a path
-DESIGNS = 6  # that are shown
-SEARCHED = 4 * DESIGNS  # of which these are the smallest
+SEARCHED = 4 * PANELS  # designs, of which the smallest are shown
 NONE = "No four-bar without defects passes these; move them, or ask for fewer."
 
 
@@ -147,7 +147,7 @@ def synthesis(ask: Question) -> Data:
     else:
         designs = blockmech.synthesis.path_generator(points, starts=STARTS, **settings)
     cards = sorted((_card(design) for design in designs), key=lambda card: card["size"])
-    return {"designs": cards[:DESIGNS], "text": "" if cards else NONE}
+    return {"designs": cards[:PANELS], "text": "" if cards else NONE}
 
 
 def _card(design: Any) -> Data:

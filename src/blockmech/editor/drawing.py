@@ -32,6 +32,7 @@ from blockmech.editor.sketching import Form
 from blockmech.editor.turn import motion_data
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import shown_name
+from blockmech.ground.report import REMARKS
 from blockmech.ground.tolerances import EQUAL
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.closing import coordinate
@@ -215,7 +216,6 @@ FIRST = {
     "joints": "Drag on the sheet to draw the first link.",
     "blocks": "Add a frame and a crank, then wire the crank to a marker of the frame.",
 }
-SENTENCES = 3  # problems that are said at once
 
 
 def picture_of(ask: Question) -> Data:
@@ -271,7 +271,7 @@ def status_of(now: Revision) -> str:
     if now.empty:
         return FIRST["joints" if links else "blocks"]
     if now.problems:
-        sentences = [". ".join(filter(None, (p.found, p.remedy))) for p in now.problems[:SENTENCES]]
+        sentences = [". ".join(filter(None, (p.found, p.remedy))) for p in now.problems[:REMARKS]]
         return "Next: " + " ".join(f"{p.where}: {x}." for p, x in zip(now.problems, sentences))  # noqa: B905
     return now.formation.replace("->", "→")
 

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from blockmech.draw.animation import Animation
+from blockmech.draw.animation import FRAME, Animation
 from blockmech.draw.mechanism import draw_mechanism
-from blockmech.draw.simulation import FRAME
 from blockmech.editor.revision import Question
 from blockmech.editor.turn import seconds_of, simulated_time
 from blockmech.exchange.formats import WRITERS, Order

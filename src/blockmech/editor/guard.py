@@ -15,9 +15,11 @@ from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
+from blockmech.ground.limits import LARGEST
+
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
-LARGEST = 32 << 20  # bytes of a body
+LARGEST_BODY = 2 * LARGEST  # a file's text is as much longer at most where JSON quotes it
 STRANGER = "open the address that blockmech studio printed"
 KEYED = "the page comes with the cookie of this answer: open the address in a browser\n"
 POLICY = (
@@ -59,7 +61,7 @@ class Guard:
             nonlocal size
             message = await receive()
             size += len(message.get("body", b""))
-            if size > LARGEST:
+            if size > LARGEST_BODY:
                 raise TooLarge
             return message
 
@@ -101,7 +103,7 @@ class Guard:
             return PlainTextResponse(STRANGER, 403)
         if not self._is_key(request.cookies.get(self.cookie, "")):
             return PlainTextResponse(STRANGER, 403)
-        if int(headers.get("content-length") or 0) > LARGEST:
+        if int(headers.get("content-length") or 0) > LARGEST_BODY:
             return PlainTextResponse("too large", 413)
         return None
 

@@ -43,6 +43,7 @@ from blockmech.editor.sketching import posed
 from blockmech.editor.turn import fault_of, poses_of
 from blockmech.exchange.page.files import bundle, embeddable
 from blockmech.ground.errors import BlockmechError, Problem, refused
+from blockmech.ground.progress import PATIENCE
 from blockmech.model.diagram import Wire
 from blockmech.testing.graph_files import gallery
 from blockmech.typing import Data, Record
@@ -50,7 +51,7 @@ from blockmech.typing import Data, Record
 WEB = Path(__file__).with_name("web")
 FOREVER = {"Cache-Control": "private, max-age=31536000, immutable"}
 FRESH = {"Cache-Control": "no-cache"}
-BEAT = 0.5  # seconds between two looks of a stream, also at whether somebody still listens
+BEAT = PATIENCE / 2  # seconds between two looks of a stream, also at whether somebody still listens
 
 
 class Stale(Exception):

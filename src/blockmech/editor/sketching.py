@@ -22,6 +22,7 @@ from blockmech.editor.pins import (
     pose_of,
     standing_at,
 )
+from blockmech.exchange.drawing import STEP
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.names import numbered_name
 from blockmech.ground.tolerances import EQUAL
@@ -30,7 +31,6 @@ from blockmech.model.joints.contents import FRAME
 from blockmech.typing import Data, Record
 
 Form = Data
-STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
 DIMENSIONS = {2: "length", 3: "angle"}  # of so many pins
 
 

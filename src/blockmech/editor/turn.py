@@ -16,13 +16,12 @@ from blockmech.draw.simulation import screen_time
 from blockmech.exchange.page.files import SECONDS
 from blockmech.figures.curves import abscissa
 from blockmech.figures.panels import Abscissa
+from blockmech.ground.limits import SEARCHED
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.spots import marker_place
 from blockmech.result.failures import why_not
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.typing import Arguments, Array, Data, Floats
-
-MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each
 
 
 def turn(mechanism: Compiled, moved: str = "", at: Mapping[str, float] | None = None) -> Motion:
@@ -90,7 +89,7 @@ def _limits(
 ) -> Limits | None:
     """The `limits` of a driver; None where there are too many groups to wait for them."""
     groups = [b for b in mechanism.structure.blocks.values() if b.closes]
-    return limits(mechanism, driver, fixed, blocks=blocks) if len(groups) <= MOST_GROUPS else None
+    return limits(mechanism, driver, fixed, blocks=blocks) if len(groups) <= SEARCHED else None
 
 
 def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
@@ -98,7 +97,7 @@ def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
 
     Each with the sample, which may lie between two, and the name. A group whose margin is farther
     from 0 than it changes from sample to sample has no dead centre. Of more groups than
-    `MOST_GROUPS` none is told.
+    `SEARCHED` none is told.
     """
     moved, *rest = [d for d, q in motion.q.items() if np.ptp(q)] or [""]
     margins = motion.quality.margin

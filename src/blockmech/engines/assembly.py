@@ -39,11 +39,10 @@ import numpy as np
 
 from blockmech.engines.kinds import Reals
 from blockmech.engines.loops import text
-from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, by_depth, is_truth, needed
+from blockmech.engines.nodes import LANES, PARAMETER, SAMPLE, Loop, Node, by_depth, is_truth, needed
 from blockmech.ground.plane import EPS
 from blockmech.typing import Data, Real
 
-LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}
 COMPARISONS = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge", "==": "oeq"}
 CALLS = {name: f"llvm.{name}" for name in ("sqrt", "sin", "cos", "exp")} | {"abs": "llvm.fabs"}

@@ -35,6 +35,7 @@ from blockmech.engines.binding import OWN
 from blockmech.engines.numpy import Planar
 from blockmech.ground.errors import RequestError
 from blockmech.ground.files import writing
+from blockmech.ground.limits import LARGEST
 from blockmech.plan.plan import Program
 
 
@@ -107,7 +108,6 @@ def _files(folder: str) -> Iterator[tuple[str, int, int]]:
 FOLDER = "BLOCKMECH_CACHE"
 SIZE = sha256().digest_size  # bytes of a signature, and of the key
 MOST = 500  # files, of some ten to a hundred kB each; the oldest go
-LARGEST = 2**26  # bytes that are read
 USER = getattr(os, "geteuid", None)  # none on Windows, which keeps users' folders apart itself
 # Where others may not write, and, of what is secret, not read.
 OTHERS_WRITE, OTHERS = stat.S_IWGRP | stat.S_IWOTH, stat.S_IRWXG | stat.S_IRWXO

@@ -37,10 +37,9 @@ from blockmech.engines.stages import (
     scheme,
 )
 from blockmech.engines.trace import FOLLOWED, Body, Trace
+from blockmech.ground.memory import RETAINED
 from blockmech.plan.plan import Program
 from blockmech.typing import Floats, Reals
-
-KNOWN = 64  # states looked at last whose rows are kept
 
 
 class CompiledRhs:
@@ -280,7 +279,7 @@ class CompiledStepper:
         """What the program says of a state; many of an event ask for the same."""
         key = t, *y
         if key not in self._rows_of:
-            if len(self._rows_of) == KNOWN:
+            if len(self._rows_of) == RETAINED:
                 self._rows_of.clear()
             n = self._rates.dimension
             self._state[:n].T[:], self._state[n] = y, t

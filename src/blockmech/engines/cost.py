@@ -25,10 +25,10 @@ from functools import cache, lru_cache
 from types import CodeType, FunctionType
 from typing import TYPE_CHECKING
 
-from blockmech.blocks.general.kernels import STEPS as NEWTON_STEPS
 from blockmech.engines.numpy import leaves
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.plane import SCALAR_PRIMITIVES
+from blockmech.ground.tolerances import DOUBLINGS
 from blockmech.plan.plan import Program
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def _is_kept(program: Program) -> bool:
 
 def size_of(program: Program) -> tuple[int, int]:
     """Operations of a program, those of its loops once, and linear systems by their links."""
-    calls, total, systems = Counter(CALLED.findall(program.source)), 0, NEWTON_STEPS
+    calls, total, systems = Counter(CALLED.findall(program.source)), 0, DOUBLINGS
     for name, f in program.functions.items():
         if isinstance(f, FunctionType):
             length, solving = _length(f.__code__, f.__module__)

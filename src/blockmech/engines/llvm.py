@@ -27,10 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.engines import assembly, code_cache
-from blockmech.engines.assembly import LANES
 from blockmech.engines.code_cache import key_of
 from blockmech.engines.interpreters import ScalarEngine
-from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
+from blockmech.engines.nodes import LANES, Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
 from blockmech.engines.trace import Trace, filled
 from blockmech.ground.errors import MissingEngineError, refused

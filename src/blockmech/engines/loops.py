@@ -71,10 +71,10 @@ from blockmech.engines.kinds import (
     number,
     parts_of,
 )
-from blockmech.engines.nodes import Untraceable
+from blockmech.engines.nodes import LANES, Untraceable
 from blockmech.typing import Arguments
 
-TOGETHER = 16  # columns of a product: eight registers at least
+TOGETHER = 2 * LANES  # columns of a product: eight registers at least
 
 
 def text(**functions: Callable[..., object]) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 
 from blockmech.typing import Real, Values
 
+LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 PARAMETER, SAMPLE = 0, 1  # scopes: known before the samples, once a sample; loops count on
 
 TRUTHS = ("<", "<=", ">", ">=", "==", "is nan", "&", "|")  # operations that give truth values

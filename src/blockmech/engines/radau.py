@@ -51,7 +51,7 @@ from blockmech.ground.plane import EPS
 ITERATIONS = 6
 ITERATED = 1.0 / 16.0  # of what a step leaves by its length, what its iteration may leave
 SLOW = 1e-3  # share of a correction that is left by the next one
-TINY = 1e-8  # an error that lets a step grow as much as it may
+TINY = sqrt(EPS)  # an error that lets a step grow as much as it may
 SMALL = 1e-3  # of a usual size: a component of a state that is less may change by as much
 STEP = sqrt(EPS)  # of a component, by which it is changed for the slopes
 ROOT = sqrt(6.0)

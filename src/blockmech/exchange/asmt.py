@@ -24,9 +24,10 @@ import numpy as np
 
 from blockmech.exchange.drawing import FRAME, Drawing, Spring, Wheels
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import DEEPEST, MOST, Record, wrong
+from blockmech.exchange.parsing import Record, wrong
 from blockmech.exchange.spatial import Assembly, Joint, Mass, Pose, orthonormal
 from blockmech.ground.errors import FormatError
+from blockmech.ground.limits import DEEPEST, MOST
 from blockmech.ground.tolerances import EQUAL
 from blockmech.typing import Data
 
@@ -42,7 +43,6 @@ SIGNS: dict[type[ast.AST], Callable[..., float]] = {
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
-LONGEST = 10_000  # characters
 
 
 class Formula:
@@ -57,7 +57,7 @@ class Formula:
         self.short = text if len(text) < 60 else f"{text[:57]}..."
         plain = re.sub(r"(\d\.?)d\b", r"\1", text.strip().strip('"')).replace("^", "**")
         try:
-            self.root = ast.parse(plain[:LONGEST], mode="eval").body
+            self.root = ast.parse(plain[:MOST], mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise wrong(where, f"{self.short} cannot be read", "a formula of time") from None
         calls = [node for node in ast.walk(self.root) if isinstance(node, ast.Call)]

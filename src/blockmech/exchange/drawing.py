@@ -25,7 +25,7 @@ from blockmech.typing import Data, Record
 FRAME = "frame"
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 TURN = (0.0, math.tau)
-STEP = 0.05  # [rad], and of the size of a drawing, by which a joint moves that is only tried
+STEP = 0.05  # [rad], and of the size of a drawing: of a joint that is tried, beside a copy
 FREE = (-math.inf, math.inf)
 COORDINATES = ("rate", "acceleration", "from", "to", "mean", "amplitude", "values", "rise")
 """Numbers of a law of motion that are coordinates, or their rates."""

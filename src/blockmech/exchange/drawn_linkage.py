@@ -40,11 +40,11 @@ from blockmech.exchange.drawing import (
 )
 from blockmech.exchange.parsing import wrong
 from blockmech.ground.errors import listed
+from blockmech.ground.limits import SOLVED
 from blockmech.ground.names import free_name, numbered_name
 from blockmech.model.versions import VERSION
 from blockmech.typing import Data
 
-MOST_JOINTS = 50  # of a linkage, that are tried for what can move
 BOUNDLESS = 1e10  # what a limit is that is none
 
 
@@ -337,7 +337,7 @@ class _DrawnDocument:
         free = [pair.name for pair in pairs if pair.name not in {*following, *named}]
         free.sort(key=lambda joint: FRAME not in self.joints[joint]["links"])
         chosen: list[str] = []
-        for joint in [*named, *(free if len(free) < MOST_JOINTS else free[:1])]:
+        for joint in [*named, *(free if len(free) < SOLVED else free[:1])]:
             mobility = [
                 rigidity(links, pairs, (FRAME,), drivers).mobility
                 for drivers in (driven, [*driven, joint])

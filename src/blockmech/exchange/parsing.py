@@ -11,11 +11,9 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from blockmech.ground.errors import FormatError, Problem, shown
+from blockmech.ground.limits import DEEPEST, MOST, read_integer
 
 ROUNDED = 1e-4  # of a size, or of an axis: what drawing programs round to
-DEEPEST = 100  # elements in each other
-MOST = 100_000  # elements of a file
-LONGEST = 300  # digits of a whole number, beyond which it is none of a drawing
 
 
 def wrong(where: str, message: str, valid: str = "", remedy: str = "") -> FormatError:
@@ -42,11 +40,8 @@ def json_of(text: str, where: str) -> Any:
     def refused(word: str) -> NoReturn:
         raise wrong(where, f"{word} is not a number", "finite numbers")
 
-    def integer(digits: str) -> int | float:
-        return int(digits) if len(digits) < LONGEST else float(digits)
-
     try:
-        return json.loads(text, parse_constant=refused, parse_int=integer)
+        return json.loads(text, parse_constant=refused, parse_int=read_integer)
     except json.JSONDecodeError as error:
         at = f"line {error.lineno}, column {error.colno}"
         raise wrong(where, f"{at}: {error.msg.lower()}", "JSON") from None

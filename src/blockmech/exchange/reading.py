@@ -17,7 +17,7 @@ from typing import Any
 
 from blockmech.exchange import pylinkage
 from blockmech.exchange.drawing import STEP, UNITS
-from blockmech.exchange.drawn_linkage import MOST_JOINTS, document
+from blockmech.exchange.drawn_linkage import document
 from blockmech.exchange.formats import READERS, Reader
 from blockmech.exchange.parsing import wrong
 from blockmech.ground.errors import (
@@ -29,9 +29,9 @@ from blockmech.ground.errors import (
     in_file,
     refused,
 )
+from blockmech.ground.limits import LARGEST, SOLVED
 from blockmech.typing import Data
 
-LARGEST = 10_000_000  # bytes of a drawing
 BAD_CONTENT = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 """What readers stumble over in a text that no tool has written."""
 DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([\w.:-]+)""")
@@ -175,7 +175,7 @@ def _trials(data: Data) -> Iterator[tuple[str, str, float]]:
     movable = ((name, x) for name, x in data["joints"].items() if x["type"] != "weld")
     joints = [(name, joint) for name, joint in movable if name not in driven]
     joints.sort(key=lambda x: (x[1]["type"] == "P", x[1]["type"], "frame" not in x[1]["links"]))
-    for name, joint in joints[:MOST_JOINTS]:
+    for name, joint in joints[:SOLVED]:
         step = STEP * (size if joint["type"] == "P" else 1.0)
         for driver in data["drivers"]:
             yield from ((driver, name, math.copysign(step, sign)) for sign in (1, -1))

@@ -23,8 +23,8 @@ from dataclasses import dataclass, field
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Slot, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import ROUNDED, Record, number, wrong, xml_of
+from blockmech.ground.limits import COMPARED
 
-MOST = 1000  # circles
 INSUNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}
 DRIVES = ("drive", "driver", "motor", "input")
 LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*(mm|cm|in)\s*")
@@ -44,8 +44,8 @@ def sketched(layers: dict[str, Layer], drawing: Drawing, where: str) -> Drawing:
     count = sum(len(layer.circles) for layer in layers.values())
     if not count:
         raise wrong(where, "no circle is drawn on any layer", "a circle for each pin of a link")
-    if count > MOST:
-        raise wrong(where, f"{count} circles", f"at most {MOST}", "leave out what is no pin")
+    if count > COMPARED:
+        raise wrong(where, f"{count} circles", f"at most {COMPARED}", "leave out what is no pin")
     everything = [z for layer in layers.values() for z in layer.circles]
     size = max(abs(z - everything[0]) for z in everything) or 1.0
 

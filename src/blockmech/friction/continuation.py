@@ -29,6 +29,7 @@ import enum
 from typing import NamedTuple
 
 from blockmech.friction.equations import (
+    ROUNDED,
     SETTLED,
     Equations,
     along,
@@ -61,7 +62,6 @@ STEP, LARGEST = 0.05, 0.2
 SHARPEST = 0.95  # cosine of the largest turn of the tangent in one step: 18 degrees
 NEWTON = 6.0  # corrections of a step; it needs 3 or is too long
 MOST = 1500  # corrections of a path, halved steps included: it takes some fifty
-ROUNDING = 64.0  # [ulps] of the largest load, or of the arc: neither edge nor step is told by less
 
 
 class Outcome(enum.IntEnum):
@@ -182,7 +182,7 @@ def follow(at: ContinuationState, of: Equations) -> ContinuationState:
     event, share, row, level = passed(at, new, limits)
     fresh = at.aim == StepTarget.FRESH
     gone = along(at.tangent, new.x) - along(at.tangent, at.v)
-    smooth = (along(new.tangent, at.tangent) >= SHARPEST) & (gone > ROUNDING * EPS)
+    smooth = (along(new.tangent, at.tangent) >= SHARPEST) & (gone > ROUNDED * EPS)
     good = new.settled & (fresh | smooth)
     event = where(fresh, StepTarget.AHEAD, event)
     landing, reached = good & (event > StepTarget.FOLD), good & (event == StepTarget.AHEAD)
@@ -205,7 +205,7 @@ def follow(at: ContinuationState, of: Equations) -> ContinuationState:
     step = where(kinked, 0.0, where(correcting | landing, at.step, step))
 
     count = at.count + 1.0
-    exhausted = where(good | correcting, count >= MOST, step < ROUNDING * EPS)
+    exhausted = where(good | correcting, count >= MOST, step < ROUNDED * EPS)
     outcome = where(exhausted, float(Outcome.NOT_CONVERGED), at.outcome)
     pole = 0.0 * count + float(Outcome.ASYMPTOTE)
     pole = where(at.solvable, float(Outcome.NOT_CONVERGED), pole)
@@ -264,7 +264,7 @@ def passed(at: ContinuationState, new: Corrected, limits: list[list[Real]]) -> R
     ]
     for i, row in enumerate(limits):
         spare = along(row, at.v), along(row, new.x)
-        ends.append((StepTarget.KINK + i, row, 0.0, *spare, -ROUNDING * EPS))
+        ends.append((StepTarget.KINK + i, row, 0.0, *spare, -ROUNDED * EPS))
     event, share, plane, level = 0.0 * at.step, 0.0 * at.step + 2.0, at.row, at.level
     for aim, row, height, before, after, threshold in ends:
         after = where(at.aim == aim, before, after)
@@ -283,7 +283,7 @@ def switched(at: ContinuationState, x: Reals, kinked: Real, limits: list[list[Re
             (left_aim, left_row), (right_aim, right_row) = next(aims), next(aims)
             a, b = contact
             turns_left, turns_right = kinked & (at.aim == left_aim), kinked & (at.aim == right_aim)
-            both = maximum(along(left_row, x), along(right_row, x)) <= ROUNDING * EPS
+            both = maximum(along(left_row, x), along(right_row, x)) <= ROUNDED * EPS
             switching = turns_left | turns_right
             turned = chosen(both, (-a, -b), chosen(turns_left, (-b, a), (b, -a)))
             contact = chosen(switching, turned, contact)

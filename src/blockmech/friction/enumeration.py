@@ -39,7 +39,7 @@ from blockmech.typing import Array, Floats, Real, Vectors
 CONTACTS = {0: (0j,), 2: (1 + 0j, -1 + 0j), 4: (1 + 0j, -1 + 0j, 1j, -1j)}
 """Contacts of a pair, 0 of a pin -> the directions in which it may be pressed."""
 
-TRACKS = 16384  # followed side by side; they stay in cache
+TRACKS = 16384  # followed side by side; they stay in cache, and a triad with nine pins has 512
 ATTEMPTS = 3  # bows that are tried until all ends are apart, each with smaller steps
 FIRST, LEAST, STEPS = 0.1, 1e-7, 400  # along the bow: first and smallest step, their number
 GOOD, EASY = 1e-3, 1e-5  # relative first correction of a step that is taken, that may be doubled

@@ -12,13 +12,16 @@ Sources: [R10] Ruiz, Durango & Calle 2010, steps 1-5; the homogeneous form is bl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from blockmech.ground.plane import NAN, dot, hyp, maximum, mul, planar, sqrt, where
+from blockmech.ground.plane import EPS, NAN, dot, hyp, maximum, mul, planar, sqrt, where
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.typing import Complex, Edges, Influences, Planars, Real, Reals, Values
 
-SETTLED = 4500.0  # [ulps] corrections and residuals of size one: Newton's next step is rounding
+SETTLED = ROUNDING / EPS  # [ulps] corrections and residuals: Newton's next step is rounding
+ROUNDED = math.sqrt(SETTLED)  # [ulps] loads, eigenvalues and steps: roundings of either sign
 
 
 class Equations(NamedTuple):

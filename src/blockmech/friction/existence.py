@@ -26,11 +26,9 @@ guides alone.
 
 from __future__ import annotations
 
-from blockmech.friction.equations import load_norm
+from blockmech.friction.equations import ROUNDED, load_norm
 from blockmech.ground.plane import EPS, hyp, maximum, mul, sqrt, where
 from blockmech.typing import Influences, Real, Reals, Values
-
-ROUNDING = 16.0  # [ulps] of an eigenvalue
 
 
 def existence(k: Reals, contacts: Values, rows: Influences) -> Real:
@@ -65,7 +63,7 @@ def sum_of(parts: Reals) -> Real:
 
 def cancelled(c: Real, sizes: Reals) -> Real:
     """A sum that may be rounding of its parts: then it is zero, as couples may cancel."""
-    return where(c <= ROUNDING * EPS * sum_of(sizes), 0.0 * c, c)
+    return where(c <= ROUNDED * EPS * sum_of(sizes), 0.0 * c, c)
 
 
 def by_guide(g: int, k: Reals, contacts: Values, rows: Influences) -> Real:
@@ -102,8 +100,8 @@ def of_two(a: Real, b: Real, c: Real, d: Real) -> Real:
             first_component, second_component = p * b * (size - p * a), (size - q * d) * q * c
             real = (spread >= 0.0) & (first_component >= 0.0) & (second_component >= 0.0)
             # (1, 0) and (0, 1) belong to both signs of their zero, and count once
-            first = (c == 0.0) & (abs(size - p * a) <= ROUNDING * EPS * size)
-            second = (b == 0.0) & (abs(size - q * d) <= ROUNDING * EPS * size)
+            first = (c == 0.0) & (abs(size - p * a) <= ROUNDED * EPS * size)
+            second = (b == 0.0) & (abs(size - q * d) <= ROUNDED * EPS * size)
             real = where(first, q > 0.0, where(second, p > 0.0, real))
             size = where(real & (size > 0.0), size, 0.0)
             alternating = where(size > 1.0, -alternating, alternating)

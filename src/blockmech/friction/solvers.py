@@ -39,11 +39,11 @@ from blockmech.friction.equations import (
     slope,
 )
 from blockmech.ground.plane import EPS, NAN, implicit, maximum, minimum, repeat, times, where
+from blockmech.ground.tolerances import DOUBLINGS
 from blockmech.typing import Edges, Influences, Planars, Real, Reals, Values
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
 SMALL_CHANGE = 1e-7  # of the largest load: the paper's 1e-3 N at its reactions of 1e4 N
-TANGENTS = 5  # steps to the loads of laws that are not linear in them; P^63 is left
 NEWTON_CAP = 12  # steps: 5 from rounding on the square root of P on, others where edges change
 
 
@@ -105,7 +105,7 @@ def balanced(
             return solve(k, edges, base, rows, *options)
         return with_drag(solve(k, edges, loads(drag, base, rows), rows, *options), drag)
     g, t = norms(base, edges), tuple(0.0 * abs(f.real) for f in base)
-    for _ in range(TANGENTS):
+    for _ in range(DOUBLINGS):
         k, drag = laws(g)
         t, g = tangent_step(t, k, drag, edges, base, rows)
     k, drag = law = laws(g)

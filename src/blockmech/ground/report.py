@@ -19,6 +19,7 @@ from blockmech.typing import Data
 
 WIDTH = 100  # characters of a line
 LINES = 12  # of a list, the first ones, where it is longer
+REMARKS = LINES // 3  # of each of several lists beside the answer itself
 
 
 def with_unit(x: float, unit: str, display: Iterable[str] = ()) -> str:

@@ -22,6 +22,7 @@ from blockmech.blocks.joints import PAIRS
 from blockmech.blocks.modes import TwoModes
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.errors import GraphError, Problem, listed, unknown_name
+from blockmech.ground.limits import COMPARED
 from blockmech.ground.names import MECHANISM, NAME_RULE, is_name, split_address
 from blockmech.loads.contract import Element, Following
 from blockmech.model.diagram import Ends, UnknownBlock, Wire, driven_joints
@@ -199,7 +200,7 @@ def _cycles(dag: nx.DiGraph, blocks: Blocks, wires: Iterable[Wire]) -> Iterator[
             names = sorted(component)
             known = [b for name in names if isinstance(b := blocks[name], Block)]
             links += sum(len(block.link_names) for block in known)
-            yield cycles.cycle_problem(blocks, wires, names, told=links <= cycles.MOST_LINKS)
+            yield cycles.cycle_problem(blocks, wires, names, told=links <= COMPARED)
 
 
 def block_dag(blocks: Blocks, ends: Iterable[Ends]) -> nx.DiGraph:

@@ -23,9 +23,6 @@ from blockmech.ground.errors import Problem, listed
 from blockmech.ground.names import split_address
 from blockmech.model.diagram import AnyBlock, Wire
 
-MOST_LINKS = 1000
-"""Links that are diagnosed in one graph, so that any file is answered soon."""
-
 RULE = "a formation sequence feeds every joint from an earlier block"
 
 

@@ -18,12 +18,12 @@ from itertools import islice
 from typing import Any
 
 from blockmech.ground.errors import MOST, FormatError, Problem, in_file, path_text
+from blockmech.ground.limits import DEEPEST, read_integer
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.typing import Data
 
 LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 HIGHEST = 1e75  # of a number: a term of mechanics is the product of at most four
-DEEPEST = 64  # nested objects and lists; a graph needs nine
 
 
 def text_of(path: str | os.PathLike[str]) -> str:
@@ -97,11 +97,8 @@ def data_of(text: str) -> tuple[Data, list[Problem]]:
         twice |= len(fields) < len(items)
         return fields
 
-    def as_integer(token: str) -> int | float:
-        return int(token) if len(token) < 300 else float(token)
-
     try:
-        data = json.loads(text, parse_int=as_integer, object_pairs_hook=as_object)
+        data = json.loads(text, parse_int=read_integer, object_pairs_hook=as_object)
         plain = text.isascii() and "\\u" not in text  # no half of a character
         is_sound = plain and not twice and _is_within_bounds(data)
         misfits = [] if is_sound else list(islice(_misfits(text), MOST + 1))

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.block import InnerPair
 from blockmech.blocks.modes import Mode
-from blockmech.functions.roots import LONGEST_STEP
+from blockmech.functions.roots import LONGEST_STEP, NEWTON_STEPS
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.joints import layout
@@ -41,7 +41,6 @@ from blockmech.modes.triad import Placed, Support, Triad, coefficients, directio
 from blockmech.typing import Floats, Guide, LinkPosition
 
 CLOSED = 16 * EPS  # of the size: a pose that misses less has closed
-STEPS = 40  # of Newton's method; halving its distance from a dead centre takes one each
 NEAR = 1e-2  # ratio of singular values: a dead centre is near. A sixfold root is good to it
 SAME = DOUBLE_ROOT  # poses nearer than this are one: rounding hides the gap of a parabola
 CUSP = 4 * EPS ** (2 / 3)  # the ratio where three modes fall together, closed to rounding
@@ -176,7 +175,7 @@ def newton(
 ) -> tuple[Floats, Floats]:
     """Newton's method from n places at once: the best seen (n, k), and their misses (n,)."""
     x, best, smallest = start.copy(), start.copy(), np.full(len(start), np.inf)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         f, rows = system(x)
         miss = np.abs(f).max(axis=1)
         better = miss < smallest

@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from blockmech.couplings.contract import Reading
 from blockmech.friction import equations, solvers
 from blockmech.friction.existence import existence as existence_of
+from blockmech.ground.tolerances import DOUBLINGS
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import forward, friction
 from blockmech.passes.forward import (
@@ -182,7 +183,7 @@ def _by_load(
     g = s.emit(equations.norms, base, edges, name=f"{block}_loads")
     once = s.friction.method == "single"
     t = tuple_of([NOUGHT] * len(joints))
-    for _ in range(0 if once else solvers.TANGENTS):
+    for _ in range(0 if once else DOUBLINGS):
         k, drag = laws_at(s, joints, g)
         step = s.emit(solvers.tangent_step, t, k, drag, edges, base, rows, name=f"{block}_step")
         t, g = step[0], step[1]

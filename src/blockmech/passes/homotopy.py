@@ -40,7 +40,7 @@ from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.passes.tracking import GroupPose, Tracker, cubics, predicted, slopes
+from blockmech.passes.tracking import CHANGE, GroupPose, Tracker, cubics, predicted, slopes
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value, tuple_of
 from blockmech.typing import Floats, Values
@@ -49,7 +49,6 @@ CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of 
 SMALLEST = (
     64 * EPS
 )  # share of a line, or of knots, at which a path ends: a dead centre, to rounding
-CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
 SURE = 0.01  # of the smallest singular value: a guess that is off by less is one of this mode
 FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
 BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all

@@ -24,9 +24,10 @@ from blockmech.plan.recipes import program_of
 from blockmech.plan.values import UNIT, Value, tuple_of
 from blockmech.typing import Floats
 
-# Of the smallest singular value, by which J may change with a last step known to be safe: that step
-# would be by the exact value at the end as well, 2 c / (1 + c) for a share c = 0.7 of both ends.
-CALM = 0.8
+# Of what the singular values allow: how much J may change in one step. Of the smallest one, by
+# which it may with a last step known to be safe, which is so by the value at the end as well.
+CHANGE = 0.7
+CALM = 2 * CHANGE / (1 + CHANGE)
 
 
 class GroupPose(NamedTuple):

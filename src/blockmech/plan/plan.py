@@ -23,6 +23,7 @@ from types import CodeType
 from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.ground.errors import listed
+from blockmech.ground.limits import DEEPEST
 from blockmech.ground.plane import SCALAR_PRIMITIVES, within_half_turn
 from blockmech.ground.runnable import LazyMethod
 from blockmech.model.scene import Scene
@@ -31,7 +32,6 @@ from blockmech.plan.quantities import QUANTITIES
 from blockmech.plan.values import NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
 from blockmech.typing import Kernel, Real, Record, Values
 
-LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 NO_LETTER = re.compile(r"\W", re.ASCII)
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
@@ -287,8 +287,8 @@ class Schedule:
         if not nonzero:
             return nothing
         total = nonzero[0]
-        for start in range(1, len(nonzero), LONGEST_SUM):
-            parts = (total, *nonzero[start : start + LONGEST_SUM])
+        for start in range(1, len(nonzero), DEEPEST):
+            parts = (total, *nonzero[start : start + DEEPEST])
             total = self._add(" + ".join([x.text for x in parts]), name)
         return total
 

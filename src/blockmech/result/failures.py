@@ -22,6 +22,7 @@ from blockmech.ground.errors import (
     listed,
     refused,
 )
+from blockmech.ground.limits import SEARCHED
 from blockmech.model.structure import JointRef
 from blockmech.passes.homotopy import followed, last_good, path_of
 from blockmech.result.quality import (
@@ -37,7 +38,6 @@ from blockmech.result.samples import Samples
 from blockmech.result.shortfall import shortfall
 
 ACTIONS = (".couple", ".force")  # outputs of a load
-MOST_GROUPS = 8  # whose limits take a few milliseconds
 
 
 def without_gaps(result: Result, on_gap: str) -> Result:
@@ -175,7 +175,7 @@ def _arcs(result: Result, sample: int) -> str:
     """
     mechanism = result.mechanism
     groups, drivers = frozenset(result.quality.margin), mechanism.drivers
-    if len(groups) > MOST_GROUPS:
+    if len(groups) > SEARCHED:
         return ""
     if len(drivers) == 1:
         return str(mechanism._feasible(groups))

@@ -9,12 +9,12 @@ from typing import Any, TypeAlias, cast
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.modes import TwoModes
+from blockmech.ground.limits import SEARCHED
 from blockmech.ground.values import MILLI, Marker, Place
 from blockmech.model.structure import JointRef, Structure
 from blockmech.typing import Arguments, Data
 
 Places: TypeAlias = Mapping[str, float]
-MOST_TRIED = 8  # slips of units, the likeliest first; a millisecond or two each
 
 
 def shortfall(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
@@ -72,7 +72,7 @@ def _unit_slip(mechanism: Any, block: str, drivers: Places) -> str:
                     tried.append((_spread({**ranges, name: _range(scaled)}), slip, name, scaled))
     alike = sorted((x for x in tried if x[0] < spread), key=lambda x: x[0])
     followed = any(b.own_form for b in above.values())  # which takes longer
-    for _, lengths, name, scaled in alike[: 1 if followed else MOST_TRIED]:
+    for _, lengths, name, scaled in alike[: 1 if followed else SEARCHED]:
         if name == structure.frame:
             changed = replace(structure, fixed=scaled)
         else:

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from pydantic_core import to_json
 
+from blockmech.engines.numpy import CHUNK
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, printable
 from blockmech.ground.files import writing
 from blockmech.result.columns import AnyPath, Column, Labelled, columns
 
-ROWS = 2000  # rows that are turned into text at once
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
 FORMULA = ("=", "+", "-", "@")  # with which a spreadsheet lets one begin
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -118,8 +118,8 @@ def _chunks(result: Labelled, separator: str, decimal: str) -> Iterator[str]:
         table.append(Column("friction error", "", np.where(np.isfinite(bound), bound, np.nan), ""))
     yield csv_of([*(column.head for column in table), "status"], (), separator=separator)
     status = result.quality.status
-    for start in range(0, result.n, ROWS):
-        part = slice(start, start + ROWS)
+    for start in range(0, result.n, CHUNK):
+        part = slice(start, start + CHUNK)
         numbers = [column.values[part] for column in table]
         yield _rows(np.stack(numbers, axis=1).tolist(), status[part], separator, decimal)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.ground.report import WIDTH
+from blockmech.ground.report import LINES, REMARKS, WIDTH
 from blockmech.plan.plan import Output, Undefined
 from blockmech.result.columns import (
     Column,
@@ -27,9 +27,8 @@ from blockmech.typing import Arguments
 if TYPE_CHECKING:
     from rich.console import Console
 
-ROWS = 13  # of a turn in 361 samples these are steps of 30 degrees
+ROWS = LINES + 1  # of a turn these are steps of 30 degrees, and its end
 NARROWEST = len("[N m]  ")  # of the columns of a table: the unit, and the gap to the next
-LINES = 4  # remarks of one kind, names of further outputs
 FRICTION_POWER = "mechanism.friction_power"
 FIRST = (".drive", FRICTION_POWER, ".reaction")
 """What a reader looks for first, by the end of the name; then the order of the result."""
@@ -111,7 +110,7 @@ def gap_lines(result: Labelled) -> list[str]:
         enumerate(gaps), lambda g: (g[1] - g[0], quality.status[g[1]], quality.blame[g[1]])
     )
     runs = [(word, block, [i for _, i in run]) for (_, word, block), run in groups]
-    for word, block, run in runs[:LINES]:
+    for word, block, run in runs[:REMARKS]:
         ranges = [
             " ... ".join(dict.fromkeys(_cell(c.values[i]) for i in (run[0], run[-1])))
             for c in drivers
@@ -119,8 +118,8 @@ def gap_lines(result: Labelled) -> list[str]:
         coordinates = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, ranges, strict=True)]
         group = f" at {result.mechanism._block_name(block)}" if block else ""
         lines.append(f"  {word}{group}, {counted(len(run), 'sample')}: {', '.join(coordinates)}")
-    if len(runs) > LINES:
-        lines.append(f"  and {counted(len(runs) - LINES, 'stretch', 'stretches')} more")
+    if len(runs) > REMARKS:
+        lines.append(f"  and {counted(len(runs) - REMARKS, 'stretch', 'stretches')} more")
     return lines
 
 
@@ -242,8 +241,8 @@ def _footer(result: Labelled, selection: Selection) -> Iterator[str]:
     yield from flag_lines(result)
     yield from (f"note: {text}" for text in result.notes())
     if selection.more:
-        rest = ", ..." if len(selection.more) > LINES else ""
-        names = ", ".join(selection.more[:LINES])
+        rest = ", ..." if len(selection.more) > REMARKS else ""
+        names = ", ".join(selection.more[:REMARKS])
         yield f"{counted(len(selection.more), 'more output')}: {names}{rest}"
 
 
@@ -251,13 +250,13 @@ def flag_lines(result: Labelled) -> Iterator[str]:
     """The flags of a result by kind and place."""
     flags = result.quality.flags
     counts, codes = Counter((flag.code, flag.where) for flag in flags), set[str]()
-    for (code, where), count in list(counts.items())[:LINES]:
+    for (code, where), count in list(counts.items())[:REMARKS]:
         first = next(f.sample for f in flags if (f.code, f.where) == (code, where))
         yield f"flag {code} at {where}: {counted(count, 'sample')}, first {first}"
         codes.add(code)
     yield from (f"  {code}: {ADVICE[code]}" for code in ADVICE if code in codes)
-    if len(counts) > LINES:
-        yield f"and flags of {len(counts) - LINES} more kinds, see quality"
+    if len(counts) > REMARKS:
+        yield f"and flags of {len(counts) - REMARKS} more kinds, see quality"
 
 
 def counted(n: int, singular: str, plural: str = "") -> str:

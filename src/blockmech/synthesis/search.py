@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.ground.errors import refused
+from blockmech.ground.plane import EPS
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.result.samples import DEFAULT_SAMPLES, warn_of_degrees
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point, margin, pose
@@ -33,7 +34,7 @@ ROUNDS = (12, 25, 50, 100, 400)  # steps of the refinement, after which the bett
 LOW, HIGH = math.log(0.15), math.log(6.0)  # of lengths by the crank's, where the search starts
 LEAST, MOST = math.log(0.02), math.log(50.0)  # and where it ends
 ASIDE, BENT = 0.1, 0.75  # of the acceleration: how far it looks, how much of a step it may be
-STUCK, NOTHING = 1e8, 1e-31  # damping and mean square of a design that moves no more
+STUCK, NOTHING = EPS**-0.5, EPS**2  # damping and mean square of a design that moves no more
 FAR = 1e3  # residual of a pose that does not close
 
 

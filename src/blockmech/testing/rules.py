@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from blockmech.engines.nodes import AsksPython, Untraceable
 from blockmech.engines.numpy import Planar
 from blockmech.engines.trace import Trace
+from blockmech.ground.plane import EPS
 from blockmech.ground.report import Report
 from blockmech.ground.tolerances import EQUAL, ROUNDING
 from blockmech.plan.plan import Program
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 Leaves = Mapping[str, Array]
 
 ROUNDED = 8 * ROUNDING  # [-] of the largest term: some 100 operations, margins down to 1e-4
-STEP = 4e-3  # [s] of differences; the motions change over about a second
+STEP = EPS ** (1 / 9) / 5  # [s] 4e-3: its eighth power, of a fifth of a second, is rounding over it
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)  # central difference of order 8
 TIMES = np.linspace(0.3, 2.3, 9)  # [s] of motions in which a rule is tested
 DERIVATIVE = EQUAL  # [-] of differences: 8! (STEP / T)^8 for a motion that changes over T = 0.2 s

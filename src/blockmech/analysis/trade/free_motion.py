@@ -21,6 +21,7 @@ from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.ground.errors import RequestError, refused
 from blockmech.result.motion import Motion
 from blockmech.result.result import Result
+from blockmech.result.tables import ROWS
 from blockmech.typing import Arguments, FixedStep, Successive
 
 FINEST = (  # references and checks, best first; coarser ones where those do not end in time
@@ -33,7 +34,6 @@ FINEST = (  # references and checks, best first; coarser ones where those do not
 SHARE = 0.3  # of what is left, for each of them: two, and as much again for the settings
 FIRST = 0.02  # of a motion without end, what is compared: methods differ a hundredfold in cost
 TRIES = 2  # of that: by machine code they differ as much again
-TIMES = 21  # at which runs are compared, where none are named
 DOUBTFUL = 10.0  # times their own estimates by which reference and check may differ
 MOTION = ("*.q", "*.rate")
 FRICTIONS = (
@@ -120,7 +120,7 @@ class FreeMotion(Question):
             why = "; ".join(motion.notes)
             raise refused("trade", motion.end, remedy, why, "no-motion")
         if self.times is None:
-            self.request["times"] = motion.times(TIMES if motion.t_end > motion.t_start else 1)
+            self.request["times"] = motion.times(ROWS if motion.t_end > motion.t_start else 1)
         return self._finest(motion.method, clock)
 
     def _finest(self, automatic: str, clock: Clock) -> list[tuple[str, SimulationResult]]:

@@ -17,9 +17,7 @@ from blockmech.result.result import Result
 from blockmech.typing import Arguments
 
 FEWEST = 5  # warm repeats: of fewer the least time says little
-LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
 COARSEST = 20 * time.get_clock_info("process_time").resolution  # [s] that can be told
-WARM = 0.5  # of what is left of a budget, within which a first run is repeated at once
 NOISE = 0.05  # of a time, by which least times of alternating runs differ by chance
 USELESS = 1.0  # error as large as the answer itself [- or rad]
 SPENT = "the budget is spent"
@@ -182,7 +180,7 @@ def measured(
                 if answer is None:
                     skipped.append(Skipped(setting.label, SPENT))
                     continue
-                if seconds < WARM * clock.left:  # what is compiled once is no cost of a run
+                if seconds < clock.left:  # what is compiled once is no cost of a run
                     seconds = min(seconds, _timed(question, setting, clock)[1])
                 (error, worst), floor = question.error(answer), question.reference.floor
                 point = Point(
@@ -226,11 +224,17 @@ def _repeated(question: Question, points: list[Point], clock: Clock) -> list[Poi
                 if again is None:
                     raise KeyboardInterrupt
                 times[i].append(seconds)
-            pending = [i for i in pending if len(times[i]) < FEWEST or sum(times[i]) < LONG_ENOUGH]
+            pending = [i for i in pending if not _is_settled(times[i])]
     return [
         replace(point, seconds=min(row), slowest=max(row), repeats=len(row)) if row else point
         for point, row in zip(points, times, strict=True)
     ]
+
+
+def _is_settled(times: list[float]) -> bool:
+    """Whether the least of some times is confirmed by the second least, within the noise."""
+    least, second, *_ = sorted([*times, math.inf])
+    return len(times) >= FEWEST and second <= (1 + NOISE) * least
 
 
 def _timed(question: Question, setting: Setting, clock: Clock) -> tuple[Result | None, float]:

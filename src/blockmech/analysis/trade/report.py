@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, cheaper, front
+from blockmech.dynamics.estimate import TARGET
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import log_ticks, power_of_ten
 from blockmech.figures.paper import Pictured, legend_above, panelled, shown_name
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 T = TypeVar("T")
-USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
 
 HEAD = ("", "method", "setting", "time", "spread", "evaluations", "error", "of")
@@ -95,7 +95,7 @@ class Trade(CsvTable, Facts, Pictured):
         fit = [p for p in self.pareto if within is None or p.seconds <= within]
         if target is None and within is not None:
             return fit[-1] if fit else None
-        largest_error = USUAL if target is None else target
+        largest_error = TARGET if target is None else target
         return next((p for p in fit if p.error <= largest_error), None)
 
     @property
@@ -111,7 +111,7 @@ class Trade(CsvTable, Facts, Pictured):
             return _nothing(self)
         head = f"{size(best.error)} in {duration(best.seconds)}: {best.label}"
         if self.target is not None or self.within is None:
-            head = f"for {size(self.target or USUAL)}, {head}"
+            head = f"for {size(self.target or TARGET)}, {head}"
         faster = [p for p in self.pareto if p.seconds * FASTER <= best.seconds]
         if not faster:
             return f"{head}; nothing here is twice as fast"
@@ -342,7 +342,7 @@ def _nothing(trade: Trade) -> str:
         return f"no setting was measured{why}: give a larger budget"
     target, within = trade.target, trade.within
     if target is None and within is None:
-        target = USUAL
+        target = TARGET
     in_time = [p for p in trade.points if within is None or p.seconds <= within]
     closest = min(in_time or trade.points, key=lambda p: (p.error, p.seconds))
     if target is not None and trade.reference.floor > target:

@@ -14,6 +14,7 @@ import numpy as np
 from blockmech.analysis.reference_errors import (
     LONG,
     MOST_ITERATIONS,
+    UNSURE,
     WIDER,
     ReferenceErrors,
     comparable,
@@ -26,14 +27,14 @@ from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import Compiled
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.runnable import EVERYTHING
+from blockmech.ground.tolerances import HALVINGS
 from blockmech.result.result import Result
 from blockmech.typing import Arguments, Data, Successive
 
 NUMPY = {"engine": "numpy"}
 SINGLE = NUMPY | {"precision": "complex64"}
 WIDEST = NUMPY | {"precision": "clongdouble"}
-SETTLED = 60  # successive iterations of the check; P^60 is rounding wherever P < 0.5
-USABLE = 1e-3  # relative error up to which single precision is worth having
+SETTLED = 2 * HALVINGS  # successive iterations of the check: P^52 is rounding wherever P < 0.5
 
 ENGINES: Mapping[str, Data] = {
     "": NUMPY,
@@ -173,9 +174,9 @@ class Sweep(Question):
         if not margins or not errors:
             return
         margin, error = np.min(margins, axis=0)[good], np.max(errors, axis=0)[good]
-        bad = margin[error > USABLE]
+        bad = margin[error > UNSURE]
         judgement = (
-            f"stops being usable (error above {USABLE:g}) below a margin of {bad.max():.1g}"
+            f"stops being usable (error above {UNSURE:g}) below a margin of {bad.max():.1g}"
             if bad.size
             else f"is usable down to the smallest margin met, {margin.min():.2g}"
         )

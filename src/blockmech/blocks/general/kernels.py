@@ -46,6 +46,7 @@ from blockmech.ground.plane import (
     sqrt,
     where,
 )
+from blockmech.ground.tolerances import DOUBLINGS
 from blockmech.typing import (
     Array,
     Complex,
@@ -59,7 +60,6 @@ from blockmech.typing import (
     Values,
 )
 
-STEPS = 5  # of Newton at most: errors are squared, 0.1 is rounding after five; more off is no guess
 SETTLED = 0.1  # of the root of the rounding: a last step whose square is below rounding
 CLOSED = 32.0  # [ulps] of the places, up to which the pairs are closed
 
@@ -175,7 +175,7 @@ def newton(
     """The pose to which Newton's method comes, and the size of its first step."""
     data = (plans, supports, q, p)
     pose, first, moving = newton_step((pose, 0.0, True), *data)
-    last = repeat(newton_step, (pose, first, moving), STEPS - 1, *data)
+    last = repeat(newton_step, (pose, first, moving), DOUBLINGS - 1, *data)
     pose, _, _ = implicit(newton_step, last, *data)
     return pose, first
 

@@ -6,13 +6,15 @@ Source: Rump, Verification methods, Acta Numerica 19 (2010), section 10.
 from __future__ import annotations
 
 import math
+import sys
 from decimal import Context
 
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import ROUNDING
 
 ULP = EPS / 2  # largest relative error of one operation
-ROUNDED_UP = 1.0 + 2.0**-30  # for the roundings in a bound itself
-TINY = 1e-300  # what numbers lose that are smaller than the smallest normal one
+ROUNDED_UP = 1.0 + ROUNDING  # for the roundings in a bound itself
+TINY = sys.float_info.min / EPS  # what numbers lose that are smaller than the smallest normal one
 BITS = 160  # of the integers by which sine and cosine are computed
 DIGITS = Context(prec=40)  # its exponential and logarithm are rounded correctly
 

@@ -244,9 +244,6 @@ def _near_kernel(matrix: Floats) -> tuple[Floats, Floats]:
 
 # Special lengths.
 
-MOST_LINKS = 60
-"""Links whose velocity conditions are judged: singular values of them all take 10 ms."""
-
 
 class Special(NamedTuple):
     """Links that move because of their lengths, against the count.

@@ -17,8 +17,9 @@ from blockmech.assur.formation import formation
 from blockmech.assur.groups import Unit
 from blockmech.assur.rigidity import Rigidity, TooTangledError, rigidity
 from blockmech.ground.errors import Problem, listed, path_text
+from blockmech.ground.limits import SOLVED
 from blockmech.ground.values import MILLI
-from blockmech.model.joints.closing import MOST_LINKS, Closing, Gap, gaps, special_geometry
+from blockmech.model.joints.closing import Closing, Gap, gaps, special_geometry
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Poses
 
@@ -143,7 +144,7 @@ def _problems(layout: Layout, findings: Iterable[Finding], state: Rigidity) -> l
 
 def _special(layout: Layout) -> list[Problem]:
     """Links that move against the count; none where there are no such, or too many links."""
-    if len(layout.links) > MOST_LINKS:
+    if len(layout.links) > SOLVED:
         return []
     state = _undriven(layout)
     special = special_geometry(layout, state.mobility)
