@@ -33,7 +33,7 @@ Kind = Literal["stable", "unstable", "indifferent"]
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
 MARKS = {"stable": ("o", "dot"), "unstable": ("^", "triangle"), "indifferent": ("s", "square")}
-CLEAR = 0.02  # of the effort's quantiles: what goes to infinity at a dead centre is cut off
+CLEAR = 0.02  # quantile, on either side, beyond which a picture is cut: dead centres are far off
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from blockmech.functions.series import MOST
 from blockmech.ground.tolerances import DOUBLE_ROOT, EQUAL, ROUNDING
 from blockmech.typing import Floats, Indices
 
@@ -36,7 +37,6 @@ AROUND = np.arange(-3, 4)  # the same, by which the place of a top is predicted
 WINDOW = 0.0625  # of the spacing of samples: half the panel about a predicted place
 STEPS = 2  # of Newton's method from a node, or from a prediction
 TOPS = 4  # smooth ones of a function that are told from another
-MOST = 400  # panels of one function
 NOISY = 0.3  # turns a sample, above which a function is rounding only
 NODES = np.asarray(chebyshev.chebpts2(8))  # of a panel: machine code computes eight side by side
 

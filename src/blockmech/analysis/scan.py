@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.functions.roots import SCANNED
+from blockmech.functions.series import GOLDEN, Series, fit, nodes, panels
 from blockmech.functions.series import NODES as OF_PANEL
-from blockmech.functions.series import Series, fit, nodes, panels
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.typing import Floats
@@ -28,7 +29,7 @@ SEAM = -math.pi / 2 - DOUBLE_ROOT
 ROUNDED = 16 * EPS  # of a share of one, which comes of some ten operations
 NODES = 2 * OF_PANEL  # of a panel; of 128 the derivatives lose the touches of thirty loops in a row
 TINY = 4096 * EPS  # [rad or m] shown as zero: rounding of places
-ASIDE = 0.2  # [rad] about 0.4 of a panel: extrema at round angles are in the middle of panels
+ASIDE = GOLDEN * NODES / SCANNED * TURN  # [rad] extrema at round angles are inside panels
 
 
 @dataclass(frozen=True)

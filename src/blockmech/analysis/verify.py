@@ -41,6 +41,7 @@ from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.dynamics.chart_outputs import ChartedResult, result_along
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
+from blockmech.ground.limits import CHECKED
 from blockmech.ground.report import Facts, Report
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.structure import LinkRef
@@ -61,7 +62,6 @@ from blockmech.typing import (
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-SAMPLES = 25
 
 CheckOf: TypeAlias = Callable[[Evidence], Iterator[Residual]]
 CHECKS: tuple[CheckOf, ...] = (
@@ -192,7 +192,7 @@ def verify(
             raise refused("at", message, "leave the others out")
         return _of_result(mechanism, at, engine, chunk)
     if at is None and samples is None and times is None:
-        samples = SAMPLES
+        samples = CHECKED
     engine_settings: Arguments = {
         "engine": engine,
         "precision": precision or "complex128",

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from blockmech.analysis.equilibrium import companion
 from blockmech.dynamics.programs import tangents
+from blockmech.functions.roots import SCANNED
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
 from blockmech.ground.report import Facts, Report
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 STAGES = 4  # of Gauss's method: order eight
-STEPS = 256  # of a period
+STEPS = SCANNED // 2  # of a period
 
 
 @dataclass(frozen=True, repr=False)

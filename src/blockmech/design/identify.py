@@ -40,6 +40,7 @@ from blockmech.engines.derivatives import DualEngine, slope, value
 from blockmech.figures import palette as ink
 from blockmech.figures.panels import label_coordinate
 from blockmech.figures.paper import Pictured, panelled, picture_unit, shown_name
+from blockmech.functions.roots import NEWTON_STEPS
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, as_names, held, listed, refused
 from blockmech.ground.plane import EPS
@@ -60,7 +61,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PART = 512  # samples of a long record that are fitted first
-FULL = 8  # steps on all samples at most; after the first fit one or two are enough
 ENOUGH = 1e-2  # of a number's standard deviation: a step that changes nothing any more
 SAME = math.sqrt(EPS)  # relative: what rounding leaves of columns that depend on each other
 START = 1e-3  # of the largest value of a column: the least that it is first weighed by
@@ -366,7 +366,7 @@ def identify(
     base, rest = [visible[i] for i in columns], [visible[i] for i in dependents]
     x = _solved(fit, base, start, sizes, rows, scale) if base else start
     cov = np.empty((0, 0))
-    for _ in range(FULL):
+    for _ in range(NEWTON_STEPS):
         r, d = fit.at(x)
         noise = np.maximum(np.sqrt(np.mean(r**2, axis=1)), ROUNDING * scale)
         if not base:

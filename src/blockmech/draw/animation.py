@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from matplotlib.axis import XAxis, YAxis
 
 FRAME = 0.04  # [s] on the screen
+RATE = round(1 / FRAME)  # frames of a second
 NAMES = 12  # joints up to which all are named
-SEEN = 24  # frames in which names look for a free place; between them they slide
 FRICTION_POWER = "mechanism.friction_power"
 
 
@@ -102,7 +102,7 @@ class Animation:
         self.shapes = sorted(shapes_of(stage), key=lambda shape: shape.order)
         self.names = []
         if len(sketch.pins) <= NAMES:
-            crowd = self.page.crowd(self.shapes, paths, range(0, len(good), -(-len(good) // SEEN)))
+            crowd = self.page.crowd(self.shapes, paths, range(0, len(good), -(-len(good) // RATE)))
             self.names = [*map(crowd.place, joint_labels(self.page, stage))]
             self.shapes += [self.page.leader(p, len(good)) for p in self.names if p.distant.any()]
 
@@ -185,11 +185,12 @@ class Animation:
         # H.264 with the colours that every player knows needs an even number of rows and columns.
         frames = [p[: p.shape[0] // 2 * 2, : p.shape[1] // 2 * 2] for p in self.pictures]
         height, width, _ = frames[0].shape
-        count, rate = max(round(self.seconds / FRAME), 1), str(round(1 / FRAME))
+        count = max(round(self.seconds * RATE), 1)
         indices = (self.order[k * len(self.order) // count] for k in range(count))
         with tempfile.TemporaryDirectory() as folder:
             video = Path(folder, "film.mp4")
-            raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", rate]
+            size, rate = f"{width}x{height}", f"{RATE}"
+            raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", rate]
             coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
             command = [program, "-v", "error", "-y", *raw, "-i", "-", *coded, str(video)]
             completed = subprocess.run(

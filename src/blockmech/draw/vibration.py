@@ -7,13 +7,11 @@ import math
 import numpy as np
 
 from blockmech.design.linearize import SWING, Linearization
-from blockmech.draw.animation import Animation
+from blockmech.draw.animation import RATE, Animation
 from blockmech.draw.motion import moves
 from blockmech.figures.paper import MOVING, suffix_of
 from blockmech.ground.errors import refused
 from blockmech.ground.files import AnyPath
-
-FRAMES = 48  # of a period of a mode
 
 
 def animate(
@@ -39,7 +37,7 @@ def animate(
     modes = linear.modes
     if not 0 <= mode < len(modes):
         raise refused("mode", f"got {mode}", f"there are {len(modes)}, from 0 on")
-    turn = np.exp(1j * np.linspace(0.0, math.tau, FRAMES, endpoint=False))
+    turn = np.exp(1j * np.linspace(0.0, math.tau, 2 * RATE, endpoint=False))
     at = {
         driver: q + amplitude * (z * turn).real
         for (driver, q), z in zip(linear.at.items(), modes[mode].shape, strict=True)

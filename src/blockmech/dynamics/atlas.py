@@ -24,7 +24,8 @@ from blockmech.dynamics.chart_outputs import Leg
 from blockmech.dynamics.charts import Chart, home_chart
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.ends import RunEnd, TurnsInTime
-from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped
+from blockmech.dynamics.estimate import LOOSE, TARGET, UNFINISHED, refined, stopped
+from blockmech.dynamics.events import PER_SWING
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.layout import until
 from blockmech.dynamics.pair_stops import HALVED, Counted
@@ -53,8 +54,6 @@ if TYPE_CHECKING:
 
 Prepare: TypeAlias = Callable[..., tuple["System", SimulationRequest]]
 
-LOOKS = 32  # places over a leg at which charts are compared
-SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
 WHY = "other joints lead where the drivers' coordinates stand still"
 NAMED = "no other joint leads on: loads, couplings, signals or roles name the drivers"
 FOLLOW = "it passes change points, where its dyads follow the motion"
@@ -89,13 +88,13 @@ class Cycle:
 
     def closed(self, leg: Leg, later: bool) -> Motion | None:
         """The motion of a leg up to the place, if it is sure that more of the kind follow."""
-        motion, times = leg.motion, leg.motion.times(LOOKS)
+        motion, times = leg.motion, leg.motion.times(PER_SWING)
         q = motion.at(times).q
         self.travel += abs(float(q[-1] - q[0]))
         self.unsure += motion.facts.get("energy_balance", 0.0)
         self.stood |= any(event.kind == ends.STANDSTILL for event in motion.events)
         if self.first is None and later and not leg.chart.is_general:
-            t = float(times[LOOKS // 2])
+            t = float(times[PER_SWING // 2])
             self.first, (self.q, rate) = leg, motion.at(t)
             self.sense, self.user = np.sign(rate), leg.state(np.array([t])).q[0]
             self.turns = TurnsInTime(self.travel, t, float(rate) ** 2)
@@ -104,7 +103,7 @@ class Cycle:
         return None
 
     def _passed(self, leg: Leg) -> Motion | None:
-        motion, times = leg.motion, leg.motion.times(LOOKS)
+        motion, times = leg.motion, leg.motion.times(PER_SWING)
         rotary = leg.chart.layout.pairs[leg.chart.joints[0]].kind == "R"
 
         def beyond(t: Real) -> Real:
@@ -265,8 +264,8 @@ class Atlas:
         motion, chart = leg.motion, leg.chart
         if motion.end not in ends.CHART_ENDS:
             return None
-        span, looks = motion.t_end - motion.t_start, np.linspace(1.0, 0.0, LOOKS, endpoint=False)
-        before = span * np.append(looks, 0.5 ** np.arange(1, HALVED))
+        shares = np.linspace(1.0, 0.0, PER_SWING, endpoint=False), 0.5 ** np.arange(1, HALVED)
+        before = (motion.t_end - motion.t_start) * np.concatenate(shares)
         times = np.unique(np.maximum(motion.t_end - before, motion.t_start))[::-1]
         q = motion.at(times).q.reshape(len(times), -1)
         looked = ((t, x, chart.tangent(x)) for t, x in zip(times.tolist(), q, strict=True))
@@ -443,7 +442,7 @@ def beyond_dead_centres(
         notes = (*motion.notes, NAMED) if len(fixed) == len(home.users) else motion.notes
         return motion.but(notes=notes) if through is motion else through
     atlas.entries.append(entry)
-    scout = atlas.walk(max(atlas.target, SCOUTING))
+    scout = atlas.walk(max(atlas.target, LOOSE))
     if scout.end in UNFINISHED:  # no other walk would be stopped: it is said once
         return stopped(scout, None)
     # What rounding does where the state is handed over is not less by half the steps.

@@ -24,13 +24,14 @@ from blockmech.dynamics.place_data import PlaceData, coordinate_at
 from blockmech.dynamics.programs import Sample, ScalarTerms
 from blockmech.dynamics.source import Source
 from blockmech.dynamics.system import System
+from blockmech.ground.plane import EPS
 from blockmech.typing import Floats, Real
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series: 8, as two tell its end; even: none at its middle
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side
 SHORTEST = REACH / 64
 APART = 0.45  # of the distance to the next change point or kink: both sides keep clear of it
-ENDED = 1e-13  # end of a series, relative: what poses a tenth of a radian away leave, eps / d^2
+ENDED = EPS / (REACH / SIZES[-1]) ** 2  # end of a series, relative: eps / d^2, d to the next pose
 USED = 0.5  # share of the reach within which the series is read: its ends are less exact
 
 

@@ -34,6 +34,7 @@ from blockmech.dynamics.request import Pairs, Start
 from blockmech.dynamics.system import run_cache
 from blockmech.ground.errors import GraphError
 from blockmech.ground.names import free_name
+from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR
 from blockmech.ground.values import Marker
 from blockmech.model.graph import Graph
@@ -55,7 +56,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 BETTER = 2.0  # times the volume that other joints must span for a chart to be left
-CHANGE = 1e-4  # of the largest singular value: below, the pairs' conditions lose rank
+CHANGE = EPS**0.25  # of the largest singular value: below, the pairs' conditions lose rank
 FLOATING = 0.2  # what a joint between moving links counts
 
 

@@ -19,9 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from blockmech.ground.tolerances import EQUAL
 from blockmech.typing import Floats, Real
 
-SETTLED = 1e-9  # [-] by which a law or a place may be missed by what is solved for: rounding
+SETTLED = EQUAL  # [-] by which a law or a place may be missed by what is solved for: rounding
 DEPENDENT = SETTLED / 10  # of the largest singular value of rows: below it they depend on others
 INSTANT = 1e-6  # [s] after which what begins to act or move shows; an impact takes as long
 STILL = SETTLED / 1000  # of a rate's parts, or of an impact: what is left of them is rounding

@@ -20,6 +20,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.layout import until
 from blockmech.functions.series import GOLDEN
+from blockmech.ground import tolerances
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Motion, State
 from blockmech.typing import Floats, Real, Reals
@@ -31,7 +32,8 @@ FINER = 20.0  # tolerance of a second run, besides half the steps (numerics 14)
 SMOOTH = 1 / 16  # of an error of order 8, of which half the steps leave 1/256
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy's integrators take
 TARGET = 1e-9  # [rad or m] of the error if none is given
-LEAST = 1e-12  # of a target from which on pairs of runs go down one ladder
+LEAST = tolerances.ROUNDING  # of a target from which on pairs of runs go down one ladder
+LOOSE = 1e-8  # tolerance by which a motion is followed that is computed again
 LOOSEST = 1e-5  # tolerance: of longer steps errors do not fall as their order says
 COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
 # Of |q| or t: a value is a sum of some fifty terms of a series, which is the integral of one that

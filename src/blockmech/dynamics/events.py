@@ -20,8 +20,9 @@ from numpy.typing import ArrayLike
 from blockmech.dynamics import ends
 from blockmech.dynamics.layout import StateLayout, until
 from blockmech.dynamics.loads import SAME
-from blockmech.dynamics.rates import LEAST_INERTIA, NEAR, bearing
+from blockmech.dynamics.rates import LEAST_INERTIA, bearing
 from blockmech.dynamics.request import SimulationRequest, Watch
+from blockmech.engines.stages import FAR
 from blockmech.ground.plane import EPS
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
 from blockmech.result.motion import Event, Motion
@@ -252,7 +253,7 @@ class EventDetector:
         self.t, self.values = t1, (ends_at := [rule.value(t1, y1) for rule in self.rules])
         ways = [abs(a - b) / s for a, b, s in zip(y1, y0, self.spans, strict=False)]
         # No margin falls by more on so short a way.
-        threshold = min(NEAR, PARTS * math.tau * max(ways))
+        threshold = min(FAR, PARTS * math.tau * max(ways))
         quiet = (
             not turned(a, b, rule.direction) and not (rule.dips and min(a, b) < threshold)
             for rule, a, b in zip(self.rules, values, ends_at, strict=True)

@@ -14,7 +14,7 @@ import numpy as np
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.equation import Equation, classify_obstacle, typical_motion
-from blockmech.dynamics.estimate import TARGET
+from blockmech.dynamics.estimate import LOOSE, TARGET
 from blockmech.dynamics.periodic import ELSEWHERE, FLOWS, GIVE, FixedPoint, fixed_point, no_steady
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.run import INTEGRATORS
@@ -28,8 +28,7 @@ from blockmech.typing import Floats
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-LOOSE = 1e-8  # tolerance of the flow by which a motion is followed
-SMALL = 1e-4  # amplitude, relative to the span or to that of the start, that counts as rest
+SMALL = math.sqrt(LOOSE)  # amplitude by the span, or by that of the start, that counts as rest
 SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
 TIMES = 3  # as often
 PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried: it doubles, if not one

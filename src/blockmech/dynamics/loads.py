@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from blockmech.couplings.laws import SHARES
 from blockmech.dynamics.request import Pairs
 from blockmech.dynamics.source import FRICTIONLESS, Source
 from blockmech.engines.interpreters import AdaptiveEvaluator
@@ -22,6 +23,7 @@ from blockmech.functions.pieces import Function
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
+from blockmech.ground.tolerances import ROUNDING
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.model.structure import Structure
 from blockmech.passes.forward import argument, coordinate_of
@@ -33,9 +35,8 @@ from blockmech.signals.functions import Python
 from blockmech.typing import Real
 
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
-SAME = 1e-12  # relative distance of two places or periods that are one: files have 12 digits
-LONGEST = 10_000  # turns of a period: what takes longer repeats nothing that a run sees
-REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide are looked for
+SAME = ROUNDING  # relative distance of two places or periods that are one: files have 12 digits
+REACH = 8.0  # lengths of a mechanism on either side in which a slide has kinks and stops
 
 
 def depends_on(structure: Structure) -> frozenset[str]:
@@ -106,7 +107,7 @@ def period_of(structure: Structure, driver: str) -> float | None:
         if not coupled_turns:  # a coupled driver's coordinate counts, or nobody knows which one
             return None
         turns = math.lcm(turns, coupled_turns)
-    return math.tau * turns if turns <= LONGEST else None
+    return math.tau * turns if turns <= SHARES else None
 
 
 def _turns(period: float) -> int:

@@ -55,7 +55,7 @@ from blockmech.dynamics.path_mesh import PIECES, Course, PathMesh, Piece
 from blockmech.dynamics.place_data import RESOLVED
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
-from blockmech.dynamics.run import REMEDY, Run
+from blockmech.dynamics.run import EVALUATIONS, REMEDY, Run
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart, second_run
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Motion, Still
@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-MOST = 8_000  # panels of a run; ten seconds of work and more
+MOST = EVALUATIONS // FINE  # panels of a run; ten seconds of work and more
 # Panels in a row that cover less than a part of a piece of the path: it crawls. Panels crowd to
 # where something is not smooth as powers of two, a score on either side.
 CROWD, CRAWL = 6 * SHORT, 1 / SHORT**2

@@ -29,7 +29,7 @@ from blockmech.model.structure import Structure
 from blockmech.result.motion import Event, Motion, Slips, State, Still, Track
 from blockmech.typing import Array, Floats
 
-QUOTIENT = 1e-3  # step of fourth-order differences: its fourth power is their error, 1e-12
+QUOTIENT: float = EPS**0.2  # step of fourth-order differences: its fourth power is rounding over it
 NEUTRAL = QUOTIENT**2  # distance of a multiplier from 1 that is none: half of those digits
 FLOWS = 1e-13  # accuracy of the flows whose fixed points are looked for
 SEARCH = 20  # values of a map in a search; from a settled motion some ten are enough

@@ -30,6 +30,7 @@ from blockmech.friction.solvers import Solution, balanced
 from blockmech.ground.errors import MissingEngineError
 from blockmech.ground.plane import NAN, minimum, mul, where
 from blockmech.ground.tolerances import BLUR as LEAST_MARGIN
+from blockmech.ground.tolerances import EQUAL
 from blockmech.typing import Complex, Data, Edges, Planars, Real, Reals
 
 if TYPE_CHECKING:
@@ -37,8 +38,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.programs import SignalProgram
     from blockmech.plan.plan import Program
 
-LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
-NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip within a step counts
+LEAST_INERTIA = EQUAL  # [-] of a typical one: beyond it the speed goes without bound
 
 
 def bearing(load: Complex) -> tuple[Real, Real]:

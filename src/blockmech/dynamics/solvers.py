@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.rates import NEAR
 from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
 from blockmech.engines.radau import iteration_tolerance, radau
-from blockmech.engines.stages import THIRD, dop853, halved
+from blockmech.engines.stages import FAR, THIRD, dop853, halved
 from blockmech.typing import Floats
 
 if TYPE_CHECKING:
@@ -248,7 +247,7 @@ class EulerQ(FixedSteps):
         xi = (tau - w * w * (J_next - J) / (2 * d)) / J
         square = w * w + 2 * xi * d
         at_rest = square <= 0
-        if square != square or (at_rest and self.margin[i + 1] < NEAR**2):
+        if square != square or (at_rest and self.margin[i + 1] < FAR**2):
             return None
         rate = 0.0 if at_rest else self.sense * math.sqrt(square)
         h = -w / xi if at_rest else 2 * d / (w + rate)

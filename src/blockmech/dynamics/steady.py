@@ -27,10 +27,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.estimate import LOOSE
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.flows import (
     INWARD,
-    LOOSE,
     SETTLING,
     SMALL,
     TIMES,

@@ -41,7 +41,7 @@ from blockmech.typing import Complex, Edges, Floats, Reals, Vectors
 
 LOCATED = 1000 * SETTLED  # the same where an event was located on a dense output
 APART = 10 * LOCATED  # [-] accelerations that differ by more are two
-BEYOND = 1e-4  # [rad or m] how far beyond a place the sense of a pair shows
+BEYOND = EPS**0.25  # [rad or m] how far beyond a place the sense of a pair shows
 BALANCED = 200  # iterations of what pairs do at most: any contraction needs fewer, and any impact
 
 

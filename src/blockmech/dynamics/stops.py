@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.change_points import system_of
-from blockmech.dynamics.loads import largest_length
+from blockmech.dynamics.loads import REACH, largest_length
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import STOPS, Pairs, SimulationRequest, pairs_of
 from blockmech.dynamics.system import System
@@ -32,7 +32,6 @@ from blockmech.typing import Arguments, Real
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-REACH = 8.0  # of a slide's coordinate, in largest lengths
 TURNS = 64  # beyond which the stop of a pin that turns on is not looked for
 LEAST_SLOPE = math.sqrt(EPS)  # of a pair's coordinate by the driver's, where it strikes a stop
 

@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 CALLED = re.compile(r"\b([A-Za-z_]\w*)\(", re.ASCII)
 SYSTEMS = ("solve", "solve_transposed", "spread")
 OPERATION = 50  # bytes of byte code
-FEW = 8  # samples of a first call, for which a program is not worth looking at
 # Seconds of a sample by Python's numbers, of a call and a sample by arrays, and by machine code:
 # of an operation, and of a linear system for each link. Measured over the gallery.
 SCALAR = 0.2e-6, 13e-6
 CALL, ARRAY = (1.5e-6, 50e-6), (1.3e-9, 0.7e-6)
+FEW = round(CALL[0] / SCALAR[0])  # samples for which arrays only break even
 CODE_CALL, CODE = (5e-9, 2e-6), (0.2e-9, 27e-9)
 BEGIN, ALONE = 25e-6, 5e-6  # of a call of machine code: with several samples, with one
 LINES = 1.75, 60  # of assembly

@@ -29,7 +29,6 @@ import enum
 from typing import NamedTuple
 
 from blockmech.friction.equations import (
-    ROUNDED,
     SETTLED,
     Equations,
     along,
@@ -54,13 +53,13 @@ from blockmech.ground.plane import (
     sqrt,
     where,
 )
+from blockmech.ground.tolerances import DOUBLINGS, ROUNDED
 from blockmech.typing import Real, Reals, Values
 
 # [-] of the arc: unknowns are on the unit sphere, lambda ends at 1. The first step from zero
 # friction and from a kink is short, as the path may bend there.
 STEP, LARGEST = 0.05, 0.2
 SHARPEST = 0.95  # cosine of the largest turn of the tangent in one step: 18 degrees
-NEWTON = 6.0  # corrections of a step; it needs 3 or is too long
 MOST = 1500  # corrections of a path, halved steps included: it takes some fifty
 
 
@@ -243,7 +242,7 @@ def corrected(at: ContinuationState, of: Equations) -> Corrected:
     orientation = where(at.way == 0.0, sign(det), at.way)
     scale = orientation * sign(det) / sqrt(along(null, null))
     corrections = at.corrections + 1.0
-    last = corrections >= NEWTON
+    last = corrections > DOUBLINGS
     allowed = where(at.aim == StepTarget.FULL, where(last, sqrt(EPS), 0.0), SETTLED * EPS)
     settled = largest_of(change) < allowed
     x = tuple(a - d for a, d in zip(at.x, change, strict=True))

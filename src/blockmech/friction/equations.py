@@ -12,7 +12,6 @@ Sources: [R10] Ruiz, Durango & Calle 2010, steps 1-5; the homogeneous form is bl
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,7 +20,6 @@ from blockmech.ground.tolerances import ROUNDING
 from blockmech.typing import Complex, Edges, Influences, Planars, Real, Reals, Values
 
 SETTLED = ROUNDING / EPS  # [ulps] corrections and residuals: Newton's next step is rounding
-ROUNDED = math.sqrt(SETTLED)  # [ulps] loads, eigenvalues and steps: roundings of either sign
 
 
 class Equations(NamedTuple):

@@ -26,8 +26,9 @@ guides alone.
 
 from __future__ import annotations
 
-from blockmech.friction.equations import ROUNDED, load_norm
+from blockmech.friction.equations import load_norm
 from blockmech.ground.plane import EPS, hyp, maximum, mul, sqrt, where
+from blockmech.ground.tolerances import ROUNDED
 from blockmech.typing import Influences, Real, Reals, Values
 
 

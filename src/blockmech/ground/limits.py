@@ -12,6 +12,7 @@ DEEPEST = 100  # objects, lists or elements in each other; a graph needs nine
 MOST = 100_000  # elements of a file, or branches of an answer with all their outputs
 COMPARED = 1000  # links, pins or names that are compared with each other
 SOLVED = 60  # links or joints whose velocity conditions are solved: for each mobility 10 ms
+CHECKED = 24  # poses of a check, by which a fault at one in four is missed once in a thousand
 SEARCHED = 24  # groups, or slips of units, that are tried to say more: up to 50 ms each
 
 

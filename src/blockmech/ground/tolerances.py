@@ -12,6 +12,7 @@ import math
 from blockmech.ground.plane import EPS
 
 ROUNDING = 4096 * EPS  # 9e-13, of formulas that are well conditioned
+ROUNDED = math.sqrt(ROUNDING / EPS)  # 64 [ulps], of sums of roundings of either sign
 EQUAL = 1024 * ROUNDING  # 9e-10, with a conditioning of a thousand: roots, slopes, eigenvalues
 DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e-8, and some
 BLUR = 10 * DOUBLE_ROOT  # of places, cosines and margins where half of all digits are lost

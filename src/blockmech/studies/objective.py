@@ -14,6 +14,7 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, listed, refused
+from blockmech.ground.tolerances import EQUAL
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, remade
 from blockmech.studies.motions import STEP, MotionRunner, runner_of
@@ -22,7 +23,7 @@ from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import as_sequence
 from blockmech.typing import Arguments, Array, Coordinates, Floats, FrictionMethod, Numbers
 
-INFEASIBLE = 1e9  # times the size of what is minimized: a design that cannot be
+INFEASIBLE = 1 / EQUAL  # times the size of what is minimized: a design that cannot be
 
 
 class Objective:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from blockmech.analysis.equilibrium import CLEAR
 from blockmech.figures import palette as ink
 from blockmech.figures.paper import (
     Pictured,
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 PANEL = 14.0 * ink.TEXT  # [pt] height of a panel of a picture
 CELL = 11.0 * ink.TEXT  # [pt] size of a cell of a matrix
-ENDS = (2, 98)  # percent of the designs that the colours of a map are spread over
 FOOT = 0.03  # of a panel's height: where designs without an answer are marked
 
 
@@ -264,7 +264,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
                 axes.remove()
             for axes, column in zip(panels.flat, results, strict=False):
                 finite = column.values[np.isfinite(column.values)]
-                low, high = np.percentile(finite, ENDS) if len(finite) else (0, 1)
+                low, high = np.quantile(finite, [CLEAR, 1 - CLEAR]) if len(finite) else (0, 1)
                 factor, unit = scaled_unit(column.unit, max(abs(low), abs(high)))
                 z = factor * self.filled(column.values, np.nan)
                 axes.patch.set(facecolor=ink.PAPER, hatch="////", edgecolor=ink.PALE)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.blocks.contract import AssurGroup, Moving
+from blockmech.ground.limits import CHECKED
 from blockmech.ground.tolerances import BLUR
 from blockmech.testing.rig import (
     STAGES,
@@ -53,7 +54,6 @@ from blockmech.typing import (
     Values,
 )
 
-SAMPLES = 24  # random motions: a rule broken at one in four is missed once in a thousand
 X, Y = 0.7, -1.3  # factors of a linear combination
 
 
@@ -90,14 +90,14 @@ class BlockRules(Checks):
             if isinstance(self.block, AssurGroup) and "margin" in pose:
                 margin = np.broadcast_to(pose["margin"], good.shape)
                 good = good & (margin >= 0.5 * np.max(margin, initial=0.0, where=good))
-            if good.sum() >= 4 * SAMPLES:
+            if good.sum() >= 4 * CHECKED:
                 self.size *= scale
                 well = motions[..., good]
                 try:
                     speed = self._speeds(self.subject.velocity(well))
                 except Exception:  # the rule on velocities will say why
                     speed = np.zeros(well.shape[-1])
-                return motions, well[..., speed <= np.quantile(speed, 0.25)][..., :SAMPLES]
+                return motions, well[..., speed <= np.quantile(speed, 0.25)][..., :CHECKED]
         raise ConformanceError(
             f"{unclosed} no pose was found in which the block closes: position is wrong, "
             "or the example hardly ever closes"
@@ -123,7 +123,7 @@ class BlockRules(Checks):
             return self.subject.arguments(stage, motions)
         pose = self.subject.position(motions)
         if stage == "reactions":
-            loads = random_loads(self.block, SAMPLES, self.size, 3)
+            loads = random_loads(self.block, CHECKED, self.size, 3)
             return [pose, *(Load(planar(vectors(x.F)[samples]), x.M[samples]) for x in loads)]
         before = [self.subject.velocity(motions, pose)] if stage == "acceleration" else []
         return [pose, *before, *self.subject.arguments(stage, motions)]
@@ -156,21 +156,21 @@ class BlockRules(Checks):
         designs = type(self.subject.p)(*(np.full((3, 1), x) for x in self.subject.p))
         for stage in STAGES:
             batch = leaves(self.subject.call(stage, *self._arguments(stage)))
-            for k in (0, SAMPLES // 2):
+            for k in (0, CHECKED // 2):
                 arguments = self._arguments(stage, slice(k, k + 1))
                 alone = leaves(self.subject.call(stage, *arguments))
                 kernel = getattr(self.block.kernels, stage)
                 scalar = leaves(kernel(*map(as_number, arguments), self.subject.p))
                 for name, x in batch.items():
-                    value = np.broadcast_to(x, SAMPLES)[k]
+                    value = np.broadcast_to(x, CHECKED)[k]
                     if not same_bits(value, np.broadcast_to(alone[name], 1)[0]):
                         yield f"{stage} {name} of a sample alone is not the same as in a batch"
                     label = f"scalar {stage} {name} against a batch"
                     yield from self.same(label, scalar[name], value, float(np.max(abs(x))) or 1.0)
             many = leaves(self.subject.call(stage, *self._arguments(stage), p=designs))
             for name, x in many.items():
-                shape = np.broadcast_shapes(x.shape, (3, SAMPLES))
-                if shape != (3, SAMPLES) or not same_bits(x, batch[name]):
+                shape = np.broadcast_shapes(x.shape, (3, CHECKED))
+                if shape != (3, CHECKED) or not same_bits(x, batch[name]):
                     yield f"{stage} {name} of equal designs (3, 1) is not that of one design"
 
     def not_a_number(self) -> Iterator[str]:
@@ -214,7 +214,7 @@ class BlockRules(Checks):
             single, several = np.asarray(scalar[name]), np.asarray(batch[name])
             if single.shape and not np.array_equal(np.isnan(single), np.isnan(several)):
                 yield f"the engines do not agree on where {name} exists"
-            if single.shape and not same_bits(several[:SAMPLES], np.asarray(alone[name])):
+            if single.shape and not same_bits(several[:CHECKED], np.asarray(alone[name])):
                 yield f"{name} changes when impossible samples stand beside it"
 
     # -- 3 to 5: places, rates and accelerations -------------------------------------------
@@ -327,7 +327,7 @@ class BlockRules(Checks):
 
     def forces(self) -> Iterator[str]:
         """Reactions carry the joints' names, and are linear in the loads."""
-        loads_1, loads_2 = (random_loads(self.block, SAMPLES, self.size, seed) for seed in (1, 2))
+        loads_1, loads_2 = (random_loads(self.block, CHECKED, self.size, seed) for seed in (1, 2))
         reactions = self.subject.call("reactions", self.pose, *loads_1)
         for joint in self.block.joints.values():
             expected_type = "Slide" if joint.kind == "P" else "force"

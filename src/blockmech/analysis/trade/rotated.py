@@ -8,6 +8,7 @@ as this mechanism amplifies it at these samples.
 from __future__ import annotations
 
 import cmath
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
 from blockmech.engines.interpreters import NumpyEngine
 from blockmech.engines.numpy import Planar
+from blockmech.functions.series import GOLDEN
 from blockmech.ground.tolerances import ROUNDING
 from blockmech.ground.values import Marker, Place, Vector
 from blockmech.loads import Force, Thrust
@@ -28,7 +30,7 @@ from blockmech.result.result import Result
 from blockmech.result.samples import Samples
 from blockmech.typing import Arguments, Nested
 
-ANGLE = 0.7  # [rad] no symmetry of anything
+ANGLE = GOLDEN * math.tau  # [rad] no symmetry of anything
 E = cmath.rect(1.0, ANGLE)
 
 

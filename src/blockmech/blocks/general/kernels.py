@@ -46,7 +46,7 @@ from blockmech.ground.plane import (
     sqrt,
     where,
 )
-from blockmech.ground.tolerances import DOUBLINGS
+from blockmech.ground.tolerances import DOUBLINGS, ROUNDED
 from blockmech.typing import (
     Array,
     Complex,
@@ -61,7 +61,6 @@ from blockmech.typing import (
 )
 
 SETTLED = 0.1  # of the root of the rounding: a last step whose square is below rounding
-CLOSED = 32.0  # [ulps] of the places, up to which the pairs are closed
 
 
 class Pose(NamedTuple):
@@ -118,7 +117,7 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         for sides in at:
             reach = maximum(reach, hyp(sides.b.P) * (1 / p.size))
         rounding = EPS * reach  # of the places
-        closed = where(largest(open_by) <= CLOSED * rounding, 1.0 + 0.0 * rounding, NAN)
+        closed = where(largest(open_by) <= ROUNDED * rounding, 1.0 + 0.0 * rounding, NAN)
         pose = tuple(LinkPosition(mul(o, closed), mul(unit(e), closed)) for o, e in pose)
         at = tuple(ends(pair, pose, supports, p) for pair in plans)
         return Pose(pose, at, jacobian(plans, at, links, p), closed, first, guess[1])

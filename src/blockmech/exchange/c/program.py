@@ -31,6 +31,7 @@ from blockmech.exchange.c.tracing import ClosedTrace, status
 from blockmech.exchange.formats import Order, Writer
 from blockmech.ground.errors import BlockmechError, among, as_names, listed, printable, refused
 from blockmech.ground.files import refuse_spared, writing
+from blockmech.ground.limits import CHECKED
 from blockmech.ground.names import numbered_name
 from blockmech.ground.plane import EPS
 from blockmech.ground.runnable import EVERYTHING
@@ -44,7 +45,6 @@ from blockmech.typing import Array, Nested, Real, Record
 
 Part: TypeAlias = Literal["real", "imag"] | tuple[int, ...]
 """A component of a vector, or indices of drivers in a matrix."""
-VECTORS = 24  # poses of the test program
 INPUTS = {"q": ("q", ""), "qd": ("rate", "/s"), "qdd": ("acceleration", "/s2")}
 FLAGS = "-std=c99 -O2 -Wall -Wextra -ffp-contract=off"
 RESERVED = {
@@ -329,7 +329,7 @@ class CProgram:
         return getattr(values, part) if isinstance(part, str) else values[:, *part]
 
 
-def poses(mechanism: Compiled, count: int = VECTORS) -> Samples:
+def poses(mechanism: Compiled, count: int = CHECKED) -> Samples:
     """Some samples of a mechanism: of its range, or where the file gives none, of a turn."""
     try:
         return mechanism.samples(None, count, None, None, None)
