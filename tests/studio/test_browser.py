@@ -175,6 +175,8 @@ def test_a_tool_that_is_chosen_stays_when_it_is_pressed(page, studio):
 
 def test_pictures_of_the_gallery_in_sight_are_drawn_first(page, studio):
     waiting = []
+    svg = '<svg xmlns="http://www.w3.org/2000/svg"/>'
+    empty = {"content_type": "image/svg+xml", "body": svg}
 
     def waiting_for(route):
         waiting.append(route)
@@ -193,15 +195,14 @@ def test_pictures_of_the_gallery_in_sight_are_drawn_first(page, studio):
             page.wait_for_timeout(20)
         route = waiting.pop()
         names.append(route.request.url.rpartition("/")[2].removesuffix(".svg"))
-        svg = '<svg xmlns="http://www.w3.org/2000/svg"/>'
-        route.fulfill(content_type="image/svg+xml", body=svg)
+        route.fulfill(**empty)
     order = cards.locator("b").all_inner_texts()
     assert names[0] == order[0]
     assert order.index(names[1]) > 12
     assert order.index(names[2]) > 12
     page.unroute("**/picture/*.svg", waiting_for)
     for route in waiting:
-        route.abort()
+        route.fulfill(**empty)
 
 
 def test_a_joint_of_blocks_is_dragged_in_the_picture(page, studio):

@@ -4,7 +4,7 @@
 // and ends in one act; the sheet that comes back is the truth.
 
 import { Live } from "../lib/live.js";
-import { beside, closest, corners, between, fitted, guideway, local, metres, nice, on, pixel, posed, strokes, zoomed } from "../../../exchange/page/web/geometry.js";
+import { beside, closest, corners, between, fitted, local, metres, nice, on, pixel, posed, strokes, zoomed } from "../../../exchange/page/web/geometry.js";
 import { ARROWS, writes } from "../lib/keys.js";
 import { Room } from "../../../exchange/page/web/labels.js";
 import { factor, place, quantity, rounded, signed, vector } from "../../../exchange/page/web/quantity.js";
@@ -251,6 +251,7 @@ export function sheetView(parent) {
     drawGrid(width, height);
     if (store.paths && !store.playing || drag?.moved) drawPaths();
     drawLinks();
+    for (const one of pins()) if (one.guide && !one.guide.hidden && Number.isFinite(shown(one).x)) drawGuide(one);
     for (const wheel of drawing()?.wheels ?? []) drawWheel(wheel);
     for (const load of drawing()?.loads ?? []) drawLoad(load);
     if (drag?.kind === "link" && drag.to) {
@@ -370,7 +371,7 @@ export function sheetView(parent) {
   function drawPin(one) {
     const { x, y } = shown(one);
     if (!Number.isFinite(x + y)) return;
-    if (one.guide && !one.guide.hidden) drawGuide(one, x, y);
+    if (one.guide && !one.guide.hidden) put(svg, "rect", { x: -13, y: -9, width: 26, height: 18, transform: `translate(${x} ${y}) rotate(${turnOf(one)})`, class: "block" });
     const own = put(svg, "g", { class: "pin", transform: `translate(${x.toFixed(2)} ${y.toFixed(2)})`, "data-pin": one.name });
     own.classList.toggle("chosen", store.chosen.includes(one.name));
     if (one.ground && !one.guide) {
@@ -387,16 +388,25 @@ export function sheetView(parent) {
     if (best) put(own, "text", { x: best[0], y: best[1], class: "name" }, words);
   }
 
-  /** @param {Pin} one @param {number} x @param {number} y */
-  function drawGuide(one, x, y) {
+  /** How far a guide is turned on the screen [degrees]. @param {Pin} one */
+  function turnOf({ guide }) {
+    const link = at[guide?.at[0] ?? ""] ?? [0, 0, 1, 0];
+    return -((Math.atan2(link[3], link[2]) + (guide?.angle ?? 0)) * 180) / Math.PI;
+  }
+
+  /** @param {Pin} one */
+  function drawGuide(one) {
     const guide = /** @type {NonNullable<Pin["guide"]>} */ (one.guide);
     const link = at[guide.at[0]] ?? [0, 0, 1, 0];
-    const turn = -((Math.atan2(link[3], link[2]) + guide.angle) * 180) / Math.PI;
-    const foot = px(drag?.moved?.[one.name] ?? spot(guide.at));
-    const [dx, dy] = [46 * Math.cos((turn * Math.PI) / 180), 46 * Math.sin((turn * Math.PI) / 180)];
-    const [a, b] = guide.ends?.map((end) => px(spot(end))) ?? [{ x: foot.x - dx, y: foot.y - dy }, { x: foot.x + dx, y: foot.y + dy }];
-    put(svg, "path", { d: guideway(a, b), class: "rail" });
-    put(svg, "rect", { x: -13, y: -9, width: 26, height: 18, transform: `translate(${x} ${y}) rotate(${turn})`, class: "block" });
+    const { x, y } = shown(one);
+    const [c, s] = [Math.cos((turnOf(one) * Math.PI) / 180), Math.sin((turnOf(one) * Math.PI) / 180)];
+    const drawn = posedAll(); // the guide reaches from where its block is drawn to where that is now
+    const home = on(drawn[one.at[0]] ?? [0, 0, 1, 0], one.at[1], one.at[2]);
+    const from = drag ? { x, y } : px(on(link, ...local(drawn[guide.at[0]] ?? [0, 0, 1, 0], home)));
+    const way = (x - from.x) * c + (y - from.y) * s;
+    const ends = [Math.min(way, 0) - 46, Math.max(way, 0) + 46].map((k) => ({ x: from.x + k * c, y: from.y + k * s }));
+    const [a, b] = guide.ends?.map((end) => px(spot(end))) ?? ends;
+    put(svg, "path", { d: room.guide(a, b), class: "rail" });
   }
 
   /** @param {"x" | "y" | "turn"} line @param {Point} z @param {number} width @param {number} height */

@@ -87,13 +87,21 @@ export const local = (pose, z) => {
 /** [x, y, cos, sin] of [x, y, angle]. @param {number[]} pose */
 export const posed = (pose) => [pose[0], pose[1], Math.cos(pose[2]), Math.sin(pose[2])];
 
-/** A guide as a path beside the line on which its block moves: an edge, hatched on its other side. @param {Pixel} a @param {Pixel} b */
-export function guideway(a, b) {
+/** A place along a line, and so far below it. @param {Pixel} a @param {Pixel} b @param {number} along @param {number} off @returns {Pixel} */
+export function below(a, b, along, off) {
   const size = Math.hypot(b.x - a.x, b.y - a.y) || 1;
   const [x, y] = [(b.x - a.x) / size, (b.y - a.y) / size];
-  const below = x < -1e-9 ? -1 : 1;
-  const at = (/** @type {number} */ along, /** @type {number} */ off) =>
-    `${(a.x + along * x - below * off * y).toFixed(1)} ${(a.y + along * y + below * off * x).toFixed(1)}`;
+  const side = x < -1e-9 ? -off : off;
+  return { x: a.x + along * x - side * y, y: a.y + along * y + side * x };
+}
+
+/** A guide as a path beside the line on which its block moves: an edge, hatched on its other side. @param {Pixel} a @param {Pixel} b */
+export function guideway(a, b) {
+  const size = Math.hypot(b.x - a.x, b.y - a.y);
+  const at = (/** @type {number} */ along, /** @type {number} */ off) => {
+    const { x, y } = below(a, b, along, off);
+    return `${x.toFixed(1)} ${y.toFixed(1)}`;
+  };
   const hatch = Array.from({ length: Math.floor(size / 8) + 4 }, (_, k) => `M${at(8 * k - 14, 10)}L${at(8 * k - 19, 15)}`);
   return `M${at(-18, 10)}L${at(size + 18, 10)}${hatch.join("")}`;
 }

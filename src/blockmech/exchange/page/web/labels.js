@@ -1,5 +1,7 @@
 // Room for words: where no other word stands, and few links do.
 
+import { below, guideway } from "./geometry.js";
+
 /** @typedef {[number, number, number, number]} Area left, top, width, height */
 
 export class Room {
@@ -14,6 +16,13 @@ export class Room {
   line(a, b) {
     const n = Math.min(Math.ceil(Math.hypot(b.x - a.x, b.y - a.y) / 9), 400);
     for (let k = 0; k < n; k++) this.lined.push({ x: a.x + ((b.x - a.x) * k) / n, y: a.y + ((b.y - a.y) * k) / n });
+  }
+
+  /** The path of a guide, on which no word should lie. @param {{x: number, y: number}} a @param {{x: number, y: number}} b */
+  guide(a, b) {
+    const size = Math.hypot(b.x - a.x, b.y - a.y);
+    this.line(below(a, b, -18, 13), below(a, b, size + 18, 13));
+    return guideway(a, b);
   }
 
   /** Where a word beside a point begins; null where there is no room. @param {number} x @param {number} y @param {string} words */

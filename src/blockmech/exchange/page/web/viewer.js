@@ -5,7 +5,7 @@
 
 import { frameAt } from "./curve.js";
 import { button, element, field, options, put } from "./dom.js";
-import { corners, fitted, guideway, on, pixel, posed, strokes } from "./geometry.js";
+import { corners, fitted, on, pixel, posed, strokes } from "./geometry.js";
 import { Room } from "./labels.js";
 import { drawPanel } from "./panel.js";
 import { Program } from "./program.js";
@@ -151,7 +151,7 @@ function show(main, aside, contents) {
     }
     for (const { link, ends } of contents.rails) {
       const [a, b] = ends.map((z) => placed(now, link, z));
-      if (there([a, b])) put(svg, "path", { d: guideway(pixel(view, a), pixel(view, b)), class: "rail" });
+      if (there([a, b])) put(svg, "path", { d: room.guide(pixel(view, a), pixel(view, b)), class: "rail" });
     }
     for (const pin of contents.pins.filter(({ ground }) => ground)) mark(at(pin.at), "M0 0L-11 17H11ZM-14 17H14", "ground");
     for (const { ends, fill } of contents.bodies) {
