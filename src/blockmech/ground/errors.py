@@ -1,8 +1,7 @@
 """Every exception of blockmech, and the problem as data that it renders.
 
-A `Problem` says where, what was found, what is valid there and what to do.
-Exceptions carry problems; their text is rendered from them, so the command
-line, ``--json``, a canvas and the tests all read the same source.
+A `Problem` says where, what was found, what is valid there and what to do. The text of exceptions
+is rendered from their problems, so the command line, ``--json`` and tests read the same source.
 """
 
 from __future__ import annotations
@@ -252,11 +251,9 @@ LONGEST_NAME, MOST_NAMES = 64, 300  # what is compared, so that any file is answ
 SYNONYMS = {
     term: names
     for terms, names in (
-        ("torque", ("drive", "moment", "couple", "law")),
-        ("moment", ("drive", "couple")),
+        ("torque moment", ("drive", "moment", "couple", "law")),
         ("force", ("reaction", "drive", "law")),
-        ("omega", ("rate",)),
-        ("w rpm speed", ("rate", "omega")),
+        ("omega w rpm speed", ("rate", "omega")),
         ("alpha", ("acceleration",)),
         ("theta", ("angle", "q")),
         ("phi", ("angle", "phase", "q")),
@@ -273,8 +270,7 @@ SYNONYMS = {
         ("std sigma sd standard_deviation", ("deviation",)),
         ("radii d diameter", ("radius", "mean_diameter")),
         ("r", ("radius", "length")),
-        ("l", ("length", "l_i")),
-        ("len length", ("length", "l", "l_i")),
+        ("l len length", ("length", "l", "l_i")),
         ("offset", ("h",)),
         ("l0 preload", ("free_length",)),
         ("l_1 l1", ("l_i", "length", "l")),
@@ -294,7 +290,6 @@ SYNONYMS = {
         ("upper", ("high",)),
         ("dof degrees_of_freedom", ("mobility",)),
         ("quick_return time_ratio stroke", ("stroke", "extremes")),
-        ("transmission_angle", ("extremes",)),
         ("add_marker", ("add_link",)),
         ("add_friction friction", ("add_joint",)),
         ("revolute pin hinge rotational", ("R",)),
@@ -307,7 +302,7 @@ SYNONYMS = {
         ("info show_info describe", ("check",)),
         ("unit units to degrees", ("deg", "to", "unit")),
         ("plot show picture plot_mechanism", ("plot", "draw")),
-        ("max min maximum minimum range", ("extremes",)),
+        ("max min maximum minimum range transmission_angle", ("extremes",)),
         ("dead_centres dead_centers grashof", ("limits",)),
         ("frequencies natural_frequencies", ("linearize", "equilibria")),
         ("optimize optimise minimize", ("objective", "study")),
