@@ -26,7 +26,7 @@ from blockmech.figures.panels import draw_panels
 from blockmech.figures.paper import image
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.units import shown_in
-from blockmech.model.parameters import Parameter, parameters_of
+from blockmech.model.parameters import Parameter, number_at, parameters_of
 from blockmech.result.columns import output_columns, quiet_columns
 from blockmech.result.result import Result
 from blockmech.result.tables import ROWS, html_grid
@@ -99,9 +99,7 @@ def _data(data: Record, numbers: Iterable[Parameter], result: Result) -> Iterato
         where, name = path[:begin], path[begin:]
         if name[0] == "pose":
             continue
-        entry: Any = data
-        for key in where:
-            entry = entry.get(key, {}) if isinstance(entry, dict) else {}
+        entry = number_at(data, tuple(where))
         items = entry.items() if where and isinstance(entry, dict) else ()
         lists = ((k, x if isinstance(x, list) else [x]) for k, x in items)
         texts = {k: ", ".join(x) for k, x in lists if all(isinstance(word, str) for word in x)}
