@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.analysis.quadrature import Stretches
+from blockmech.analysis.evidence import Stretches
 from blockmech.analysis.verify import TOLERANCE, Verification
 from blockmech.dynamics.equation import Equation
 from blockmech.result.motion import State

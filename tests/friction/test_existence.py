@@ -11,13 +11,13 @@ import pytest
 import blockmech as bm
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import Planar, primitives
-from blockmech.friction import existence, solvers
+from blockmech.friction import equations, solvers
 from blockmech.friction.continuation import Outcome
 from tests.independent import dyads
 from tests.machines import ruiz, wire
 
 BOUND = bind_functions(
-    {"existence": existence.existence, "newton": solvers.newton}, primitives(np.float64)
+    {"existence": equations.existence, "newton": solvers.newton}, primitives(np.float64)
 )
 PLAIN = [(kind, None) for kind in dyads.KINDS]
 KNOWN = [*PLAIN, ("RRP", 0.7), ("RPR", 0.7)]
@@ -83,18 +83,18 @@ def test_an_arc_that_folds_twice_is_followed_to_its_end():
 
 def test_of_one_pair_it_is_the_gain_of_its_own_friction():
     k, R = 0.7, 1.2 - 0.5j
-    assert existence.existence((k,), (0,), ((R,),)) == pytest.approx(k * abs(R))
-    assert existence.existence((k,), (2,), ((1.2 + 0j,),)) == pytest.approx(k * 1.2)
-    assert existence.existence((-k,), (4,), ((1.2 - 1.7j,),)) == pytest.approx(k * 1.7)
+    assert equations.existence((k,), (0,), ((R,),)) == pytest.approx(k * abs(R))
+    assert equations.existence((k,), (2,), ((1.2 + 0j,),)) == pytest.approx(k * 1.2)
+    assert equations.existence((-k,), (4,), ((1.2 - 1.7j,),)) == pytest.approx(k * 1.7)
 
 
 @pytest.mark.parametrize("a", [0.3, 1.0, 2.5])
 def test_of_two_guides_it_is_an_eigenvalue_with_positive_loads(a):
     # N = |A N|, A = [[0, a], [a, 0]]: eigenvectors (1, 1) of a, (1, -1) of -a
-    assert existence.of_two(0.0, a, a, 0.0) == pytest.approx(a)
+    assert equations.of_two(0.0, a, a, 0.0) == pytest.approx(a)
     # alone each guide counts for itself; two above 1 are taken as a pair
-    assert existence.of_two(a, 0.0, 0.0, 0.1) == pytest.approx(a)
-    assert existence.of_two(a, 0.0, 0.0, a) == pytest.approx(0.0 if a > 1 else a)
+    assert equations.of_two(a, 0.0, 0.0, 0.1) == pytest.approx(a)
+    assert equations.of_two(a, 0.0, 0.0, a) == pytest.approx(0.0 if a > 1 else a)
 
 
 def test_reactions_of_the_papers_linkage_grow_without_bound_at_one():

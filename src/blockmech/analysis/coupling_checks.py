@@ -17,10 +17,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.polynomial import Polynomial as Series
 
-from blockmech.analysis.evidence import Evidence, Residual
+from blockmech.analysis.evidence import Evidence, Residual, Stretches
 from blockmech.analysis.force_checks import bound_kernel
 from blockmech.analysis.free_bodies import Body
-from blockmech.analysis.quadrature import Stretches
 from blockmech.couplings.belt import Belt
 from blockmech.couplings.cam import Cam
 from blockmech.couplings.gear import Gear

@@ -34,8 +34,7 @@ from blockmech.engines.interpreters import NumpyEngine
 from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction import enumeration, solvers
 from blockmech.friction.continuation import Outcome
-from blockmech.friction.equations import load_norm
-from blockmech.friction.existence import existence
+from blockmech.friction.equations import existence, load_norm
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, refused
 from blockmech.ground.limits import MOST

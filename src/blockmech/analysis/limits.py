@@ -36,7 +36,7 @@ from blockmech.ground.report import Facts
 from blockmech.ground.tolerances import DOUBLE_ROOT
 from blockmech.ground.units import number_in_si, shown_in
 from blockmech.model.structure import Structure
-from blockmech.result.shortfall import shortfall
+from blockmech.result.failures import shortfall
 from blockmech.typing import Data, Record
 
 if TYPE_CHECKING:

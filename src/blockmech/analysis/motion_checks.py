@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.evidence import Evidence, Residual
+from blockmech.analysis.evidence import Evidence, Residual, Stretches
 from blockmech.analysis.free_bodies import Body
-from blockmech.analysis.quadrature import Stretches
 from blockmech.blocks.modes import FOLLOW
 from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.spots import marker_place

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from blockmech.analysis.evidence import Evidence, Residual
-from blockmech.analysis.quadrature import Stretches
+from blockmech.analysis.evidence import Evidence, Residual, Stretches
 from blockmech.analysis.signal_checks import RATES, integrated, sources
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.estimate import COMPARED, TARGET

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 import typer
 
 import blockmech
-from blockmech.cli.analyses import check, extremes, limits, modes, verify
+from blockmech.cli.analyses import check, extremes, limits, modes, solutions, verify
 from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, outputs, schema
 from blockmech.cli.design import balance, equilibria, identify, linearize, solve
@@ -27,11 +27,9 @@ from blockmech.cli.draw import draw
 from blockmech.cli.export import export, import_, page, report
 from blockmech.cli.options import flat
 from blockmech.cli.run import run
-from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
-from blockmech.cli.solutions import solutions
 from blockmech.cli.start import new, studio
-from blockmech.cli.sweep import sweep
+from blockmech.cli.sweep import sensitivity, sweep
 from blockmech.cli.terminal import (
     DONE,
     FAULT,

@@ -1,4 +1,4 @@
-"""Commands that ask one question of a mechanism: check, verify, limits, modes, extremes."""
+"""One question of a mechanism: check, verify, limits, modes, extremes, friction solutions."""
 
 from __future__ import annotations
 
@@ -9,9 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from blockmech.builders import Graph, Opened, compiled, compiled_of, opened
+from blockmech.cli import numbers
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.options import AsJson, At, GraphFile, option, switch
-from blockmech.cli.output import Display, PlotDisplay, Reports
+from blockmech.cli.options import (
+    AsJson,
+    At,
+    GraphFile,
+    Poses,
+    Static,
+    Want,
+    names_of,
+    option,
+    switch,
+)
+from blockmech.cli.output import Display, PlotDisplay, Reports, TableDisplay
 from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, reading
 from blockmech.ground.errors import (
     BlockmechError,
@@ -176,3 +187,30 @@ def _for_each_match(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) 
     if not reports:
         raise RequestError(problems)
     return reports
+
+
+Scale = Annotated[str, option("Factor of all friction, e.g. 1.5 or 0.5:3:51.", "NUMBERS")]
+
+
+def solutions(
+    file: GraphFile,
+    poses: Poses,
+    display: TableDisplay,
+    want: Want = None,
+    scale: Scale = "1",
+    static: Static = False,
+) -> None:
+    """List all solutions of the friction equations, and say whether that is proved.
+
+    The exit code is 1 unless the proof holds at all poses.
+    """
+    request: Arguments = {"want": names_of(want) or None, "static": static}
+    request["scale"] = numbers.row(f"--scale {scale}", scale, "")
+    report = display.answer_command(
+        file,
+        compiled,
+        "searching",
+        lambda m: m.friction_solutions(**poses.of(m, display.deg), **request),
+    )
+    if not report.complete.all():
+        raise typer.Exit(NO_ANSWER)

@@ -1,4 +1,4 @@
-"""``blockmech sweep``: many designs of a mechanism, and a few numbers of each."""
+"""``blockmech sweep`` and ``sensitivity``: designs of a mechanism, and a few numbers of each."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from blockmech.cli.numbers import row, starts, texts_by_name
 from blockmech.cli.options import (
     Accuracy,
     DisplayUnits,
+    Friction,
     FrictionOptions,
     GraphFile,
     Method,
@@ -23,9 +24,10 @@ from blockmech.cli.options import (
     names_of,
     option,
 )
-from blockmech.cli.output import check_places, write_answer
+from blockmech.cli.output import TableDisplay, check_places, write_answer
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
 from blockmech.ground.errors import needed, refused
+from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.parameters import named
 from blockmech.studies.distributions import Distribution, Normal, Sample, Uniform
 from blockmech.studies.sampling import OF_DISTRIBUTIONS
@@ -163,3 +165,34 @@ def _vary(mechanism: Compiled, texts: list[str]) -> dict[str, list[float] | Dist
             raise refused(where, f"{len(numbers)} numbers", f"{law[1]} has two")
         varied[parameter.address] = LAWS[law[1]](*numbers) if law else numbers
     return varied
+
+
+Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
+To = Annotated[
+    list[str] | None,
+    option('Numbers or patterns, e.g. "dyad.l_*",crank.q; by default all numbers.', "A,B"),
+]
+
+
+def sensitivity(
+    file: GraphFile,
+    want: Wants,
+    poses: Poses,
+    display: TableDisplay,
+    to: To = None,
+    friction: Friction = None,
+    static: Static = False,
+) -> None:
+    """Rank the parameters of a mechanism by their influence on outputs, from exact derivatives."""
+    settings: Arguments = {
+        "to": names_of(to) or EVERYTHING,
+        "friction": friction,
+        "static": static,
+    }
+    outputs = names_of(want)
+    display.answer_command(
+        file,
+        compiled,
+        "differentiating",
+        lambda m: m.sensitivity(outputs, **poses.of(m, display.deg), **settings),
+    )

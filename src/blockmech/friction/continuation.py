@@ -6,7 +6,7 @@ friction n / eta, so reactions that go to infinity are an ordinary point
 (`blockmech.friction.equations.homogeneous`). It ends at lambda = 1 (solved), at eta = 0
 (asymptote: reactions grow without bound whatever the loads) or where lambda turns back (fold:
 no solution beyond). The last two are self-locking, and lambda there is the limit. Where a
-solution exists for every load (`blockmech.friction.existence`) a fold is no end: the path turns
+solution exists for every load (`blockmech.friction.equations`) a fold is no end: the path turns
 once more, and arrives.
 
 A step goes along the tangent, and Newton comes back in the plane across it (pseudo-arclength);
@@ -135,7 +135,7 @@ class Path(NamedTuple):
 def course_from_zero(requested: Real, of: Equations, solvable: Real = False) -> ContinuationState:
     """The path of the frictionless solution to full friction, of the samples asked for.
 
-    Where the equations are ``solvable`` for every load (`blockmech.friction.existence`) it is
+    Where the equations are ``solvable`` for every load (`blockmech.friction.equations`) it is
     followed through folds: there it arrives.
     """
     zero = 0.0 * abs(of.k[0])

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 from blockmech.couplings.contract import Reading
 from blockmech.friction import equations, solvers
-from blockmech.friction.existence import existence as existence_of
+from blockmech.friction.equations import existence as existence_of
 from blockmech.ground.tolerances import DOUBLINGS
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import forward, friction

@@ -78,7 +78,7 @@ def contacts(structure: Structure, ref: JointRef) -> int:
 
 
 def knows_existence(structure: Structure, block: str, joints: tuple[JointRef, ...]) -> bool:
-    """Whether `blockmech.friction.existence` knows its number with friction in these pairs.
+    """Whether `blockmech.friction.equations` knows its number with friction in these pairs.
 
     It does of one pair, and of a dyad but for two guides of which one has a length.
     """
@@ -251,14 +251,9 @@ def against_slip(
     law = s.ask(terms, ref, *at(s, ref, load))
     args = (speed, top, getattr(law, part), s.ask(slip, ref), REST)
     value = s.emit(resisting, *args, name=name)
-    if not may_stick(s):
+    if not s.friction.along:
         return value
     return s.line(value * (UNIT - s.ask(sticks, ref)), f"{name}_slipping")
-
-
-def may_stick(s: Schedule) -> bool:
-    """Whether pairs may stick: along motions."""
-    return s.friction.along
 
 
 def sticks(s: Schedule, ref: JointRef) -> Value:
@@ -294,7 +289,7 @@ def drag(s: Schedule, ref: JointRef, load: Value | None = None) -> Value:
     drags = s.structure.friction_law(ref).drags
     args = ref, "drag", f"{ref}_drag", *at(s, ref, load)
     value = s.ask(against_slip, *args) if drags else NOUGHT
-    if not may_stick(s):
+    if not s.friction.along:
         return value
     stuck = values.where(below(NOUGHT, s.ask(sticks, ref)), s.ask(friction_input, ref), NOUGHT)
     return s.line(value + s.line(stuck, f"{ref}_sticks"), f"{ref}_drag_or_held")
@@ -313,6 +308,6 @@ def rest(s: Schedule, ref: JointRef) -> Value:
     if s.structure.friction_law(ref).remembers:
         return s.emit(at_rest, top, NOUGHT, REST, name=f"{ref}_rest")
     value = s.emit(at_rest, s.ask(slip_speed, ref), top, REST, name=f"{ref}_rest")
-    if not may_stick(s):
+    if not s.friction.along:
         return value
     return s.line(values.maximum(value, s.ask(sticks, ref)), f"{ref}_rests")

@@ -79,7 +79,7 @@ class Quality(Facts):
     blame : sample without an answer -> the block that causes it
     margin, iterations, residual, contraction : block -> (n,) [-]
     existence : block -> (n,) [-], below 1 where its friction has a solution for every load; for
-        blocks where it is known (`blockmech.friction.existence`)
+        blocks where it is known (`blockmech.friction.equations`)
     flags : remarks, by sample
     """
 
