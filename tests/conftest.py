@@ -81,8 +81,7 @@ def _own_registries():
 def one_repeat():
     """Trades time each setting once after its cold run: fewer say the same of its error."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("blockmech.analysis.trade.measure.FEWEST", 1)
-        patch.setattr("blockmech.analysis.trade.measure.LONG_ENOUGH", 0.0)
+        patch.setattr("blockmech.analysis.trade.measure._is_settled", bool)
         yield
 
 

@@ -126,8 +126,17 @@ def test_what_a_clock_cannot_tell_is_run_until_it_can(monkeypatch) -> None:
     monkeypatch.setattr("blockmech.analysis.trade.measure.COARSEST", 0.1)
     question = Slow()
     (point,), _ = measured(question, Clock(PLENTY, question.now), lambda *_: None)
-    assert question.runs["a"] == 13 * 15  # until the repeats are long enough
+    assert question.runs["a"] == 13 * 7  # a cold run, a warm one, and five repeats that agree
     assert point.seconds == pytest.approx(0.008)
+
+
+def test_repeats_go_on_until_a_second_time_confirms_the_least() -> None:
+    class Falling(Slow):
+        takes = {"a": (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)}
+
+    question = Falling()
+    (point,), _ = measured(question, Clock(PLENTY, question.now), lambda *_: None)
+    assert (point.seconds, point.repeats) == (pytest.approx(0.2), 7)
 
 
 def test_a_busy_machine_is_not_counted() -> None:
@@ -152,8 +161,7 @@ def test_settings_that_give_the_same_at_the_same_cost_are_one_row() -> None:
 
 def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches(monkeypatch) -> None:
     monkeypatch.setattr("blockmech.analysis.trade.free_motion.SHARE", 0.01)  # 0.6 s
-    monkeypatch.setattr("blockmech.analysis.trade.measure.FEWEST", 1)
-    monkeypatch.setattr("blockmech.analysis.trade.measure.LONG_ENOUGH", 0.0)
+    monkeypatch.setattr("blockmech.analysis.trade.measure._is_settled", bool)
     shaken = bm.Graph.load(GRAPHS / "motions" / "shaken_slider.json").compile()
     for method in ("dop853", "radau"):  # their code is kept: the share is for moving
         shaken.simulate("time=0.1", method=method, engine="llvm")

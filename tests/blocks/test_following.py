@@ -169,7 +169,7 @@ def test_answers_do_not_depend_on_order_batch_or_chunk(make):
 def test_a_last_step_known_to_be_safe_by_a_bound_arrives_where_the_exact_value_has_it(
     make, monkeypatch
 ):
-    assert 2 * homotopy.CHANGE / (1 + homotopy.CHANGE) > tracking.CALM
+    assert 2 * homotopy.CHANGE / (1 + homotopy.CHANGE) >= tracking.CALM
     at = samples(make, 60)
     bounded = run_alone(make, at, engine="numpy")
     monkeypatch.setattr(tracking, "CALM", 0.0)
