@@ -34,9 +34,12 @@ def test_a_spring_without_free_length_balances_exactly():
 
 
 def test_two_numbers_that_are_not_linear_find_it_too():
+    numbers, tried = ["spring.stiffness", "spring.free_length"], []
     balance = bm.design.balance(
-        arm(150.0, 0.05), ["spring.stiffness", "spring.free_length"], at=POSES
+        arm(150.0, 0.05), numbers, at=POSES, progress=lambda *state: tried.append(state)
     )
+    assert [count for _, count, _ in tried] == [float(n + 1) for n in range(len(tried))]
+    assert len(tried) > 1
     assert not balance.linear
     assert balance.after["arm.tau_red"].rms < 1e-6
     assert "not linear" in str(balance)

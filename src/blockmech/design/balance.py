@@ -32,6 +32,7 @@ from blockmech.figures.paper import (
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.plane import EPS
+from blockmech.ground.progress import with_bar
 from blockmech.ground.report import Facts, with_unit
 from blockmech.result.result import Result
 from blockmech.result.tables import aligned
@@ -40,7 +41,16 @@ from blockmech.studies.family import in_si_by_address, remade
 from blockmech.studies.objective import INFEASIBLE, real_parts
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
-from blockmech.typing import Arguments, Coordinates, Data, Floats, FrictionMethod, Numbers, Quantity
+from blockmech.typing import (
+    Arguments,
+    Coordinates,
+    Data,
+    Floats,
+    FrictionMethod,
+    Numbers,
+    Progress,
+    Quantity,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -126,6 +136,7 @@ class Balance(Facts, Pictured):
             yield "not linear in these numbers: the best near the start"
 
 
+@with_bar
 @declared
 def balance(
     mechanism: Compiled,
@@ -138,6 +149,7 @@ def balance(
     bounds: Mapping[str, tuple[Quantity, Quantity]] | None = None,
     friction: FrictionMethod | None = "none",
     static: bool | None = None,
+    progress: Progress | None = None,
 ) -> Balance:
     """Springs or counterweights that minimise some outputs over the poses.
 
@@ -150,6 +162,7 @@ def balance(
     bounds : address -> (lowest, highest); by default the limits of the file format
     friction : as that of a run; by default "none" static : without inertia; by default True where
     ``want`` is omitted
+    progress : called as ``progress(task, completed, None)`` after each design that is tried
 
     Returns
     -------
@@ -188,7 +201,9 @@ def balance(
             derivatives = sensitivity(other, outputs, tuple(chosen), at, **poses, **how)
             y = np.concatenate([real_parts(derivatives.result[n]) / scale[n] for n in outputs])
             J = np.hstack([real_parts(derivatives[n]) / scale[n] for n in outputs]).T * sizes
-            kept.update(u=u.tobytes(), y=y, J=J)
+            kept.update(u=u.tobytes(), y=y, J=J, designs=kept.get("designs", 0) + 1)
+            if progress is not None:
+                progress("designs tried", float(kept["designs"]), None)
         return kept["y"], kept["J"]
 
     def residual(u: Floats) -> Floats:
