@@ -240,6 +240,20 @@ def test_slide_is_ended_on_both_sides():
     assert abs(end - (3.0 + half)) <= allowed
 
 
+def test_a_rack_is_searched_for_a_turn_of_its_wheels():
+    """Its arcs repeat without end: half a minute went by over 2761 of them."""
+    document = bm.Graph.load(GRAPHS / "rack_gripper.json")
+    drawing = document.compile().limits()
+    assert words(drawing) == [("unlimited", "unlimited")]
+    period = math.tau * document.compile().parameters()["upper_mesh.radius"].value
+    q = [point.q for point in drawing.arcs[0].change_points]
+    assert max(q) - min(q) > period
+    limits = document.replace({"frame.E.y": 0.03}).compile().limits()
+    assert 1 < len(limits.arcs) < 300
+    for arc, repeated in zip(limits.arcs[1:], limits.arcs[3:-1], strict=False):
+        assert repeated.start.q - arc.start.q == pytest.approx(period, rel=1e-9)
+
+
 def test_slide_that_no_group_ends_is_unlimited():
     g = bm.Graph("ram")
     g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0)}))

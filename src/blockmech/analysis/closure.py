@@ -200,7 +200,10 @@ def one_turn() -> Span:
 
 
 def travel(mechanism: Compiled, driver: str) -> Span:
-    """A slide's way, a million times the size of the mechanism and of its law's range."""
+    """A slide's way, a million times the size of the mechanism and of its law's range.
+
+    One that turns wheels, after whose turn all repeats: as far as it turns one of that size.
+    """
     structure = mechanism.structure
     sizes = [b.largest_length() for b in structure.blocks.values() if isinstance(b, Moving)]
     fixed = [m for _, m in structure.fixed.all_markers.values() if not isinstance(m, BuiltIn)]
@@ -209,4 +212,11 @@ def travel(mechanism: Compiled, driver: str) -> Span:
     sizes += [abs(law.start), abs(law.end)] if isinstance(law, OverRange) else []
     head = structure.blocks[structure.driven[driver].block]
     size = sum([*sizes, abs(getattr(head, "offset", 0.0))]) or 1.0
-    return Span(-BEYOND * size, BEYOND * size, size=size)
+    reach = size * (TURN if turns_wheels(structure, driver) else BEYOND)
+    return Span(-reach, reach, size=size)
+
+
+def turns_wheels(structure: Structure, driver: str) -> bool:
+    """Whether a slide leads pairs that turn, as a rack does."""
+    followers = (f for f in structure.followers.values() if driver in dict(f.terms))
+    return any(structure.coupled_pair(f.coupling) == "PR" for f in followers)

@@ -21,11 +21,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.arcs import Bound, Known, Nearest, Piece, closed_pieces
-from blockmech.analysis.closure import Closure, one_turn, travel
+from blockmech.analysis.closure import Closure, one_turn, travel, turns_wheels
 from blockmech.analysis.scan import TURN, shown_place
 from blockmech.figures.panels import Bar, bars_figure
 from blockmech.figures.paper import Pictured
@@ -58,8 +58,9 @@ class End:
     block : the group whose margin is zero there, or ""
     how : "extended" or "folded" (RRR), "tangent" (RRP, RPR), "parallel" (PRP),
         "coincident" (the outer pins of an RRR or RPR meet), "dead centre" (other
-        groups); "turn" where a whole turn begins and ends, "unlimited" where no group
-        ends the travel within a million times the mechanism's size
+        groups); "turn" where a whole turn begins and ends, also that of the wheels that a slide
+        turns; "unlimited" where no group ends the travel within a million times the mechanism's
+        size
     """
 
     q: float
@@ -201,7 +202,8 @@ def limits(
     """The feasible arcs of a driver, the others held.
 
     A crank is searched over one turn. A slide is searched over its law's range, over
-    twice the size of the mechanism, and thinly up to a million times that.
+    twice the size of the mechanism, and thinly up to a million times that; one that turns
+    wheels, as a rack does, as far as it turns one of the mechanism's size.
 
     Parameters
     ----------
@@ -293,7 +295,14 @@ def _arc(closure: Closure, piece: Piece) -> Arc:
     passes = tuple(_end(closure, p) for p in piece.passes)
     if piece.start is None or piece.end is None:
         return Arc(End(0.0, "", "turn"), End(TURN, "", "turn"), passes)
-    return Arc(_end(closure, piece.start), _end(closure, piece.end), passes)
+    start, end = _end(closure, piece.start), _end(closure, piece.end)
+    structure = closure.mechanism.structure
+    if start.how != end.how and turns_wheels(structure, closure.driver):
+        start, end = (
+            replace(x, q=bound.q, how="turn") if x.how == "unlimited" else x
+            for x, bound in ((start, piece.start), (end, piece.end))
+        )
+    return Arc(start, end, passes)
 
 
 def _end(closure: Closure, bound: Bound) -> End:
