@@ -105,13 +105,9 @@ def _parameters(block: type[Block]) -> Iterator[str]:
     for name, field in block.model_fields.items():
         if name in SHARED_FIELDS:
             continue
-        unit = properties.get(name, {}).get("unit") or _unit_of_part(properties.get(name, {}))
+        about = properties.get(name, {})
+        unit = next((x["unit"] for x in (about, *about.get("anyOf", ())) if "unit" in x), "")
         default = "" if field.is_required() else f" = {field.get_default()}"
         if not field.is_required() and field.get_default() is None:
             default = ", optional"
         yield f"  parameter   {name}{f' [{unit}]' if unit else ''}{default}"
-
-
-def _unit_of_part(schema: Data) -> str:
-    """Unit of an optional number, which stands one level deeper."""
-    return next((part["unit"] for part in schema.get("anyOf", ()) if "unit" in part), "")

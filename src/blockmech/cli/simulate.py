@@ -106,18 +106,13 @@ def simulate(
         result = output.in_units(result)
         gaps = gap_lines(result)
     output.show(result, gaps, ["", *motion_lines(result)])
-    if result.motion is not None and result.motion.end == "interrupted":
-        raise typer.Exit(INTERRUPTED)
-    if gaps or _unanswered(result, at):
-        raise typer.Exit(NO_ANSWER)
-
-
-def _unanswered(result: Result, requested: list[float] | None) -> bool:
-    """Whether the motion failed, or ended before a time that was asked for."""
     motion = result.motion
     assert motion is not None
-    none = motion.status in ("failed", "unfinished")
-    return none or any(map(math.isnan, motion.reached_times(requested or [])))
+    if motion.end == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+    missed = any(map(math.isnan, motion.reached_times(at or [])))
+    if gaps or missed or motion.status in ("failed", "unfinished"):
+        raise typer.Exit(NO_ANSWER)
 
 
 def motion_lines(result: Result) -> list[str]:

@@ -165,7 +165,8 @@ class Statements:
         for node in self._needed:
             if node.scope == loop.scope:
                 yield from self._statement(node, "        ")
-        buffered = {i for i in states if _is_state(loop.following[i])}  # all states change at once
+        following = ((i, loop.following[i]) for i in states)  # all states change at once
+        buffered = {i for i, x in following if isinstance(x, Node) and x.op == "state"}
         for i in buffered:
             kind = "int" if is_truth(loop.state[i]) else "real"
             now = self.name(loop.following[i])
@@ -178,10 +179,6 @@ class Statements:
 
 def _state(loop: Loop, i: int) -> str:
     return f"s{loop.scope}_{i}"
-
-
-def _is_state(x: Real) -> bool:
-    return isinstance(x, Node) and x.op == "state"
 
 
 def _reachable(results: Iterable[Real]) -> tuple[list[Node], dict[Loop, list[int]]]:
