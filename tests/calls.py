@@ -25,7 +25,7 @@ import numpy as np
 
 import blockmech as bm
 from blockmech.builders import opened
-from blockmech.draw import KINDS, animate, diagram_svg, draw, mechanism_svg, plot, run_pictures
+from blockmech.draw import KINDS, animate, draw, plot, run_pictures, svg
 from blockmech.draw.simulation import motion_svg
 from blockmech.exchange.formats import WRITERS
 from blockmech.figures.paper import Pictured
@@ -352,8 +352,8 @@ def _drawn(kind: str) -> Call:
 
 
 PICTURES: dict[str, Call] = {
-    "diagram_svg": lambda s: diagram_svg(s.mechanism),
-    "mechanism_svg": lambda s: mechanism_svg(s.document, s.pose),
+    "diagram_svg": lambda s: svg(draw(s.mechanism, kind="diagram")),
+    "mechanism_svg": lambda s: svg(draw(s.document, None, "mechanism", s.pose)),
     "run_pictures": _into(lambda s, home: run_pictures(s.result, home)),
     "plot": _into(lambda s, home: plot(s.result, home / "it.svg", s.output)),
     "plot of a motion": _into(lambda s, home: plot(s.motion, home / "it.svg", s.motion)),

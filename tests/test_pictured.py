@@ -10,6 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import blockmech as bm
+from blockmech.figures.curves import with_reversals
 from blockmech.figures.paper import Pictured, panelled
 from tests.source import MODULES
 
@@ -91,7 +92,7 @@ def test_runs_in_the_same_axes_have_their_own_colours_labels_and_one_unit():
     assert len({line.get_color() for line in axes.lines}) == 2
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["slow", "fast"]
     unit = axes.get_ylabel().rpartition("[")[2].rstrip("]")
-    drive = run["crank.drive"] * {"N m": 1.0, "kN m": 1e-3}[unit]
+    drive = with_reversals(run)["crank.drive"] * {"N m": 1.0, "kN m": 1e-3}[unit]
     np.testing.assert_allclose(axes.lines[1].get_ydata(), drive, rtol=1e-12)
     few.plot(ax=(both := Figure().subplots()), label="here")
     assert [line.get_label() for line in both.lines] == ["here: dyad.B", "here: dyad.D"]

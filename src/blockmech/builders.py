@@ -84,9 +84,9 @@ class Graph(Uncompiled, graph.Graph):
         return Mechanism._from_graph(self)
 
     def _repr_svg_(self) -> str:
-        from blockmech.draw import diagram_svg
+        from blockmech.draw import svg
 
-        return diagram_svg(self)
+        return svg(self.draw(kind="diagram"))
 
 
 @dataclass(frozen=True, repr=False)

@@ -85,10 +85,10 @@ class Mechanism(Compiled["Mechanism"]):
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, as it starts; else nothing."""
-        from blockmech.draw import mechanism_svg
+        from blockmech.draw import svg
 
         with suppress(BlockmechError):
-            return mechanism_svg(self)
+            return svg(self.draw())
         return None
 
     def _feasible(self, groups: frozenset[str], fixed: Mapping[str, float] | None = None) -> str:

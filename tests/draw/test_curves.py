@@ -11,7 +11,7 @@ from PIL import Image
 
 import blockmech as bm
 from blockmech.draw import plot, run_pictures
-from blockmech.figures.curves import abscissa, chosen_panels, pictures_of
+from blockmech.figures.curves import abscissa, chosen_panels, pictures_of, with_reversals
 from blockmech.figures.panels import Abscissa, Panel, draw_panels, of_pi
 from blockmech.figures.paper import scaled_unit, styled
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
@@ -257,3 +257,34 @@ def test_a_unit_is_chosen_by_the_answer_and_not_by_its_picture():
     for answer, keyword in ((run, "unit"), (run, "degrees"), (run.mechanism.limits(), "unit")):
         with pytest.raises(TypeError, match=rf"argument '{keyword}'. write .*\.to\(\)"):
             answer.plot(**{keyword: "mm"})
+
+
+@pytest.mark.parametrize("samples", [37, 38])
+def test_friction_jumps_where_slip_reverses(samples):
+    """A value on each side; a sample upon a reversal has none of the friction of what rests there.
+
+    The links of the pin C do not turn against each other at 0 and 180 degrees.
+    """
+    mechanism = ruiz().compile()
+    run = mechanism.run(samples=samples, want=["crank.drive", "dyad.C.friction", "dyad.C.slip"])
+    fine = with_reversals(run)
+    q, slip, friction = (fine[name] for name in ("crank.q", "dyad.C.slip", "dyad.C.friction"))
+    assert (np.diff(q) > 0).all()
+    assert not [f for f in fine.quality.flags if f.code == "zero-relative-speed"]
+    reversals = np.flatnonzero(slip[1:] * slip[:-1] < 0)
+    step = run["crank.q"][1]
+    assert np.ptp(q[np.array([reversals, reversals + 1])], axis=0) == pytest.approx(step / 500)
+    assert q[reversals] == pytest.approx(math.pi, abs=step / 500)
+    before, after = friction[reversals], friction[reversals + 1]
+    assert (np.abs(before + after) < 1e-2 * np.abs(before)).all(), "it only changes its sense"
+    exact = mechanism.run(at=q, want=["crank.drive"])
+    assert fine["crank.drive"] == pytest.approx(exact["crank.drive"], rel=1e-9)
+    plotted = run.plot(want="crank.drive").axes[0].lines[0]
+    assert np.radians(plotted.get_xdata()) == pytest.approx(q)
+
+
+def test_runs_without_friction_or_slip_are_drawn_as_they_are():
+    run = ruiz().run(samples=5, friction="none")
+    assert with_reversals(run) is run
+    still = ruiz().run(at=[0.1, 0.2, 0.3], rates=[0.0] * 3)
+    assert with_reversals(still) is still

@@ -16,6 +16,7 @@ from blockmech.draw.sketch import line_sign, sketch_of
 from blockmech.editor.drawing import of_links
 from blockmech.figures.curves import pictures_of
 from blockmech.ground.errors import RequestError
+from tests.gallery import GRAPHS
 from tests.model.documents import DOCUMENTS, flipped, linkage
 
 
@@ -183,3 +184,27 @@ def test_welds_and_the_dimensions_that_hold_in_a_pose_are_drawn(q):
     x, y = line.get_data()
     direction = complex(x[-1] - x[0], y[-1] - y[0])
     assert abs((direction * turn.conjugate()).imag) < 1e-9 * abs(direction)
+
+
+def test_wheels_have_bodies_beneath_their_links_the_smaller_on_the_larger():
+    picture = draw_mechanism(bm.read(GRAPHS / "joints" / "planetary_hoist.json").compile())
+    bodies = {a.get_label(): a for a in picture.axes.patches if a.get_label().startswith("body:")}
+    circles = [a for a in picture.axes.lines if a.get_label().startswith("wheel:")]
+    assert len(bodies) == len(circles) > 2
+    by_order = sorted(bodies.values(), key=lambda body: body.get_zorder())
+    widths = [np.ptp(body.get_xy()[:, 0]) for body in by_order]
+    assert widths == sorted(widths, reverse=True)
+    links = [a.get_zorder() for a in picture.axes.lines if a.get_label().startswith("link:")]
+    assert by_order[-1].get_zorder() < min(links)
+
+
+def test_a_legend_is_read_row_by_row():
+    """Entries in the order of the curves: the first ones stand in the first row."""
+    run = bm.read(GRAPHS / "joints" / "engine.json").run(samples=5, want="joint.*.reaction")
+    figure = run.plot()
+    figure.canvas.draw()
+    texts = figure.axes[0].get_legend().get_texts()
+    at = {t.get_text(): t.get_window_extent().get_points()[0] for t in texts}
+    names = [line.get_label() for line in figure.axes[0].lines if line.get_label() in at]
+    assert sorted(at, key=lambda name: (-round(at[name][1]), at[name][0])) == names
+    assert len({round(y) for _, y in at.values()}) > 1

@@ -19,6 +19,7 @@ from blockmech.draw.simulation import (
 )
 from blockmech.figures.panels import Abscissa, Panel, draw_panels
 from tests.gallery import GRAPHS
+from tests.machines import ruiz
 
 WANT = ("*.q", "*.rate", "*.reaction", "mechanism.kinetic_energy", "mechanism.potential_energy")
 
@@ -117,3 +118,26 @@ def test_tables_have_the_corners_of_a_motion(name):
     assert max(behind) <= (0.25 * 0.0075 if name == "hammer" else 0.0)  # bounces pile up
     assert len(result.to_csv().splitlines()) == 1 + result.n > 202
     assert (np.diff(result.time) > 0).all()
+
+
+def test_a_curve_has_times_enough_for_every_cycle():
+    """A motion of 22 turns: at least 33 times a turn, those of a shorter one among them."""
+    motion = ruiz().compile().simulate("turns=22", start={"crank": (0.0, 40.0)}, friction="none")
+    turns = motion["crank.q"][-1] / (2 * np.pi)
+    assert motion.motion.cycles(201) == pytest.approx(22)
+    assert turns == pytest.approx(22)
+    assert set(motion.motion.times(201)) <= set(motion.time)
+    advance = np.diff(motion["crank.q"])
+    assert np.median(2 * np.pi / advance) > 33
+    few = motion.mechanism.simulate("turns=3", start={"crank": (0.0, 40.0)}, friction="none")
+    assert few.n == 201
+
+
+def test_a_curve_jumps_where_slip_reverses_in_a_motion():
+    motion = fallen("stribeck_slider_crank", "time=1.5", ("*.friction", "*.slip"))
+    begins = [x.begin for x in motion.motion.slips[1:]]
+    assert begins
+    for begin in begins:
+        k = int(np.searchsorted(motion.time, begin))
+        assert motion.time[k] == begin
+        assert motion.time[k - 1] == np.nextafter(begin, 0.0)

@@ -79,9 +79,18 @@ def test_the_names_of_the_parameters_choose_the_method():
     assert methods == {"coordinate": "energy", "rate": "dop853", "time": "dop853"}
 
 
-@pytest.mark.parametrize("law", [lambda w: w, lambda: 1.0, math.sin, lambda rate, torque: rate])
-def test_a_function_of_something_else_is_refused_and_told_how(law):
-    with pytest.raises(GraphError, match=r"Motor\.law: a function of .*coordinate.*lambda rate"):
+@pytest.mark.parametrize(
+    ("law", "remedy"),
+    [
+        (lambda t: t, 'did you mean "time"'),
+        (lambda w: w, 'did you mean "rate"'),
+        (math.sin, 'did you mean "coordinate"'),
+        (lambda: 1.0, "lambda rate"),
+        (lambda rate, torque: rate, "lambda rate"),
+    ],
+)
+def test_a_function_of_something_else_is_refused_and_told_how(law, remedy):
+    with pytest.raises(GraphError, match=rf"Motor\.law: a function of .*coordinate.*{remedy}"):
         bm.Motor(law=law)
 
 

@@ -181,10 +181,9 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
         factor, unit = picture_unit(self.unit, self._display)
         curves = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
         counts = {kind: sum(e.kind == kind for e in self) for kind in MARKS}
-        counted_kinds = [f"{n} {kind} ({MARKS[kind][1]})" for kind, n in counts.items() if n] or [
-            "none"
-        ]
-        caption = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(counted_kinds)}"
+        counted_kinds = (f"{n} {kind} ({MARKS[kind][1]})" for kind, n in counts.items() if n)
+        caption = f"Equilibria of {shown_name(self.coordinate)}: "
+        caption += ", ".join(counted_kinds) or "none"
         caption += "; shaded: where friction holds it." if self.rests else "."
         with panelled(caption, len(curves) * PANEL + 2 * ink.ROW, len(curves), ax=ax) as panels:
             for (axes,), curve in zip(panels, curves, strict=True):

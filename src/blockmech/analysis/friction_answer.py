@@ -142,10 +142,8 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             (~self.connected & low, "another one, unstable", {"color": ink.SERIES[1], **hollow}),
         )
         caption = f"{shown_name(name)}: all solutions of Coulomb's equations."
-        if UNDECIDED in self.proof:
-            caption += (
-                f" At {self.proof.count(UNDECIDED)} poses it is not proved that these are all."
-            )
+        if undecided := self.proof.count(UNDECIDED):
+            caption += f" At {undecided} poses it is not proved that these are all."
         with panelled(caption, HEIGHT + 2 * ink.ROW, ax=ax) as ((axes,),):
             for mask, label, style in kinds:
                 if mask.any():
@@ -175,25 +173,16 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         caption += "grow without bound; where two solutions end without it they meet in a fold."
         with panelled(caption, HEIGHT + 2 * ink.ROW, ax=ax) as ((axes,),):
             axes.grid(False)
-            colours = ListedColormap(FILLS)
-            axes.pcolormesh(
-                _edges(coordinates),
-                _edges(scales),
-                counts,
-                cmap=colours,
-                vmin=0,
-                vmax=3,
-                rasterized=True,
-            )
+            look = {"cmap": ListedColormap(FILLS), "vmin": 0, "vmax": 3, "rasterized": True}
+            axes.pcolormesh(_edges(coordinates), _edges(scales), counts, **look)
             for c in self.existence.values():
                 lines = np.full(counts.shape, np.nan)
                 lines[at] = c
                 with np.errstate(invalid="ignore"):
                     crossed = np.nanmin(lines) < 1.0 < np.nanmax(lines)
                 if crossed:
-                    axes.contour(
-                        coordinates, scales, lines, [1.0], colors=ink.ALARM, linewidths=1.0
-                    )
+                    red = {"colors": ink.ALARM, "linewidths": 1.0}
+                    axes.contour(coordinates, scales, lines, [1.0], **red)
             for i in np.unique(counts):
                 axes.fill([], [], facecolor=FILLS[i], edgecolor=ink.INK, lw=0.6, label=WORDS[i])
             grow(axes, legend_above(axes, ink.COLUMN), ax)

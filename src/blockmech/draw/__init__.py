@@ -19,9 +19,9 @@ from blockmech.draw.mechanism import centrodes, draw_mechanism, draw_result, dra
 from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.schedule import draw_schedule
 from blockmech.draw.structural import draw_structural_graph
-from blockmech.figures.curves import Axis, abscissa, pictures_of, plot
+from blockmech.figures.curves import Axis, abscissa, pictures_of, plot, with_reversals
 from blockmech.figures.panels import draw_panels
-from blockmech.figures.paper import MOVING, STILL, put_in, rendered, suffix_of, write_figure
+from blockmech.figures.paper import MOVING, STILL, put_in, suffix_of, svg, write_figure
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import (
     among,
@@ -40,15 +40,7 @@ from blockmech.typing import Coordinates
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "Animation",
-    "animate",
-    "diagram_svg",
-    "draw",
-    "mechanism_svg",
-    "plot",
-    "run_pictures",
-]
+__all__ = ["Animation", "animate", "draw", "plot", "run_pictures", "svg"]
 __dir__ = __all__.copy  # completion shows these alone
 
 
@@ -142,28 +134,6 @@ def draw(
 
 
 @declared
-def diagram_svg(subject: Subject) -> str:
-    """The block diagram as SVG text; the same graph gives the same text.
-
-    >>> bm.draw.diagram_svg(g)[:4]
-    '<?xm'
-    """
-    return rendered(_diagram(subject), ".svg").decode()
-
-
-@declared
-def mechanism_svg(
-    subject: Subject, at: Coordinates | None = None, trace: Iterable[str] | None = None
-) -> str:
-    """The mechanism at poses as SVG text; see `draw` for the arguments and errors.
-
-    >>> bm.draw.mechanism_svg(mech, at=0.5)[:4]
-    '<?xm'
-    """
-    return rendered(_mechanism(subject, at=at, trace=trace), ".svg").decode()
-
-
-@declared
 def animate(
     subject: Subject | Result,
     path: AnyPath | None = None,
@@ -229,6 +199,7 @@ def run_pictures(result: Result, folder: AnyPath, *, over: Axis = "auto") -> lis
     >>> [path.name for path in bm.draw.run_pictures(result, "pictures")]
     ['drive.png', 'friction_power.png', 'reactions.png', 'mechanism.png']
     """
+    result = with_reversals(result)
     axis = abscissa(result, over)
     figures = {name: draw_panels(row, axis) for name, row in pictures_of(result).items()}
     if len(result.quality.gaps) < result.n:

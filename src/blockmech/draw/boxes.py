@@ -61,16 +61,14 @@ class DrawnBlock:
         small = self.kind == "element"
         name = text_width(shown_name(self.name), SMALL if small else TEXT, bold=True)
         label_width = text_width(shown_name(self.words), SMALL)
-        ports_width = max((text_width(p.label, SMALL) for p in self.ports), default=0.0)
-        markers_width = max(
-            (text_width(shown_name(m, 16), SMALL) for m in self.markers), default=0.0
+        markers = (shown_name(marker, 16) for marker in self.markers)
+        ports_width, markers_width = (
+            max((text_width(text, SMALL) for text in texts), default=0.0)
+            for texts in ((port.label for port in self.ports), markers)
         )
         gap = 2 * SIZES.pad if ports_width and markers_width else 0.0
-        inside = (
-            ports_width + 2 * SIZES.pad + label_width
-            if small
-            else max(label_width, ports_width + gap + markers_width)
-        )
+        inside = max(label_width, ports_width + gap + markers_width)
+        inside = ports_width + 2 * SIZES.pad + label_width if small else inside
         return Box(
             self.name,
             max(name, inside) + 2 * SIZES.pad,
@@ -159,9 +157,8 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
     # An address that is none at all leaves a part empty.
     wires = [ends for wire in graph.wires if all(ends := wire.split_ends(graph.blocks))]
     wires += _drive_wires(graph)
-    names_shown = list(
-        dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))])
-    )
+    ends_of_wires = (name for wire in wires for name in (wire.source, wire.target))
+    order = list(dict.fromkeys([*graph.blocks, *ends_of_wires]))
     problems = graph.check()
     if problems:
         codes = {p.code: [q.where for q in problems if q.code == p.code] for p in problems}
@@ -170,18 +167,18 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
     else:
         s = graph.structure()
         subtitle = labels.formula(s).replace("->", "→")
-    if len(names_shown) > most:  # of a valid graph in the order of formation
-        subtitle = f"first {most} of {len(names_shown)} blocks – {subtitle}"
-        names_shown = (
-            names_shown if problems else [s.frame, *s.blocks, *s.elements, *s.couplings, *s.signals]
-        )[:most]
-    inner_wires = [w for w in wires if w.source in names_shown and w.target in names_shown]
+    if len(order) > most:  # of a valid graph in the order of formation
+        subtitle = f"first {most} of {len(order)} blocks – {subtitle}"
+        if not problems:
+            order = [s.frame, *s.blocks, *s.elements, *s.couplings, *s.signals]
+        order = order[:most]
+    inner_wires = [w for w in wires if w.source in order and w.target in order]
     fed = {(w.target, w.port) for w in wires}
     return Content(
         title=graph.title or graph.name,
         subtitle=subtitle,
         complete=not problems,
-        blocks=tuple(_block(graph, name, inner_wires, fed, labels) for name in names_shown),
+        blocks=tuple(_block(graph, name, inner_wires, fed, labels) for name in order),
         wires=tuple(
             DrawnWire(w, _feeds(graph, w), labels.marker_label(w), signal_wire(graph.blocks, w))
             for w in inner_wires

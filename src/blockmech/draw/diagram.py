@@ -254,17 +254,14 @@ def _legend(content: Content, cycle: bool) -> dict[str, Data]:
         for kind, head in (("forward", ">"), ("back", "<"), ("cycle", ">"))
     )
     cross = {"color": ink.ALARM, "marker": "x", "ms": 5, "lw": 1.0}
+    signal = {"color": ink.INK, "ls": DASHED, "lw": 1.0}
     entries = (
         ("motion forward: p, v, a", forward, True),
         ("back: force F and moment M; reduced effort τ and inertia J", back, True),
         *((f"{pair.word} joint", _symbol(k), k in pairs) for k, pair in PAIRS.items()),
         ("load", _symbol(""), any(b.kind == "element" for b in content.blocks)),
         ("coupling", _symbol("q"), "q" in pairs),
-        (
-            "signal",
-            {"color": ink.INK, "ls": DASHED, "lw": 1.0},
-            any(w.signal for w in content.wires),
-        ),
+        ("signal", signal, any(w.signal for w in content.wires)),
         ("marker", _symbol("marker"), bool(content.wires)),
         ("not wired", cross, not all(p.wired for p in ports)),
         ("waits for a later block", wrong, cycle),

@@ -12,7 +12,14 @@ import numpy as np
 from blockmech.draw.labels import Crowd, Place
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import SIZES
-from blockmech.figures.paper import fitting_columns, new_figure, picture_unit, wrapped
+from blockmech.figures.paper import (
+    BESIDE,
+    fitting_columns,
+    legend_above,
+    new_figure,
+    picture_unit,
+    wrapped,
+)
 from blockmech.typing import Arguments, Complex, Vectors
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
@@ -80,7 +87,7 @@ class Page:
         wide: bool,
         paths: Paths,
         captions: Iterable[str],
-        display: Iterable[str] = (),
+        display: Iterable[str],
     ) -> None:
         from matplotlib.transforms import Affine2D
 
@@ -94,8 +101,7 @@ class Page:
         self.height = float(np.clip(size.imag / self.unit + 2 * SIZES.edge, *SIZES.heights))
         self.corner = low + size / 2 - complex(self.width, self.height) * self.unit / 2
         rows = max((len(self.lines(text)) for text in captions), default=0)
-        self.legend_columns = fitting_columns([*paths], self.width)
-        rows += math.ceil(len(paths) / max(self.legend_columns, 1))
+        rows += math.ceil(len(paths) / max(fitting_columns([*paths], self.width), 1))
         total = SIZES.bottom + self.height + SIZES.top + ink.ROW * rows
         left_edge = SIZES.left_margin / columns
         self.figure = new_figure(columns, total)
@@ -121,8 +127,7 @@ class Page:
         for i, (name, path) in enumerate(paths.items()):
             look = {"lw": 0.9, "zorder": 4.9, "label": name, "transform": self.ground}
             axes.plot(path.real, path.imag, **ink.curve_style(i), **look)
-        if paths:
-            axes.legend(ncols=self.legend_columns, bbox_to_anchor=(0.0, 1.0))
+        legend_above(axes, self.width + BESIDE)
 
     def lines(self, text: str) -> list[str]:
         """A caption as lines that fit."""

@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from blockmech.figures.palette import BACK, DRIVE, GREY, INK, SERIES, SMALL, TEXT
-from blockmech.figures.paper import new_page, shown_name, styled
+from blockmech.figures.paper import arrow, new_page, shown_name, styled
 from blockmech.plan.plan import Node, Plan
+from blockmech.typing import Arguments
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,13 +82,6 @@ def _cells(graph: Any) -> tuple[dict[Node, tuple[float, float]], dict[str, float
 def _arrow(axes: Axes, start: Any, end: Any, letters: int, colour: str, dashes: str) -> None:
     """An arrow to a box with so many letters; it bends, so that what it passes stays readable."""
     level, is_long = start[1] == end[1], end[0] - start[0] > COLUMN
-    style = {
-        "arrowstyle": "-|>",
-        "color": colour,
-        "linestyle": dashes,
-        "linewidth": 0.8,
-        "shrinkA": TEXT,
-        "shrinkB": (0.5 + letters / 5 if level and not is_long else 2) * TEXT,  # half a box
-        "connectionstyle": f"arc3,rad={-0.15 if is_long and level else 0.0}",
-    }
-    axes.annotate("", end, start, arrowprops=style, zorder=1)
+    half_box = (0.5 + letters / 5 if level and not is_long else 2) * TEXT
+    look: Arguments = {"color": colour, "linestyle": dashes, "linewidth": 0.8}
+    arrow(axes, (start, end), -0.15 if is_long and level else 0.0, (TEXT, half_box), **look)

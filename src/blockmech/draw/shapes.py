@@ -71,10 +71,14 @@ def shapes_of(stage: Stage) -> list[Shape]:
     for name, line in dimension_lines(stage).items():
         for path in (line, line[::-1]) if len(line) > 1 else ():
             shapes += _arrow(path, ink.GREY, f"dimension:{name}", stage.unit, 0.6)
-    for wheel in stage.sketch.wheels:
+    for k, wheel in enumerate(sorted(stage.sketch.wheels, key=lambda x: -x.extent)):
         points, dash = stage.motion.at(wheel.link, np.array(wheel.points)), (9.0, 2.0, 2.0, 2.0)
         look: Arguments = {"width": 0.9, "dash": dash if wheel.chain else ()}
         shapes.append(Shape(f"wheel:{wheel.name}", "line", points, 4.7, ink.GREY, **look))
+        if wheel.is_closed:  # a body, beneath all links; smaller ones lie on larger ones
+            fill = _colours(stage.motion.structure.links[wheel.link], faint=False)[0]
+            look = {"fill": fill, "width": 0.0}
+            shapes.append(Shape(f"body:{wheel.name}", "area", points, 1 + 0.01 * k, **look))
     for load in stage.sketch.loads:
         shapes += _load(stage, load)
     for name, arc in drive_ways(stage).items():

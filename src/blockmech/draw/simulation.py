@@ -29,7 +29,7 @@ from blockmech.figures.curves import (
     values,
 )
 from blockmech.figures.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
-from blockmech.figures.paper import legend_above, panelled, rendered, shown_name, write_figure
+from blockmech.figures.paper import legend_above, panelled, shown_name, svg, write_figure
 from blockmech.functions.roots import SCANNED
 from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
@@ -49,7 +49,7 @@ def motion_svg(result: Result) -> str:
     if motion is None or not motion.t_end > motion.t_start:
         return ""
     fine, over = _smooth(result, motion, ())
-    return rendered(draw_panels(state_panels(fine), over), ".svg").decode()
+    return svg(draw_panels(state_panels(fine), over))
 
 
 def simulation_pictures(result: Result, folder: AnyPath) -> list[Path]:

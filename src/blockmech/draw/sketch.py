@@ -125,6 +125,16 @@ class Wheel:
     points: Outline
     chain: bool
 
+    @property
+    def extent(self) -> float:
+        """Its width [m]."""
+        return float(np.ptp(np.real(self.points)))
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it surrounds a body."""
+        return min(abs(z - self.points[-1]) for z in self.points[:-1]) <= BLUR * self.extent
+
 
 @dataclass(frozen=True)
 class DimensionMark:

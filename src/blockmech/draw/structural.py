@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from blockmech.compiled import Compiled
 from blockmech.figures.palette import DRIVER_FILL, FRAME_FILL, GREY, GROUP_FILL, INK, SMALL, TEXT
-from blockmech.figures.paper import new_page, shown_name, styled
+from blockmech.figures.paper import arrow, new_page, shown_name, styled
 from blockmech.model.structure import LinkRef
 from blockmech.typing import Arguments
 
@@ -95,17 +95,9 @@ def draw_structural_graph(mechanism: Compiled) -> Any:
 def _edge(axes: Axes, start: Any, end: Any, word: str) -> None:
     """An arrow from vertex to vertex; one that passes others bends below them."""
     is_long = end[0] - start[0] > COLUMN
-    level = start[1] == end[1]
-    bend = BEND if is_long and level else 0.0
-    style = {
-        "arrowstyle": "-|>",
-        "color": INK,
-        "linewidth": 0.9,
-        "shrinkA": SIZE[1] if is_long else SIZE[0] / 2,
-        "shrinkB": SIZE[1] if is_long else SIZE[0] / 2,
-        "connectionstyle": f"arc3,rad={bend}",
-    }
-    axes.annotate("", end, start, arrowprops=style, zorder=1)
+    bend = BEND if is_long and start[1] == end[1] else 0.0
+    shrink = SIZE[1] if is_long else SIZE[0] / 2
+    arrow(axes, (start, end), bend, (shrink, shrink), color=INK, linewidth=0.9)
     x, y = ((a + b) / 2 for a, b in zip(start, end, strict=True))
     y += bend * (end[0] - start[0]) / 2
     below: Arguments = {"va": "top"} if bend else {"va": "bottom"}

@@ -15,11 +15,7 @@ from blockmech.ground.files import AnyPath
 
 
 def animate(
-    linear: Linearization,
-    mode: int = 0,
-    path: AnyPath | None = None,
-    *,
-    amplitude: float = SWING,
+    linear: Linearization, mode: int = 0, path: AnyPath | None = None, *, amplitude: float = SWING
 ) -> Animation:
     """One mode in motion: its shape, swinging about the pose.
 

@@ -87,7 +87,8 @@ def simulate(
     method : "auto", "energy", "dop853", "radau", "rk4" or "euler_q", see `METHODS`; or a
         `FixedStep`
     accuracy : target [rad or m] of the driver coordinate at all times
-    times : (n,) output times [s]; by default 201 over the whole run, and those of events
+    times : (n,) output times [s]; by default 201 over the whole run, of many turns or swings at
+        least 33 for each, and those of events
     start : driver -> (q [rad or m], rate), or q alone at rest; by default the scene's ``initial``
     stops : driver, or the coordinate of a pair such as ``"rod.S.coordinate"`` -> (lowest,
         highest) [rad or m]; by default the scene's
@@ -144,8 +145,8 @@ def simulate(
     if request.roles is not None and len(mechanism.drivers) == 1:
         motion = in_numbers(motion)
     motion = explained(mechanism, system, request, motion)
-    curve = motion.curve_times(OUTPUTS if motion.t_end > motion.t_start else 1)
-    reached = motion.reached_times(curve if times is None else request.times)
+    count = OUTPUTS if motion.t_end > motion.t_start else 1
+    reached = motion.reached_times(motion.curve_times(count) if times is None else request.times)
     inside = reached[~np.isnan(reached)]
     if late := len(reached) - len(inside):
         note = f"{late} of {len(reached)} times after the end are left out"

@@ -21,7 +21,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import among, as_names, refused
 from blockmech.ground.files import AnyPath
 from blockmech.model.laws_of_motion import OverRange
-from blockmech.result.columns import without_noise
+from blockmech.result.columns import unwrapped, without_noise
 from blockmech.result.result import Result
 from blockmech.typing import Floats
 
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]
+ASIDE = 1e-3  # of the way to the next sample: a side of a reversal of slip
 NOTHING: Mapping[str, Floats] = {}
+NAMES: Mapping[str, str] = {}
 
 KINEMATICS = {
     "angle": ("angle", "rad"),
@@ -60,6 +62,35 @@ def without_friction(result: Result) -> Result | None:
     if not friction or not forces:
         return None
     return result.rerun(*forces, friction="none")
+
+
+def with_reversals(result: Result) -> Result:
+    """The run with a sample on each side of a reversal of slip, where friction jumps.
+
+    A sample at which one pair alone is at rest lacks its friction, and is left out.
+    """
+    resting = {pair: at_rest for pair, (at_rest, _) in result._reports["rest"].items()}
+    if result.motion is not None or not resting or result.n < 3:
+        return result
+    names = [f"{pair}.slip" for pair in resting]
+
+    def slips(positions: Floats) -> Floats:
+        run = result._between(positions)._inside(*names)
+        return np.array([run[name] for name in names])
+
+    every = np.arange(float(result.n))
+    slip = slips(every)
+    rest = np.array([np.broadcast_to(row, result.n) for row in resting.values()]) > 0
+    moving = np.pad(~rest, ((0, 0), (1, 1)), constant_values=True)
+    alone = rest & moving[:, :-2] & moving[:, 2:]
+    pair, low = np.nonzero((slip[:, :-1] * slip[:, 1:] < 0) & ~rest[:, :-1] & ~rest[:, 1:])
+    root, rise = low.astype(float), slip[pair, low + 1] - slip[pair, low]
+    for _ in range(4 * bool(len(low))):  # by the chord: slip is almost linear between samples
+        root = np.clip(root - slips(root)[pair, np.arange(len(root))] / rise, low, low + 1)
+    reversals = np.append(root, np.flatnonzero(alone.any(axis=0)))
+    positions = [*every[~alone.any(axis=0)], *(reversals - ASIDE), *(reversals + ASIDE)]
+    inside = [x for x in sorted(positions) if 0 <= x <= result.n - 1]
+    return result._between(np.array(inside)) if len(reversals) else result
 
 
 def drive_panels(result: Result, twin: Result | None) -> Panels:
@@ -116,7 +147,7 @@ def kinematic_panels(result: Result) -> Panels:
     for suffix, (quantity, unit) in KINEMATICS.items():
         curves = _curves_of(result, f".{suffix}")
         if suffix == "angle":
-            curves = {name: _unwrapped(angle) for name, angle in curves.items()}
+            curves = {name: unwrapped(angle) for name, angle in curves.items()}
         if _nonzero(curves):
             panels += _panels(quantity, unit, curves)
     return panels
@@ -150,7 +181,7 @@ def plot(
 
     >>> figure = bm.draw.plot(result, want=["crank.drive"])
     """
-    suffix = "" if path is None else suffix_of(path)
+    suffix, result = "" if path is None else suffix_of(path), with_reversals(result)
     x_axis = abscissa(result, over)
     if want is None and not components and len(result) == len(result.mechanism.outputs):
         panels = tuple(p for group in pictures_of(result).values() for p in group)
@@ -169,10 +200,7 @@ def _labelled(panel: Panel, label: str) -> Panel:
     if not label:
         return panel
     names = {name: f"{label}: {name}" if len(panel.curves) > 1 else label for name in panel.curves}
-    curves, without = (
-        {names[name]: y for name, y in x.items()} for x in (panel.curves, panel.without)
-    )
-    return replace(panel, curves=curves, without=without)
+    return _changed(panel, 1.0, panel.unit, names)
 
 
 def _matches(result: Result, pattern: str) -> list[str]:
@@ -182,13 +210,17 @@ def _matches(result: Result, pattern: str) -> list[str]:
 
 def in_units(panels: Panels, result: Result) -> Panels:
     """Panels in the units of a result, where they are of its kind."""
-    scaled = []
-    for panel in panels:
-        factor, unit = picture_unit(panel.unit, result._display)
-        groups = (panel.curves, panel.without)
-        curves, without = ({name: factor * y for name, y in x.items()} for x in groups)
-        scaled.append(Panel(panel.quantity, unit, curves, without))
-    return tuple(scaled)
+    units = (picture_unit(panel.unit, result._display) for panel in panels)
+    return tuple(_changed(panel, *unit) for panel, unit in zip(panels, units, strict=True))
+
+
+def _changed(panel: Panel, factor: float, unit: str, names: Mapping[str, str] = NAMES) -> Panel:
+    """A panel in another unit, its curves by other names."""
+    curves, without = (
+        {names.get(name, name): factor * y for name, y in curves.items()}
+        for curves in (panel.curves, panel.without)
+    )
+    return replace(panel, unit=unit, curves=curves, without=without)
 
 
 def chosen_panels(result: Result, names: Iterable[str], components: bool = False) -> Panels:
@@ -201,20 +233,20 @@ def chosen_panels(result: Result, names: Iterable[str], components: bool = False
         output = result._output(name)
         if output.kind in ("real", "vector"):
             subject, _, quantity = name.rpartition(".")
-            factor, unit = picture_unit(output.unit, result._display)
-            lines = {subject: factor * values(result, name)}
+            lines = {subject: values(result, name)}
             title = f"|{quantity}|" if output.kind == "vector" else quantity.replace("_", " ")
             if quantity == "p" or (components and output.kind == "vector"):
-                z = factor * np.asarray(result[name])  # of a place both coordinates matter
+                z = np.asarray(result[name])  # of a place both coordinates matter
                 title, lines = quantity, {f"{subject} x": z.real, f"{subject} y": z.imag}
-            groups.setdefault((title, unit), {}).update(lines)
+            groups.setdefault((title, output.unit), {}).update(lines)
     count = sum(map(len, groups.values()))
     if not 0 < count <= MOST:
         message = f"{count} outputs can be drawn over the samples"
         valid = f"a picture holds 1 to {MOST} curves"
         code = "too-many-curves" if count else "nothing-to-draw"
         raise refused("want", message, "name the outputs with want=", valid, code)
-    return tuple(Panel(title, unit, curves) for (title, unit), curves in groups.items())
+    panels = (Panel(title, unit, curves) for (title, unit), curves in groups.items())
+    return in_units(tuple(panels), result)
 
 
 def values(result: Result, name: str) -> Floats:
@@ -251,10 +283,7 @@ def _nonzero(curves: Mapping[str, Floats]) -> dict[str, Floats]:
 
 
 def _panels(
-    quantity: str,
-    unit: str,
-    curves: Mapping[str, Floats],
-    bare: Mapping[str, Floats] = NOTHING,
+    quantity: str, unit: str, curves: Mapping[str, Floats], bare: Mapping[str, Floats] = NOTHING
 ) -> Panels:
     """One panel, or of many curves one for each block; blocks with few curves share one."""
     blocks: dict[str, dict[str, Floats]] = {}
@@ -273,14 +302,6 @@ def _panels(
         Panel(quantity, unit, group, {name: bare[name] for name in group if name in bare})
         for group in groups
     )
-
-
-def _unwrapped(angle: Floats) -> Floats:
-    """An angle without jumps of a turn; gaps stay gaps."""
-    good = np.isfinite(angle)
-    smooth = np.full(angle.shape, np.nan)
-    smooth[good] = np.unwrap(angle[good])
-    return smooth
 
 
 def abscissa(result: Result, over: Axis = "auto") -> Abscissa:
@@ -317,6 +338,5 @@ def by_unit(result: Result, state: str) -> dict[str, dict[str, Floats]]:
         unit = result.mechanism.structure.driver_joint(driver).coordinate_unit
         row = np.asarray(result.drivers[name] if state == "q" else result[name], dtype=float)
         factor, unit = picture_unit(unit if state == "q" else f"{unit}/s", result._display)
-        row = factor * row
-        rows.setdefault(unit, {})[driver] = row
+        rows.setdefault(unit, {})[driver] = factor * row
     return rows

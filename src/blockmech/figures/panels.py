@@ -120,7 +120,8 @@ def _draw_panel(axes: Axes, panel: Panel, abscissa: Abscissa) -> None:
         factor, unit = shown_in(panel.unit, [unit_in(axes.get_ylabel())])
     pair = len(panel.curves) == len(panel.without) == 1
     for i, (name, y) in enumerate(panel.curves.items(), first):
-        look = {**ink.curve_style(i), "lw": 1.2, "zorder": 2.5, "marker": "o"}
+        look = {**ink.curve_style(i), "lw": max(0.8, 1.8 - 0.2 * i), "zorder": 2.5}
+        look |= {"marker": "o"}
         label = f"{shown_name(name)} with friction".lstrip() if pair else shown_name(name)
         _line(axes, x, factor * y[order], label=label, **look)
     for i, name in enumerate(panel.curves, first):
@@ -231,12 +232,7 @@ class Bar(NamedTuple):
 
 
 def bars_figure(
-    bars: Sequence[Bar],
-    name: str,
-    unit: str,
-    caption: str,
-    display: Iterable[str],
-    ax: Axes | None,
+    bars: Sequence[Bar], name: str, unit: str, caption: str, display: Iterable[str], ax: Axes | None
 ) -> Any:
     """Bars over a coordinate, a column wide. Raises `RequestError` where there is none."""
     if not bars:

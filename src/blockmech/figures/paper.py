@@ -86,6 +86,13 @@ def new_page(width: float, height: float, left_edge: float, top: float) -> tuple
     return figure, axes
 
 
+def arrow(axes: Axes, ends: Any, bend: float, shrink: tuple[float, float], **look: Any) -> None:
+    """An arrow between two ends that stops short of them [pt]; ``bend`` is in its length."""
+    look |= {"arrowstyle": "-|>", "connectionstyle": f"arc3,rad={bend}"}
+    look |= {"shrinkA": shrink[0], "shrinkB": shrink[1]}
+    axes.annotate("", ends[1], ends[0], arrowprops=look, zorder=1)
+
+
 @contextlib.contextmanager
 def panelled(
     caption: str,
@@ -202,10 +209,10 @@ def wrapped(text: str, size: float, width: float, bold: bool = False) -> list[st
 
 
 def fitting_columns(labels: Sequence[str], width: float) -> int:
-    """Columns of a legend of a width [pt], filled one after the other, each as wide as needed."""
-    wide = np.array([text_width(label, SMALL) + LEGEND for label in labels])
+    """Columns of a legend of a width [pt] that is read row by row, each as wide as needed."""
+    wide = [text_width(label, SMALL) + LEGEND for label in labels]
     columns = len(labels)
-    while columns > 1 and sum(map(max, np.array_split(wide, columns))) > width:
+    while columns > 1 and sum(max(wide[k::columns]) for k in range(columns)) > width:
         columns -= 1
     return columns
 
@@ -217,7 +224,9 @@ def legend_above(axes: Axes, width: float) -> int:
     if not entries:
         return 0
     columns = fitting_columns([*entries], width - BESIDE)
-    axes.legend(entries.values(), entries, bbox_to_anchor=(0.0, 1.0), ncols=columns)
+    order = [name for k in range(columns) for name in [*entries][k::columns]]  # it fills columns
+    handles = [entries[name] for name in order]
+    axes.legend(handles, order, bbox_to_anchor=(0.0, 1.0), ncols=columns)
     return -(-len(entries) // columns)
 
 
@@ -260,6 +269,15 @@ def rendered(figure: Figure, suffix: str) -> bytes:
     with styled():  # how text and identities are written is settled now, not while drawing
         figure.savefig(buffer, format=suffix[1:], dpi=dpi, metadata=date.get(suffix))
     return buffer.getvalue()
+
+
+def svg(figure: Figure) -> str:
+    """A figure as SVG text; the same picture gives the same text.
+
+    >>> bm.draw.svg(mech.draw(at="30deg"))[:4]
+    '<?xm'
+    """
+    return rendered(figure, ".svg").decode()
 
 
 def image(figure: Figure, alt: str) -> str:
@@ -315,5 +333,5 @@ class Pictured(Report):
     def _repr_html_(self) -> str:
         text = super()._repr_html_()
         with suppress(BlockmechError):
-            text += rendered(self.figure(), ".svg").decode()
+            text += svg(self.figure())
         return text

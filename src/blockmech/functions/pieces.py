@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, TypeAlias, get_args
 
-from blockmech.ground.errors import RequestError, refused, shown
+from blockmech.ground.errors import RequestError, close_match, refused, shown
 from blockmech.ground.plane import apply, each
 from blockmech.ground.validation_errors import mistake
 from blockmech.typing import Argument, Real, Reals
@@ -171,7 +171,9 @@ class Function(Knotted):
         names = tuple(p.name for p in parameters_of(call) or ())
         if not names or not set(names) <= set(ARGUMENTS):
             message = f"a function of ({', '.join(names)})"
-            raise mistake("wrong-function", message, VALID, "e.g. lambda rate: -0.3 * rate")
+            hints = (close_match(name, ARGUMENTS) for name in names if name not in ARGUMENTS)
+            remedy = next(filter(None, hints), "e.g. lambda rate: -0.3 * rate")
+            raise mistake("wrong-function", message, VALID, remedy)
         return cls(call, names)  # type: ignore[arg-type]
 
     def variables(self) -> tuple[str, ...]:

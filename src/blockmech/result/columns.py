@@ -139,6 +139,13 @@ def without_noise(values: Real, largest: float) -> Floats:
         return np.where(np.abs(values) < ROUNDING * largest, 0.0, values) + 0.0  # no -0
 
 
+def unwrapped(angle: Floats) -> Floats:
+    """An angle (n,) [rad] without jumps of 2 pi between consecutive samples; NaN stays NaN."""
+    smooth, finite = np.array(angle, dtype=np.float64), np.isfinite(angle)
+    smooth[finite] = np.unwrap(smooth[finite])
+    return smooth
+
+
 def driver_columns(result: Labelled) -> list[Column]:
     """Driver coordinates, and the time if the request says it."""
     table = [

@@ -110,15 +110,11 @@ def _what(
     if status == "not-converged":
         by = {"single": "a single correction", "successive": "successive approximations"}
         method = by.get(str(result.settings["friction"]), "continuation")
-        return (
-            FrictionError,
-            status,
-            _unproved(result, first, block) or f"{method} did not converge",
-        )
+        reason = _unproved(result, first, block) or f"{method} did not converge"
+        return FrictionError, status, reason
     if status in (SELF_LOCKED, JAMMED):
-        limit = next(
-            (f.value for f in quality.flags if f.sample == first and f.where == block), None
-        )
+        flags = (f for f in quality.flags if f.sample == first and f.where == block)
+        limit = next((flag.value for flag in flags), None)
         reach = f" (solvable up to {limit:.4g} times the friction)" if limit else ""
         return FrictionError, status, f"no solution is connected with zero friction{reach}"
     if status != NO_ASSEMBLY:

@@ -39,6 +39,7 @@ FACT_UNITS: Mapping[str, str] = {
     "contact": "{effort}",
 }
 """Units of the facts that have one; ``{q}`` for that of the driver's coordinate."""
+CYCLES = 6  # up to which a curve of a motion has no more times than usual
 ANGLE = "_angle"  # what the names of facts end with that are angles [rad]
 
 
@@ -328,17 +329,26 @@ class Motion(Facts, Report):
         """That many times, equally spaced over the run [s]."""
         return np.linspace(self.t_start, self.t_end, count)
 
+    def cycles(self, count: int) -> float:
+        """Turns, or swings to and fro, of the driver that has most, as that many times tell."""
+        q, qd = self.at(self.times(count))
+        swings = np.count_nonzero(np.diff(np.sign(qd), axis=0), axis=0) / 2
+        return float(np.max([np.abs(q[-1] - q[0]) / math.tau, swings]))
+
     def curve_times(self, count: int) -> Floats:
         """Times of a curve [s]: that many, equally spaced, with the corners between them.
 
-        Corners are events and impacts, these also just before. One within a tenth of the spacing
-        behind another is left out: bounces may pile up.
+        Times between these come in where the run has more than `CYCLES`, up to ``count`` of them.
+        Corners are events, impacts and reversals of slip, the latter two also just before. One
+        within a tenth of the spacing behind another is left out: bounces may pile up.
         """
-        even, impacts = self.times(count), [impact.t for impact in self.impacts]
-        corners = np.unique([event.t for event in self.events] + impacts)
-        spacing = (self.t_end - self.t_start) / max(count - 1, 1)
+        finer = max(1, math.ceil(min(self.cycles(count), count) / CYCLES))
+        even = self.times((count - 1) * finer + 1)
+        jumps = [*(impact.t for impact in self.impacts), *(slips.begin for slips in self.slips)]
+        corners = np.unique([event.t for event in self.events] + jumps)
+        spacing = (self.t_end - self.t_start) / max(len(even) - 1, 1)
         corners = corners[np.diff(corners, prepend=-math.inf) > spacing / 10]
-        before = np.nextafter(corners[np.isin(corners, impacts)], -math.inf)
+        before = np.nextafter(corners[np.isin(corners, jumps)], -math.inf)
         return np.union1d(even, np.clip([*corners, *before], self.t_start, self.t_end))
 
     def fluctuation(self, start: float, end: float) -> float:

@@ -26,10 +26,8 @@ SELF_LOCKED = "self-locked"
 JAMMED = "jammed"
 DEAD_CENTRE, CHANGE_POINT, DIGITS_LOST = "dead-centre", "change-point", "digits-lost"
 UNDEFINED = "undefined"
-WORDS = (
-    *(OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED),
-    *(DEAD_CENTRE, CHANGE_POINT, UNDEFINED),
-)
+FAILURES = NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED, DEAD_CENTRE, CHANGE_POINT, UNDEFINED
+WORDS = OK, *FAILURES
 REACTION_REVERSAL = "reaction-reversal"  # of a pin with clearance
 OTHER_SOLUTIONS = "other-solutions"  # of the friction equations, beside the one that is given
 # Near a change point reactions lose EPS / margin^1.5: as much as EPS / margin elsewhere.
@@ -124,10 +122,7 @@ class Failures(NamedTuple):
 
 
 def failures(
-    margin: Record,
-    outcome: Record,
-    undefined: NDArray[np.bool_],
-    structure: Structure,
+    margin: Record, outcome: Record, undefined: NDArray[np.bool_], structure: Structure
 ) -> Failures:
     """Samples (...) without an answer: the first block that fails is blamed.
 

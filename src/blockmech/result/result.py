@@ -18,6 +18,7 @@ from blockmech.ground.report import places
 from blockmech.ground.runnable import LazyMethod
 from blockmech.model.structure import LinkRef
 from blockmech.plan.plan import Output, Plan, Undefined
+from blockmech.result.columns import unwrapped
 from blockmech.result.data import Exported
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Failures, Flag, Quality, assess, failures
@@ -237,10 +238,7 @@ class Result(Exported, Generic[M]):
         >>> mech.run(samples=5).unwrapped("crank.crank.angle").round(3)
         array([0.   , 1.571, 3.142, 4.712, 6.283])
         """
-        angle = np.array(self[name], dtype=np.float64)
-        finite = np.isfinite(angle)
-        angle[finite] = np.unwrap(angle[finite])
-        return angle
+        return unwrapped(self[name])
 
     def _column(self, index: int) -> Any:
         """One value of the program as a batch, whatever engine made it."""
@@ -418,6 +416,12 @@ class Result(Exported, Generic[M]):
         settings = self.settings if friction is None else self.settings | {"friction": friction}
         return self._again(self.mechanism, want or tuple(self), settings)
 
+    def _between(self, positions: NDArray[np.float64]) -> Self:
+        """The same outputs at positions (m,) among the samples, counted from 0."""
+        moved = self.to(*self._display)
+        moved.samples = self.samples.between(positions)
+        return moved._again(self.mechanism, tuple(self))
+
     def _inside(self, *want: str) -> Result:
         """Outputs of the graph's blocks at the same samples; gaps are marked.
 
@@ -431,7 +435,8 @@ class Result(Exported, Generic[M]):
         settings = self.settings if settings is None else settings
         plan = mechanism.plan(want, **settings)
         values, engine = mechanism._evaluate(plan, self.samples, self._engine)
-        return type(self)(mechanism, plan, self.samples, values, engine, settings, self.motion)
+        again = type(self)(mechanism, plan, self.samples, values, engine, settings, self.motion)
+        return again.to(*self._display)
 
     @declared
     def wire(self, source: str, target: str | None = None) -> Data:

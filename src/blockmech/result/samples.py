@@ -70,6 +70,14 @@ class Samples:
         times = None if self.times is None else self.times[index]
         return Samples(len(index), _Some(self.inputs, index), times, self.clock)
 
+    def between(self, positions: Floats) -> Samples:
+        """Samples at positions (m,) among these, counted from 0; between two of them on a line."""
+        rows = {name: np.asarray(x, dtype=float) for name, x in self.inputs.items()}
+        if self.times is not None:
+            rows["t"] = self.times
+        rows = {name: np.interp(positions, np.arange(self.n), x) for name, x in rows.items()}
+        return Samples(len(positions), rows, rows.pop("t", None), self.clock)
+
     def given(self, names: Iterable[str]) -> Record:
         """The inputs of a program.
 

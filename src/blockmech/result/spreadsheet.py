@@ -141,20 +141,11 @@ def _rows(rows: list[list[float]], status: tuple[str, ...], separator: str, deci
 def _check(separator: str, decimal: str) -> None:
     problems = []
     if separator not in SEPARATORS:
-        valid = ", ".join(f"{sign!r} ({name})" for sign, name in SEPARATORS.items())
-        problems.append(
-            Problem("bad-value", "separator", f"got {separator!r}", f"valid: {valid}", "")
-        )
+        valid = "valid: " + ", ".join(f"{sign!r} ({name})" for sign, name in SEPARATORS.items())
+        problems.append(Problem("bad-value", "separator", f"got {separator!r}", valid))
     if decimal not in (".", ","):
         problems.append(Problem("bad-value", "decimal", f"got {decimal!r}", 'valid: "." or ","'))
     elif decimal == separator:
-        problems.append(
-            Problem(
-                "bad-value",
-                "separator",
-                f"{separator!r} is also the decimal sign",
-                "",
-                'use separator=";" with decimal=","',
-            )
-        )
+        message, remedy = "is also the decimal sign", 'use separator=";" with decimal=","'
+        problems.append(Problem("bad-value", "separator", f"{separator!r} {message}", "", remedy))
     RequestError.raise_for(problems)

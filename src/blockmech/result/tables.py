@@ -76,16 +76,10 @@ def table(result: Labelled, width: int = WIDTH, of: Collection[str] = ()) -> str
     of : names of all outputs, where only the `leading` ones were computed
     """
     selection = _select(result, width, of or tuple(result))
-    console = _console(width)
-    console.print(
-        _grid(selection.columns, selection.rows, result.quality.status if selection.gaps else ())
-    )
-    assert isinstance(console.file, io.StringIO)
-    lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
-    footer = list(_footer(result, selection))
-    return "\n".join(
-        [_title(result, len(of or result)), "", *lines, *([""] if footer else []), *footer]
-    )
+    status = result.quality.status if selection.gaps else ()
+    lines = _printed(_grid(selection.columns, selection.rows, status), width)
+    body = _title(result, len(of or result)), "", *lines
+    return "\n\n".join(filter(None, map("\n".join, (body, _footer(result, selection)))))
 
 
 def html_table(result: Labelled) -> str:
@@ -166,17 +160,26 @@ def _rank(name: str) -> int:
 
 def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     """Lines of text in columns under their heads."""
-    from rich.table import Table
-
-    grid = Table(*head, box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
-    for column in grid.columns:
-        column.no_wrap = True
+    grid = _empty_grid()
+    for name in head:
+        grid.add_column(name, no_wrap=True)
     for row in rows:
         grid.add_row(*row)
-    console = _console(100 * WIDTH)  # wider than any row
-    console.print(grid)
-    assert isinstance(console.file, io.StringIO)
-    return [line.rstrip() for line in console.file.getvalue().splitlines()]
+    return _printed(grid, 100 * WIDTH)  # wider than any row
+
+
+def _empty_grid() -> Any:
+    from rich.table import Table
+
+    return Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+
+
+def _printed(grid: Any, width: int) -> list[str]:
+    """The lines of a table."""
+    console = _console(width)
+    with console.capture() as text:
+        console.print(grid)
+    return [line.rstrip() for line in text.get().splitlines()]
 
 
 def _console(width: int) -> Console:
@@ -188,9 +191,7 @@ def _console(width: int) -> Console:
 
 def _grid(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> Any:
     """The table, each column under a head of block, quantity and unit."""
-    from rich.table import Table
-
-    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    grid = _empty_grid()
     for column in columns:
         block, _, quantity = column.output.rpartition(".")
         sized = column.name.startswith("|")

@@ -45,10 +45,8 @@ def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str,
             key: values[parts[0]] - sum(values[x] for x in parts[1:]) if parts else np.zeros(n)
             for key, parts in wire.items()
         }
-        quantities["power"] = (
-            -(quantities["F"] * np.conj(quantities["v"])).real - quantities["M"] * quantities["om"]
-        )
-        travels[name] = quantities
+        F, v, M, om = (quantities[key] for key in ("F", "v", "M", "om"))
+        travels[name] = {**quantities, "power": -(F * np.conj(v)).real - M * om}
     return travels
 
 
@@ -65,8 +63,6 @@ def _outputs(structure: Structure, marker: MarkerRef, joint: JointRef) -> dict[s
     head = structure.driven[driver].block
     rest = [block for block in structure.blocks if block != head]
     for quantity in ("J_red", "tau_red"):  # under the driver's name stand all blocks
-        outputs[quantity] = [f"{driver}.{quantity}", *(f"{block}.{quantity}" for block in rest)]
-        outputs[quantity] = (
-            outputs[quantity] if joint.block == head else [f"{joint.block}.{quantity}"]
-        )
+        blocks = [driver, *rest] if joint.block == head else [joint.block]
+        outputs[quantity] = [f"{block}.{quantity}" for block in blocks]
     return outputs

@@ -115,7 +115,8 @@ class Tolerance(Pictured, Mapping[str, Array]):
                 self._band(panels[2 * k, 0], name, across.values)
                 self._draw_shares(panels[2 * k + 1, 0], name, across.values, order)
             legend_above(panels[1, 0], ink.COLUMN)
-            label_coordinate(panels[-1, 0], across.words)
+            if curves:
+                label_coordinate(panels[-1, 0], across.words)
         return panels[0, 0].figure
 
     def _band(self, axes: Axes, name: str, x: Array) -> None:
