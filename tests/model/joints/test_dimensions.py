@@ -276,6 +276,18 @@ def test_a_sketch_with_another_dimension_is_the_mechanism_with_that_number():
     assert np.abs(study["poses(joint.C.p)"][0] - run["joint.C.p"]).max() <= CLOSE
 
 
+def test_an_objective_has_its_own_derivatives_far_from_the_sketch():
+    """Each design moves from the sketch to its dimensions: not from that of its neighbour."""
+    m = sketch()
+    for name, points, value in (("crank", "AB", CRANK), ("rod", "BC", ROD)):
+        m.add_dimension(name, "length", list(points), value)
+    address, h = "dimensions.rod.value", 1e-4
+    f = m.compile().objective([address], want="rms(joint.C.p)", at=[0.0, 0.4])
+    for rod in (ROD, 1.1 * ROD):
+        slope = (f(np.array([rod + h])) - f(np.array([rod - h]))) / (2 * h)
+        assert f.jacobian(np.array([rod]))[0] == pytest.approx(slope, rel=1e-6)
+
+
 def test_contradicting_dimensions_are_mended_by_another_number():
     m = dimensioned()
     m.add_dimension("again", "length", ["A", "B"], 2 * CRANK)
