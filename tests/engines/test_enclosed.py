@@ -209,7 +209,7 @@ def test_a_number_is_not_passed_unchanged_because_it_is_so_at_the_ends(monkeypat
 
     def bent(diagram, carrier):
         data = mass_of(diagram, carrier)
-        if (m := data.get("mass")) is not None:
+        if abs(complex(m := data.get("mass", 0.0)) - value) <= 2 * width:  # of this link alone
             data["mass"] = m + 1e9 * (m - value) * (m - (value - width)) * (m - (value + width))
         return data
 
