@@ -176,6 +176,7 @@ def test_what_a_missing_attribute_means_is_looked_up_where_the_message_is_read(m
         (lambda: MECHANISM.stroke(), ("arguments: source, name", "m.compile().stroke(")),
         (lambda: MECHANISM.run(points=5), ('did you mean "samples"?', 'mech.run(at="30deg"')),
         (lambda: MECHANISM.extremes("crank.q", over=(0, 1)), ("arguments: source, name",)),
+        (lambda: MECHANISM.simulate(time=2), ('write simulate("time=...")',)),
         (
             lambda: MECHANISM.study({}, want="max(crank.drive)", constraints="x > 0"),
             ("write study(...).best()",),

@@ -533,3 +533,10 @@ def test_what_a_call_leaves_out_is_noted_and_what_a_table_shows_is_read():
     assert note == "motor: no law of motion, so the rate is 0; give rates="
     assert m.run(at=[0.5], rates={"motor": 1.0}, want="link.a.omega").notes() == []
     assert m.compile().simulate("time=0.1", start={"motor": 0.0}).motion.unit == "rad"
+
+
+def test_a_run_at_one_pose_prints_no_figure_of_a_whole_run():
+    mech = ruiz().compile()
+    assert "efficiency" in str(mech.run(samples=5))
+    assert "efficiency" not in str(mech.run(at=1.0))
+    assert "efficiency" in str(mech.run(at=1.0, want="mechanism.friction_efficiency"))

@@ -85,7 +85,7 @@ def test_addresses_of_pmks_plus(name, form):
     linkage = bm.read(code if form == "code" else f"https://app.pmksplus.com/?{code}")
     assert not linkage.check()
     compared(linkage, plus(code), 0.01)
-    assert "unit" not in " ".join(linkage.extras.get("notes", []))  # the address says cm
+    assert "unit" not in " ".join(linkage.extras["notes"])  # the address says cm
 
 
 def test_a_text_of_pmks(tmp_path):

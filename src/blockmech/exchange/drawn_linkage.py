@@ -117,7 +117,7 @@ class _DrawnDocument:
             "source": drawing.source,
             "notes": list(drawing.notes),
         }
-        return {key: value for key, value in document.items() if value or key == "links"}
+        return {key: value for key, value in document.items() if value or key in ("links", "notes")}
 
     def _stops(self) -> dict[str, dict[str, float]]:
         """Limits by their driver, or by the coordinate of a joint that has none."""

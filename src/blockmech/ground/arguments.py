@@ -111,12 +111,17 @@ def _misfit(
     names = [name for name in names if name != "self"]
     answer = _evaluated(inspect.signature(function).return_annotation, function)
     homes = {".{}()": type(owner), f"{function.__name__}(...).{{}}()": answer}
+    document, name = function.__doc__ or "", function.__name__
     unknown = [x for x in kwargs if x not in names]
-    hints = (close_match(x, names) or elsewhere(x, homes).removeprefix(": ") for x in unknown)
+    texts = {x: f'write {name}("{x}=...")' for x in unknown if f'"{x}=' in document}
+    hints = (
+        texts.get(x) or close_match(x, names) or elsewhere(x, homes).removeprefix(": ")
+        for x in unknown
+    )
     sentences = [str(error), *dict.fromkeys(hints)]
     sentences.append(f"arguments: {listed(names, 16)}")
-    lines = map(str.strip, (function.__doc__ or "").splitlines())
-    examples = (x for x in lines if x.startswith(">>> ") and f"{function.__name__}(" in x)
+    lines = map(str.strip, document.splitlines())
+    examples = (x for x in lines if x.startswith(">>> ") and f"{name}(" in x)
     sentences += [f"e.g. {example.removeprefix('>>> ')}" for example in islice(examples, 1)]
     return ". ".join(filter(None, sentences)).replace("?.", "?")
 

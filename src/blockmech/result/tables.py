@@ -136,7 +136,8 @@ def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
     rubs = FRICTION_POWER not in result or bool(np.any(result[FRICTION_POWER]))
     if everything:
         rest.sort(key=lambda name: (name == FRICTION_POWER and not rubs, _rank(name)))
-        numbers = [name for name in numbers if rubs or not name.endswith(".friction_efficiency")]
+        figures = numbers if result.n > 1 else []  # one pose has no efficiency of its own
+        numbers = [name for name in figures if rubs or not name.endswith(".friction_efficiency")]
     for name in rest:  # as they were asked for, but where that is everything
         # Once one does not fit, smaller ones must not jump the queue.
         parts = output_columns(result, name) if name in result and not omitted else []
