@@ -206,3 +206,25 @@ def test_the_coordinate_of_a_thrust_is_measured_along_its_direction(sense):
     for cls in (bm.Thrust, bm.Motor):
         assert "law's coordinate" in cls.__doc__
         assert cls.coordinate_text
+
+
+def test_a_load_along_a_line_says_its_length_and_its_tension():
+    """Of a spring with a damper between two points, and of both along a guide."""
+    m = bm.Linkage("press")
+    m.add_link("ram", mass=1.0)
+    m.add_joint("G", "P", ["frame", "ram"], point=(0.2, 0.0), angle=0.0)
+    m.add_driver("drive", "G", bm.motion.ConstantRate(rate="0.5 m/s", end="0.1 m"))
+    values = {"stiffness": 100.0, "free_length": 0.25, "damping": 8.0}
+    m.add_load("between", "spring", links=["frame", "ram"], at=[(0, 0), (0.2, 0)], **values)
+    m.add_load("along", "spring", joint="G", **values | {"free_length": 0.02})
+    m.add_load("push", "thrust", joint="G", law=bm.laws.Constant(value=30.0))
+    run = m.run(at=[0.0, 0.03, 0.1])
+    q = run["joint.G.coordinate"]
+    assert run["between.length"] == pytest.approx(0.2 + q)
+    assert run["between.tension"] == pytest.approx(100.0 * (0.2 + q - 0.25) + 8.0 * 0.5)
+    assert run["between.tension"] == pytest.approx(run["between.a.force"].real)
+    assert run["along.length"] == pytest.approx(q)
+    assert run["along.tension"] == pytest.approx(100.0 * (q - 0.02) + 8.0 * 0.5)
+    assert run["push.tension"] == pytest.approx(-30.0)
+    with pytest.raises(bm.RequestError, match=r'did you mean "along\.tension"'):
+        m.run(at=0.0, want="along.force")

@@ -252,7 +252,7 @@ SYNONYMS = {
     term: names
     for terms, names in (
         ("torque moment", ("drive", "moment", "couple", "law")),
-        ("force", ("reaction", "drive", "law")),
+        ("force", ("reaction", "drive", "law", "tension")),
         ("omega w rpm speed", ("rate", "omega")),
         ("alpha", ("acceleration",)),
         ("theta q", ("angle", "q", "coordinate")),

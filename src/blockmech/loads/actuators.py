@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from blockmech.ground.plane import always, angle, dot, hyp, imul, mul
+from blockmech.ground.plane import always, angle, dot, hyp, imul, mul, where
 from blockmech.ground.values import DIRECTED, VectorOrNoneGiven, default
 from blockmech.loads.contract import Following, LawGiven, Terminal
 from blockmech.typing import Complex, Kernel, Real
@@ -35,6 +35,17 @@ def push_along(e_a: Complex, F: Real, p: Thrust) -> tuple[Complex, Complex]:
 def distance(p_a: Complex, p_b: Complex, p: Thrust) -> Real:
     """Distance [m] from a to b."""
     return hyp(p_b - p_a)
+
+
+def tension(p_a: Complex, p_b: Complex, F: Complex, p: Thrust) -> Real:
+    """What the force on a [N] pulls towards b; negative where it pushes, 0 where they meet."""
+    d = p_b - p_a
+    return dot(F, d) / where(dot(d, d) == 0.0, 1.0, hyp(d))
+
+
+def tension_along(e_a: Complex, F: Complex, p: Thrust) -> Real:
+    """What the force on a [N] pulls along the direction."""
+    return dot(F, e_a * p.direction) / hyp(p.direction)
 
 
 def distance_rate(p_a: Complex, v_a: Complex, p_b: Complex, v_b: Complex, p: Thrust) -> Real:
@@ -77,6 +88,12 @@ class Thrust(Following, type="load.thrust"):
 
     law: LawGiven
     direction: Annotated[VectorOrNoneGiven, DIRECTED] = default(None)
+
+    @property
+    def line(self) -> tuple[Kernel, Kernel]:
+        """Its length, and its tension."""
+        pull = tension if self.direction is None else tension_along
+        return self.measure_kernel(rate=False), pull
 
     @property
     def link_vectors(self) -> tuple[str, ...]:

@@ -171,6 +171,11 @@ class Element(Block):
         return None
 
     @property
+    def line(self) -> tuple[Kernel, Kernel] | None:
+        """Of a load along a line its length, and its tension by the force at the first terminal."""
+        return None
+
+    @property
     def link_vectors(self) -> tuple[str, ...]:
         """Its parameters that are vectors in the axes of the first terminal's link."""
         return ()

@@ -16,6 +16,7 @@ from typing import Annotated
 
 from blockmech.ground.plane import angle, dot, expi, hyp, mul, where
 from blockmech.ground.values import Angle, Axis, NotNegative, Number, Units, default, in_unit
+from blockmech.loads.actuators import distance, tension
 from blockmech.loads.contract import Element, Kinks, Terminal, acts
 from blockmech.typing import Complex, Kernel, Real
 
@@ -74,6 +75,11 @@ class Spring(Element, type="load.spring"):
     def conservative(self) -> bool:
         """Without damping."""
         return not acts(self.damping)
+
+    @property
+    def line(self) -> tuple[Kernel, Kernel]:
+        """Its length, and its tension."""
+        return distance, tension
 
     def kernel(self) -> Kernel:
         """Spring force, with damping only if there is any, as that needs velocities."""

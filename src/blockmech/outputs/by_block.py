@@ -182,6 +182,9 @@ def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
             yield _vector(f"{ref}.force", declared.unit, loads.terminal_term, ref, **ends)
         else:
             yield _real(f"{ref}.couple", declared.unit, loads.terminal_term, ref, **ends)
+    if structure.elements[name].line is not None:
+        yield _real(f"{name}.length", "m", loads.line_length, name)
+        yield _real(f"{name}.tension", "N", loads.line_tension, name)
     yield _real(f"{name}.power", "W", energy.element_power, name)
 
 

@@ -159,9 +159,9 @@ def _of_blocks(
     """What blocks give together: of a load at its terminals, and its power."""
     for output in (x for x in outputs.of(blocks[0]) if x.endswith(last)):
         quantity = output.removeprefix(blocks[0])
-        yield Reading(
-            f"{name}{quantity}", tuple((f"{b}{quantity}", 1) for b in blocks), between=between
-        )
+        together = blocks[:1] if quantity == ".length" else blocks  # spring and damper share it
+        parts = tuple((f"{block}{quantity}", 1) for block in together)
+        yield Reading(f"{name}{quantity}", parts, between=between)
 
 
 def _of_pin(

@@ -109,6 +109,20 @@ def kernel_on(s: Schedule, name: str, kernel: Kernel, *law: Value, value: str) -
     return s.emit(kernel, *args, *law, numbers, name=value)
 
 
+def line_length(s: Schedule, name: str) -> Value:
+    """Length [m] of a load along a line."""
+    line = s.structure.elements[name].line
+    assert line is not None
+    return kernel_on(s, name, line[0], value=f"{name}_length")
+
+
+def line_tension(s: Schedule, name: str) -> Value:
+    """Tension [N] of a load along a line."""
+    line, force = s.structure.elements[name].line, s.ask(element_terms, name)[0]
+    assert line is not None
+    return kernel_on(s, name, line[1], force, value=f"{name}_tension")
+
+
 def law_value(s: Schedule, name: str) -> Value:
     """What an element's law says [N or N m]."""
     element: Any = s.structure.elements[name]

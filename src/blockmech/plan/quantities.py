@@ -46,6 +46,8 @@ QUANTITIES: Mapping[str, str] = {
     # loads
     "force": "force of {by} on {on}",
     "couple": "couple of {by} on {on}",
+    "length": "length of the line, of a load with a direction the way along it, maybe negative",
+    "tension": "force that pulls its ends together, negative where it pushes them apart",
     "power": "power given to the links",
     # couplings
     "slope": "rate of the driven coordinate by the one that leads",
