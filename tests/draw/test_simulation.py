@@ -140,4 +140,4 @@ def test_a_curve_jumps_where_slip_reverses_in_a_motion():
     for begin in begins:
         k = int(np.searchsorted(motion.time, begin))
         assert motion.time[k] == begin
-        assert motion.time[k - 1] == np.nextafter(begin, 0.0)
+        assert begin - 1e-4 < motion.time[k - 1] < begin

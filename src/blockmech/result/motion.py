@@ -348,7 +348,10 @@ class Motion(Facts, Report):
         corners = np.unique([event.t for event in self.events] + jumps)
         spacing = (self.t_end - self.t_start) / max(len(even) - 1, 1)
         corners = corners[np.diff(corners, prepend=-math.inf) > spacing / 10]
-        before = np.nextafter(corners[np.isin(corners, jumps)], -math.inf)
+        impacts = [impact.t for impact in self.impacts]
+        before = np.nextafter(corners[np.isin(corners, impacts)], -math.inf)
+        reversals = corners[np.isin(corners, [slips.begin for slips in self.slips])]
+        before = np.append(before, reversals - spacing / 1000)  # where pairs still slip
         return np.union1d(even, np.clip([*corners, *before], self.t_start, self.t_end))
 
     def fluctuation(self, start: float, end: float) -> float:
