@@ -272,7 +272,6 @@ NAMES = [
     {"dyad": "zz", "crank": "zz_2", "weightlike": "zz 2", "couple": "zz-2"},
     {"dyad": "margin:x"},
     {"dyad": "rest:x", "crank": "friction:x"},
-    {"dyad": "mechanism"},
     {"dyad": "class", "crank": "lambda"},
     {"dyad": "P", "crank": "q", "weightlike": "t"},
     {"dyad": "ZERO", "crank": "ONE", "couple": "program"},

@@ -129,6 +129,8 @@ def test_a_mechanism_is_drawn_in_units_of_choice():
         for a in (axes, scaled)
     ]
     assert np.allclose(*pins, atol=1e-9)
+    blocks = ruiz().draw(unit="mm")  # a diagram has no lengths
+    assert blocks.axes[0].get_xlabel() == "x [mm]"
     film = bm.draw.animate(mechanism.run(samples=4).to("mm"))
     assert film.page.axes.get_ylabel() == "y [mm]"
     with pytest.raises(bm.RequestError, match='no unit "parsec"'):

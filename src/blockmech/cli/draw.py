@@ -52,7 +52,8 @@ def draw(
         say("\n".join(f"{name}: {picture_kind.about}" for name, picture_kind in KINDS.items()))
         return
     document = reading(file, opened)
-    kind = kind or default_kind(document, picture, bool(at or trace))
+    posed = bool(at or trace) or deg is False
+    kind = kind or default_kind(document, picture, posed)
     subject: Any = document if kind == "diagram" else compiled_of(document, file)
     refuse_spared(picture)
     poses: Any = at  # which a diagram refuses

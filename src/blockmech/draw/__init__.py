@@ -90,8 +90,8 @@ def draw(
     path : .png, .svg or .pdf; .gif, .html or .mp4 (by ffmpeg) for an animation; by default
         no file is written
     kind : one of `KINDS`: "diagram" (default of blocks), "mechanism" (default of links and
-        joints, and with ``at`` or ``trace``), "animation" (default for its suffixes), "schedule",
-        "structure", "centrodes", "tile"
+        joints, and with ``at``, ``trace`` or ``unit``), "animation" (default for its suffixes),
+        "schedule", "structure", "centrodes", "tile"
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
@@ -112,7 +112,8 @@ def draw(
 
     >>> figure = bm.draw.draw(mech, "pose.svg", at="30deg")
     """
-    kind = kind or default_kind(subject, path, at is not None or trace is not None)
+    posed = at is not None or trace is not None or bool(unit)
+    kind = kind or default_kind(subject, path, posed)
     among(KINDS, "kind", kind, "unknown-kind", "kind")
     moving = kind == "animation"
     suffix = ""
