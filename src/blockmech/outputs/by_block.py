@@ -178,8 +178,8 @@ def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
     for terminal, declared in structure.elements[name].terminals.items():
         ref = JointRef(name, terminal)
         ends = {"by": name, "on": str(structure.holds[ref].on)}
-        kind, what = (_vector, "force") if declared.kind == "point" else (_real, "couple")
-        yield kind(f"{ref}.{what}", declared.unit, loads.terminal_term, ref, **ends)
+        output, effort = (_vector, "force") if declared.kind == "point" else (_real, "couple")
+        yield output(f"{ref}.{effort}", declared.unit, loads.terminal_term, ref, **ends)
     if structure.elements[name].line is not None:
         yield _real(f"{name}.length", "m", loads.line_length, name)
         yield _real(f"{name}.tension", "N", loads.line_tension, name)
