@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -344,15 +345,14 @@ class Motion(Facts, Report):
         """
         finer = max(1, math.ceil(min(self.cycles(count), count) / CYCLES))
         even = self.times((count - 1) * finer + 1)
-        jumps = [*(impact.t for impact in self.impacts), *(slips.begin for slips in self.slips)]
-        corners = np.unique([event.t for event in self.events] + jumps)
         spacing = (self.t_end - self.t_start) / max(len(even) - 1, 1)
-        corners = corners[np.diff(corners, prepend=-math.inf) > spacing / 10]
-        impacts = [impact.t for impact in self.impacts]
-        before = np.nextafter(corners[np.isin(corners, impacts)], -math.inf)
-        reversals = corners[np.isin(corners, [slips.begin for slips in self.slips])]
-        before = np.append(before, reversals - spacing / 1000)  # where pairs still slip
-        return np.union1d(even, np.clip([*corners, *before], self.t_start, self.t_end))
+        leads = {event.t: 0.0 for event in self.events}
+        leads |= {slips.begin: spacing / 1000 for slips in self.slips}  # there pairs still slip
+        leads |= {impact.t: math.ulp(impact.t) for impact in self.impacts}
+        corners = sorted(leads)
+        corners = [t for s, t in pairwise([-math.inf, *corners]) if t - s > spacing / 10]
+        corners += [t - leads[t] for t in corners]
+        return np.union1d(even, np.clip(corners, self.t_start, self.t_end)) if corners else even
 
     def fluctuation(self, start: float, end: float) -> float:
         """Fluctuation of the speed between two times [s]: (w_max - w_min) / w_mean [-].
