@@ -242,6 +242,12 @@ def test_a_result_is_not_drawn_but_its_mechanism_is():
         bm.draw.draw(MECHANISM.run(at=0.5))
 
 
+def test_a_table_is_written_by_its_own_method(tmp_path):
+    study = MECHANISM.study({"dyad.l_i": [6.0, 6.1]}, want="max(dyad.margin)", samples=9)
+    with pytest.raises(bm.RequestError, match=r"its to_csv\(\) writes it"):
+        bm.write(study, tmp_path / "designs.csv")
+
+
 def test_a_stop_of_a_joint_that_nothing_drives_is_refused_at_once():
     m = bm.Linkage.load("graphs/joints/slider_crank.json")
     with pytest.raises(bm.GraphError, match=r'"joint.cylinder.coordinate"'):

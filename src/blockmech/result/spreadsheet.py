@@ -49,6 +49,8 @@ def to_csv(
 class CsvTable(ABC):
     """An answer that is a table, so that spreadsheets open it."""
 
+    _instead = "its to_csv() writes it for a spreadsheet"
+
     @abstractmethod
     def csv_rows(self) -> tuple[Sequence[str], Iterable[Iterable[object]]]:
         """The head, names with units, and the rows."""
