@@ -157,11 +157,11 @@ def test_a_film_has_its_time_and_its_pictures(tmp_path):
     height, width, _ = film.pictures[0].shape
     size = (height // 2 * 2, width // 2 * 2, 3)
     frames = np.frombuffer(result.stdout, np.uint8).reshape(-1, *size).astype(float)
-    assert len(frames) == 36  # 1.2 s of 30 pictures a second
-    for k in (0, 17, 35):
-        expected = film.pictures[film.order[k * len(film.order) // 36]][: size[0], : size[1]]
+    assert len(frames) == 30  # 1.2 s of 25 pictures a second
+    for k in (0, 14, 29):
+        expected = film.pictures[film.order[k * len(film.order) // 30]][: size[0], : size[1]]
         assert np.abs(frames[k] - expected).mean() < 4  # of 255: the film is compressed
-        picture = film.pictures[film.order[(k * len(film.order) // 36 + 8) % len(film.order)]]
+        picture = film.pictures[film.order[(k * len(film.order) // 30 + 8) % len(film.order)]]
         moved = np.abs(frames[k] - picture[: size[0], : size[1]]).mean()
         assert moved > 1.1 * np.abs(frames[k] - expected).mean()
 

@@ -23,6 +23,10 @@ NOT_JSON = {"comment", "empty_file", "missing_comma", "single_quotes", "trailing
 BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each other
     *(
         "bad_direction",
+        "group_conflicting",
+        "group_locked",
+        "group_turning_twice",
+        "group_wrong_count",
         "bad_parameter",
         "graph_in_itself",
         "missing_graph",
