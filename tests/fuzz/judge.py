@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 
 import blockmech as bm
 from blockmech.builders import Graph, Linkage, Opened
+from blockmech.ground.units import UnitWarning
 from blockmech.mechanism import Mechanism
 from blockmech.model.document import read
 from blockmech.result.result import Result
@@ -87,7 +88,9 @@ def judged(text: str) -> Iterator[tuple[str, str, str]]:
     result = result or _answer(lambda: mechanism.run(_zeros(mechanism), on_gap="mark"))
     if result is not None:
         yield "run", *_numbers(result)
-        checks = _answer(lambda: mechanism.verify(**_places(result)))
+        with warnings.catch_warnings():  # of whole tens of radians, which nobody wrote here
+            warnings.simplefilter("ignore", UnitWarning)
+            checks = _answer(lambda: mechanism.verify(**_places(result)))
         if checks is not None and checks.samples and not checks.ok and not _doubted(result):
             bad = ", ".join(f"{r.name} {r.value:.2g}" for r in checks.rows if not r.ok)
             yield "verified", "ok beside a failing verify", bad
