@@ -242,8 +242,13 @@ def test_a_result_is_not_drawn_but_its_mechanism_is():
         bm.draw.draw(MECHANISM.run(at=0.5))
 
 
-def test_a_table_is_written_by_its_own_method(tmp_path):
+def test_a_study_says_how_it_is_written_and_what_it_takes(tmp_path):
     study = MECHANISM.study({"dyad.l_i": [6.0, 6.1]}, want="max(dyad.margin)", samples=9)
+    with pytest.raises(bm.RequestError, match=r"is in its \.status"):
+        study["status"]
+    for where in ("max(dyad.margin) > 0", [True], study["dyad.l_i"]):
+        with pytest.raises(bm.RequestError, match="a truth for each design"):
+            study.best("max(dyad.margin)", where=where)
     with pytest.raises(bm.RequestError, match=r"its to_csv\(\) writes it"):
         bm.write(study, tmp_path / "designs.csv")
 

@@ -22,7 +22,7 @@ from blockmech.figures.paper import (
     shown_name,
 )
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import held, listed, needed, refused
+from blockmech.ground.errors import brief, held, listed, needed, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.report import LINES
 from blockmech.model.parameters import Parameter
@@ -89,7 +89,8 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         return self._known(name, {**self.vary, **self.found.values})
 
     def _known(self, name: str, columns: Mapping[str, T]) -> T:
-        return held(columns, name, "the study did not keep it", "kept")
+        remedy = "why a design has no number is in its .status"
+        return held(columns, name, "the study did not keep it", "kept", remedy)
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self.vary, *self.found.values))
@@ -145,7 +146,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         where : (m,) which designs are feasible; by default all that have an answer
         largest : take the largest value instead
 
-        Raises `RequestError` where no design is feasible.
+        Raises `RequestError` where no design is feasible, or ``where`` is no row of truths.
 
         >>> lengths = mech.study({"dyad.l_i": [5.9, 6.0, 6.1]}, want="max(crank.drive)", samples=13)
         >>> best = lengths.best("max(crank.drive)", where=lengths["dyad.l_i"] > 5.95)
@@ -153,7 +154,11 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         6.0
         """
         cost = -self[name] if largest else self[name]
-        feasible = np.isfinite(cost) & (True if where is None else where)
+        chosen = np.asarray(True if where is None else where)
+        if chosen.dtype != bool or chosen.shape not in ((), cost.shape):
+            remedy = 'give a truth for each design: where=study["min(dyad.margin)"] > 0.1'
+            raise refused("where", f"got {brief(where)}", remedy)
+        feasible = np.isfinite(cost) & chosen
         if not feasible.any():
             found = f"none of {counted(self.n, 'design')} fulfils it and has a {name}"
             raise refused("where", found, "allow more, or study other designs")
