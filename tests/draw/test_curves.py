@@ -10,13 +10,15 @@ import pytest
 from PIL import Image
 
 import blockmech as bm
-from blockmech.draw import plot, run_pictures
+from blockmech.draw import draw_result, plot, run_pictures
 from blockmech.figures.curves import abscissa, chosen_panels, pictures_of, with_reversals
 from blockmech.figures.panels import Abscissa, Panel, draw_panels, of_pi
 from blockmech.figures.paper import scaled_unit, styled
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.gallery import GRAPHS
 from tests.machines import chain, ruiz, toggle, watt
+
+DRAWN = draw_result(ruiz().run(at=[1.0]))
 
 UNIT = re.compile(r"\[[^\]]+\]$")
 KILO = 1e-3
@@ -224,6 +226,16 @@ def test_run_pictures_writes_one_picture_a_kind(tmp_path):
             assert image.width / 300 * 2.54 == pytest.approx(8.5, abs=0.05)
     bare = run_pictures(fourbar().run(samples=5), tmp_path)
     assert [p.name for p in bare] == ["kinematics.png", "mechanism.png"]
+
+
+def test_the_mechanism_of_a_run_is_drawn_at_poses_of_the_run(tmp_path, monkeypatch):
+    """Curves have samples beside reversals of slip; the picture of the mechanism has none."""
+    subjects = []
+    monkeypatch.setattr("blockmech.draw.draw_result", lambda run: subjects.append(run) or DRAWN)
+    run = ruiz().run(samples=37)
+    run_pictures(run, tmp_path)
+    assert with_reversals(run) is not run
+    assert subjects == [run]
 
 
 def test_a_plot_holds_all_pictures_of_a_run_or_what_was_wanted(tmp_path):

@@ -84,7 +84,8 @@ def test_steps_are_fixed_of_textbook_methods_alone():
 
 
 @pytest.mark.parametrize(
-    "start", [{"crank": (NAN, 0.0)}, {"crank": None}, [0.3], {"crank": (1, 2, 3)}]
+    "start",
+    [{"crank": (NAN, 0.0)}, {"crank": None}, [0.3], {"crank": (1, 2, 3)}, {"crank": (0.0, 1e200)}],
 )
 def test_a_start_is_two_finite_numbers_for_each_driver(start):
     assert "[bad-request] start" in said(rod(), "time=1", start=start)

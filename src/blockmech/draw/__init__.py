@@ -200,9 +200,9 @@ def run_pictures(result: Result, folder: AnyPath, *, over: Axis = "auto") -> lis
     >>> [path.name for path in bm.draw.run_pictures(result, "pictures")]
     ['drive.png', 'friction_power.png', 'reactions.png', 'mechanism.png']
     """
-    result = with_reversals(result)
-    axis = abscissa(result, over)
-    figures = {name: draw_panels(row, axis) for name, row in pictures_of(result).items()}
+    curves = with_reversals(result)
+    axis = abscissa(curves, over)
+    figures = {name: draw_panels(row, axis) for name, row in pictures_of(curves).items()}
     if len(result.quality.gaps) < result.n:
         figures["mechanism"] = draw_result(result).figure
     with whole_folder(folder) as home:

@@ -278,7 +278,8 @@ class Equation:
         if self.code is None or not self.layout.scalar:
             return 0.5 * float(qd @ self.system.terms(*self.layout.motion(y)).M @ qd)
         self.closeness(y)
-        return 0.5 * self._last[2] * float(qd[0]) ** 2
+        rate = float(qd[0])
+        return 0.5 * self._last[2] * (rate * rate)  # infinite, where ** would raise
 
 
 def cached_rates(system: System, method: Callable[[], Method] = dop853) -> CompiledRhs | None:

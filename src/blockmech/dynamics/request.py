@@ -18,6 +18,7 @@ from blockmech.dynamics.roles import Roles, RolesGiven, located, roles_of
 from blockmech.dynamics.source import Source
 from blockmech.ground.errors import RequestError, among, close_match, listed, refused
 from blockmech.ground.units import NoQuantity, in_si, number_in_si, quantity, unit_behind
+from blockmech.model.reading import HIGHEST
 from blockmech.model.scene import Scene
 from blockmech.result.motion import Event, Motion, Still
 from blockmech.typing import (
@@ -377,8 +378,8 @@ def starts_of(
         valid = f"drivers: {listed(drivers)}"
         raise refused(scene.address("initial"), fault, remedy, valid, "no-start")
     for d, pair in overridden.items():
-        if not all(map(math.isfinite, pair)):
-            fault = f"({pair[0]:g}, {pair[1]:g}) are not two finite numbers"
+        if not all(abs(x) <= HIGHEST for x in pair):
+            fault = f"({pair[0]:g}, {pair[1]:g}) are not two numbers of at most {HIGHEST:g}"
             raise refused(f"start.{d}", fault, "give coordinate and rate")
     return {d: states[d] for d in drivers}
 
