@@ -18,8 +18,6 @@ from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.gallery import GRAPHS
 from tests.machines import chain, ruiz, toggle, watt
 
-DRAWN = draw_result(ruiz().run(at=[1.0]))
-
 UNIT = re.compile(r"\[[^\]]+\]$")
 KILO = 1e-3
 
@@ -230,9 +228,9 @@ def test_run_pictures_writes_one_picture_a_kind(tmp_path):
 
 def test_the_mechanism_of_a_run_is_drawn_at_poses_of_the_run(tmp_path, monkeypatch):
     """Curves have samples beside reversals of slip; the picture of the mechanism has none."""
-    subjects = []
-    monkeypatch.setattr("blockmech.draw.draw_result", lambda run: subjects.append(run) or DRAWN)
-    run = ruiz().run(samples=37)
+    run, subjects = ruiz().run(samples=37), []
+    drawing = draw_result(run)
+    monkeypatch.setattr("blockmech.draw.draw_result", lambda x: subjects.append(x) or drawing)
     run_pictures(run, tmp_path)
     assert with_reversals(run) is not run
     assert subjects == [run]

@@ -160,8 +160,8 @@ def balance(
         default the generalised forces of the loads on the drivers, ``crank.tau_red``
     at, samples, times : the poses, as those of a run
     bounds : address -> (lowest, highest); by default the limits of the file format
-    friction : as that of a run; by default "none" static : without inertia; by default True where
-    ``want`` is omitted
+    friction : as that of a run; by default "none"
+    static : without inertia; by default True where ``want`` is omitted
     progress : called as ``progress(task, completed, None)`` after each design that is tried
 
     Returns
@@ -170,8 +170,8 @@ def balance(
 
     Raises
     ------
-    RequestError for unknown names, or numbers on which no output depends AssemblyError at poses
-    that do not assemble
+    RequestError for unknown names, or numbers on which no output depends
+    AssemblyError at poses that do not assemble
 
     >>> balanced = bm.design.balance(mech, "couple.moment", want="crank.drive", samples=13)
     >>> {number: round(value) for number, value in balanced.numbers.items()}
